@@ -1,0 +1,23 @@
+"""What the missions package raises.
+
+MissionsError
+├── NetworkError       a network file that cannot be used: names the file, the place in it and what was expected
+├── PlanFileError      a plan file that cannot be used
+└── EncodeError        a route that the autopilot's dialect cannot express
+"""
+
+
+class MissionsError(Exception):
+    """Root of everything that this package raises on purpose; the text is one line for the user."""
+
+
+class NetworkError(MissionsError):
+    """The network cannot be used."""
+
+
+class PlanFileError(MissionsError):
+    """The plan file cannot be used."""
+
+
+class EncodeError(MissionsError):
+    """The route cannot be expressed for the autopilot."""

@@ -1,0 +1,50 @@
+"""Mission items exactly as they are on the wire (MISSION_ITEM_INT), as plain data.
+
+Only the frames and commands that faultline uses are named here; a test holds the numbers against pymavlink's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Frame(IntEnum):
+    """MAV_FRAME."""
+
+    GLOBAL = 0
+    MISSION = 2
+    GLOBAL_RELATIVE_ALT = 3
+    GLOBAL_INT = 5
+    GLOBAL_RELATIVE_ALT_INT = 6
+
+
+class Command(IntEnum):
+    """MAV_CMD of mission items."""
+
+    NAV_WAYPOINT = 16
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    DO_CHANGE_SPEED = 178
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItem:
+    """One item; ``param1`` to ``param4``, ``x``, ``y`` and ``z`` mean what the command says."""
+
+    seq: int
+    frame: int
+    command: int
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0
+    """Latitude in 1e-7 degrees for items with a place."""
+    y: int = 0
+    """Longitude in 1e-7 degrees for items with a place."""
+    z: float = 0.0
+    """Height in metres for items with a place."""
+    current: bool = False
+    autocontinue: bool = True

@@ -1,0 +1,128 @@
+"""The planning problem and its answer as frozen data.
+
+A *visit* is one segment in one direction. Visits are numbered ``2 * segment + reversed``, so the two visits of a
+segment are ``v`` and ``v ^ 1``: the 'set' of the Set TSP of which a plan takes exactly one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.errors import InstanceError, PlanError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def visit_of(segment: int, reverse: bool) -> int:
+    """Return the visit that inspects ``segment``, flown from b to a if ``reverse``."""
+    return 2 * segment + int(reverse)
+
+
+def segment_of(visit: int) -> int:
+    """Return the segment that ``visit`` inspects."""
+    return visit >> 1
+
+
+def is_reversed(visit: int) -> bool:
+    """Return whether ``visit`` is flown from the segment's b to its a."""
+    return bool(visit & 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """One vehicle as the planner sees it."""
+
+    name: str
+    start_m: tuple[float, float]
+    """Where its route starts, local east and north in metres."""
+    budget_pct: float
+    """What it may spend from its start until it is home, in percent of a full battery."""
+    consumption: float = 1.0
+    """What it uses relative to the energy model; 1.1 is a worn pack or a head wind."""
+    airborne: bool = False
+    """An airborne vehicle pays its way home even when it is given no visit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """``n`` segments and ``k`` vehicles, with the time and the energy of every move.
+
+    A *move* ends where a visit ends: the transit to the visit's first pylon and the inspection itself.
+    """
+
+    vehicles: tuple[Vehicle, ...]
+    move_s: FloatArray
+    """(2n, 2n) float64: seconds from the end of visit i to the end of visit j."""
+    start_s: FloatArray
+    """(k, 2n) float64: seconds from vehicle k's start to the end of visit j."""
+    home_s: FloatArray
+    """(k, 2n) float64: seconds from the end of visit i to vehicle k's landing place."""
+    idle_s: FloatArray
+    """(k,) float64: seconds of a route without a visit: 0 on the ground, the way home in the air."""
+    move_pct: FloatArray
+    """(2n, 2n) float64: energy of the same moves for a consumption of 1, in percent of a full battery."""
+    start_pct: FloatArray
+    """(k, 2n) float64: energy with vehicle k's own consumption, as the next two."""
+    home_pct: FloatArray
+    """(k, 2n) float64."""
+    idle_pct: FloatArray
+    """(k,) float64."""
+    value: FloatArray
+    """(n,) float64: what inspecting a segment is worth when not all can be: its length in metres."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers.
+
+        Raises:
+            InstanceError: a shape does not fit, or a number is NaN, infinite or negative.
+        """
+        visits, fleet = 2 * len(self.value), len(self.vehicles)
+        shapes = {
+            "move_s": (visits, visits), "start_s": (fleet, visits), "home_s": (fleet, visits), "idle_s": (fleet,),
+            "move_pct": (visits, visits), "start_pct": (fleet, visits), "home_pct": (fleet, visits),
+            "idle_pct": (fleet,), "value": (visits // 2,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            array: FloatArray = getattr(self, name)
+            if array.shape != shape:
+                raise InstanceError(f"{name} has shape {array.shape}, expected {shape}")
+            if not np.all(np.isfinite(array)) or np.any(array < 0):
+                raise InstanceError(f"{name} holds a negative, infinite or NaN entry")
+        if fleet == 0:
+            raise InstanceError("an instance needs at least one vehicle")
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+        return len(self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """One vehicle's ordered visits, from where it starts to the depot."""
+
+    vehicle: int
+    visits: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A route for every vehicle, in the order of the instance's vehicles, and the segments that nobody inspects."""
+
+    routes: tuple[Route, ...]
+    uncovered: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that routes are numbered and no segment occurs twice.
+
+        Raises:
+            PlanError: routes are not in the vehicles' order, or a segment is visited twice or both visited and left.
+        """
+        if [route.vehicle for route in self.routes] != list(range(len(self.routes))):
+            raise PlanError("routes must be in the order of the vehicles, one each")
+        seen = [segment_of(visit) for route in self.routes for visit in route.visits] + list(self.uncovered)
+        if len(seen) != len(set(seen)):
+            raise PlanError("a segment occurs twice in the plan")

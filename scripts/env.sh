@@ -1,0 +1,36 @@
+# Sourced by the other scripts: makes .venv once for each state of the lock files, then activates it.
+#   env_make run   what the program needs
+#   env_make dev   the same, and what the tests and linters need
+
+env_make() {
+    local kind=$1 root python stamp wanted
+    root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+    python=${FAULTLINE_PYTHON:-}
+    if [ -z "$python" ]; then
+        for python in python3.11 python3.12 python3.13 python3; do
+            command -v "$python" >/dev/null && break
+        done
+    fi
+    "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || {
+        echo "faultline needs Python 3.11 or newer; set FAULTLINE_PYTHON to one" >&2
+        return 2
+    }
+    stamp="$root/.venv/.faultline-$kind"
+    wanted=$(cat "$root"/requirements*.lock "$root/pyproject.toml" | cksum)
+    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+        echo "faultline: making the environment in .venv ($kind); this takes a minute or two" >&2
+        [ -x "$root/.venv/bin/python" ] || "$python" -m venv "$root/.venv"
+        local install=("$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes)
+        if [ "$kind" = dev ]; then
+            "${install[@]}" -r "$root/requirements-dev.lock"
+            "${install[@]}" --no-deps -r "$root/requirements-peers.lock"
+        else
+            "${install[@]}" -r "$root/requirements.lock"
+        fi
+        "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
+        echo "$wanted" > "$stamp"
+    fi
+    # shellcheck disable=SC1091
+    . "$root/.venv/bin/activate"
+    cd "$root" || return
+}
