@@ -3,6 +3,8 @@
 MissionsError
 ├── NetworkError       a network file that cannot be used: names the file, the place in it and what was expected
 ├── PlanFileError      a plan file that cannot be used
+├── MissionFileError   a QGroundControl file that cannot be used
+├── SafetyError        no heights or pads can keep this fleet apart over this network
 └── EncodeError        a route that the autopilot's dialect cannot express
 """
 
@@ -17,6 +19,14 @@ class NetworkError(MissionsError):
 
 class PlanFileError(MissionsError):
     """The plan file cannot be used."""
+
+
+class MissionFileError(MissionsError):
+    """The QGroundControl file cannot be used."""
+
+
+class SafetyError(MissionsError):
+    """The fleet cannot be kept apart."""
 
 
 class EncodeError(MissionsError):

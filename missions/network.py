@@ -1,0 +1,172 @@
+"""The power line: pylons, and the segments between adjacent ones, checked once so that nobody has to check again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from missions.errors import NetworkError
+from missions.geo import FloatArray, LocalFrame
+
+MAX_DISTANCE_M = 200_000.0
+"""A pylon farther from the depot than this is a mistake in the file or in the depot."""
+
+SHORTEST_SEGMENT_M = 0.05
+"""Two pylons nearer than this are one place: PX4 refuses waypoints less than 5 cm apart (FeasibilityChecker.cpp)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pylon:
+    """One pylon."""
+
+    id: str
+    lat_deg: float
+    lon_deg: float
+    elevation_m: float | None = None
+    """Ground at its foot above mean sea level, if known."""
+    height_m: float | None = None
+    """The structure's own height, if known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """The span between two adjacent pylons."""
+
+    id: int
+    """Its position in the network, which is also the planner's number for it."""
+    a: int
+    """Index of a pylon; the forward direction is from a to b."""
+    b: int
+    label: str = ""
+    """What its file calls it; kept when a part of the network is renumbered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Pylons and segments about a depot."""
+
+    pylons: tuple[Pylon, ...]
+    segments: tuple[Segment, ...]
+    frame: LocalFrame
+    """Its origin is the depot."""
+    source: str = "network"
+    """Where it was read, for messages."""
+    positions_m: FloatArray = field(init=False, repr=False, compare=False)
+    """(p, 2) float64: east and north of every pylon."""
+
+    def __post_init__(self) -> None:
+        """Check everything that the rest of the program relies on.
+
+        Raises:
+            NetworkError: one line that names the source, the place in it and what was expected.
+        """
+        self._check_pylons()
+        lat_lon_deg = np.array([(pylon.lat_deg, pylon.lon_deg) for pylon in self.pylons], dtype=np.float64)
+        positions_m = self.frame.many_to_local_m(lat_lon_deg)
+        object.__setattr__(self, "positions_m", positions_m)
+        self._check_distances()
+        self._check_segments()
+
+    @property
+    def depot(self) -> tuple[float, float, float]:
+        """Latitude and longitude in degrees, height above mean sea level in metres."""
+        return self.frame.lat_deg, self.frame.lon_deg, self.frame.alt_m
+
+    @property
+    def ends_m(self) -> FloatArray:
+        """(n, 2, 2) float64: east and north of every segment's a and b."""
+        indices = np.array([(segment.a, segment.b) for segment in self.segments], dtype=np.intp)
+        return self.positions_m[indices]
+
+    @property
+    def lengths_m(self) -> FloatArray:
+        """(n,) float64: horizontal length of every segment."""
+        ends_m = self.ends_m
+        return np.asarray(np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T), dtype=np.float64)
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether ground and structure height of every pylon are known."""
+        return all(pylon.elevation_m is not None and pylon.height_m is not None for pylon in self.pylons)
+
+    def within(self, radius_m: float) -> Network:
+        """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot.
+
+        Segments and pylons are numbered anew from 0 in their old order; labels and pylon ids stay.
+
+        Raises:
+            NetworkError: no segment lies within the radius.
+        """
+        near = np.hypot(self.positions_m[:, 0], self.positions_m[:, 1]) < radius_m
+        kept = [segment for segment in self.segments if near[segment.a] and near[segment.b]]
+        if not kept:
+            raise NetworkError(f"{self.source}: radius_m: no segment lies within {radius_m:g} m of the depot")
+        used = sorted({end for segment in kept for end in (segment.a, segment.b)})
+        new_index = {old: new for new, old in enumerate(used)}
+        segments = tuple(
+            Segment(number, new_index[segment.a], new_index[segment.b], segment.label)
+            for number, segment in enumerate(kept)
+        )
+        return Network(tuple(self.pylons[old] for old in used), segments, self.frame, self.source)
+
+    def _check_pylons(self) -> None:
+        seen: set[str] = set()
+        for index, pylon in enumerate(self.pylons):
+            place = f"{self.source}: pylon {pylon.id!r}"
+            if not pylon.id:
+                raise NetworkError(f"{self.source}: pylons[{index}].id: expected a name that is not empty")
+            if pylon.id in seen:
+                raise NetworkError(f"{place}: id: expected a name that no other pylon has")
+            seen.add(pylon.id)
+            for key, value, bound in (("lat_deg", pylon.lat_deg, 90.0), ("lon_deg", pylon.lon_deg, 180.0)):
+                if not math.isfinite(value) or abs(value) > bound:
+                    swapped = key == "lat_deg" and math.isfinite(value) and abs(pylon.lon_deg) <= bound
+                    hint = "; are latitude and longitude swapped?" if swapped else ""
+                    raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}")
+            for key, height_m in (("elevation_m", pylon.elevation_m), ("height_m", pylon.height_m)):
+                if height_m is not None and not math.isfinite(height_m):
+                    raise NetworkError(f"{place}: {key}: expected metres as a finite number, got {height_m}")
+            if pylon.height_m is not None and pylon.height_m < 0:
+                raise NetworkError(f"{place}: height_m: expected 0 or more metres, got {pylon.height_m:g}")
+        if not self.pylons:
+            raise NetworkError(f"{self.source}: pylons: expected at least two, found none")
+
+    def _check_distances(self) -> None:
+        distances_m = np.hypot(self.positions_m[:, 0], self.positions_m[:, 1])
+        # PROJ answers inf for the point opposite to the depot.
+        far = np.flatnonzero(~(distances_m <= MAX_DISTANCE_M))
+        if far.size == 0:
+            return
+        pylon = self.pylons[int(far[0])]
+        hint = ""
+        if abs(pylon.lon_deg) <= 90.0:
+            swapped_m = math.hypot(*self.frame.to_local_m(pylon.lon_deg, pylon.lat_deg))
+            if swapped_m <= MAX_DISTANCE_M:
+                hint = "; latitude and longitude look swapped (GeoJSON has longitude first)"
+        raise NetworkError(
+            f"{self.source}: pylon {pylon.id!r}: position: expected within {MAX_DISTANCE_M / 1000:g} km of the depot "
+            f"({self.frame.lat_deg:.6f}, {self.frame.lon_deg:.6f}), got ({pylon.lat_deg:.6f}, {pylon.lon_deg:.6f}), "
+            f"{distances_m[far[0]] / 1000:.0f} km away{hint}"
+        )
+
+    def _check_segments(self) -> None:
+        if not self.segments:
+            raise NetworkError(f"{self.source}: segments: expected at least one, found none")
+        pairs: dict[frozenset[int], str] = {}
+        for number, segment in enumerate(self.segments):
+            place = f"{self.source}: segment {segment.label or segment.id}"
+            if segment.id != number:
+                raise NetworkError(f"{place}: id: expected {number}, its position, got {segment.id}")
+            for key, end in (("a", segment.a), ("b", segment.b)):
+                if not 0 <= end < len(self.pylons):
+                    raise NetworkError(f"{place}: {key}: expected a pylon index below {len(self.pylons)}, got {end}")
+            names = f"{self.pylons[segment.a].id!r} and {self.pylons[segment.b].id!r}"
+            offset_m = self.positions_m[segment.b] - self.positions_m[segment.a]
+            if math.hypot(*offset_m) < SHORTEST_SEGMENT_M:
+                raise NetworkError(f"{place}: length: expected two pylons apart, {names} are at the same place")
+            pair = frozenset((segment.a, segment.b))
+            if pair in pairs:
+                raise NetworkError(f"{place}: pylons: expected a pair only once, {names} already are {pairs[pair]}")
+            pairs[pair] = f"segment {segment.label or segment.id}"
