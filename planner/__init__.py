@@ -1,0 +1,93 @@
+"""Plans routes for a fleet within its budgets, and re-plans them when a vehicle is lost.
+
+    >>> instance = build_instance(ends_m, landing_m, vehicles, travel)            # doctest: +SKIP
+    >>> result = solve(instance, cost=Cost.MINCOMB, stop=Seconds(5))              # doctest: +SKIP
+    >>> left = remaining(instance, result.plan, lost=1, at_s=300)                 # doctest: +SKIP
+    >>> repaired = replan(left.instance, warm=left.warm, stop=FirstFeasible())    # doctest: +SKIP
+
+Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
+"""
+
+from planner.bounds import why_impossible
+from planner.costs import K_C, Cost, Dynamics, Travel, build_instance, travel_for
+from planner.energy import PRESETS, Drone, pct_per_s, power_w, usable_wh
+from planner.errors import InstanceError, PlanError, PlannerError
+from planner.evaluate import (
+    BUDGET_TOLERANCE_PCT,
+    Evaluation,
+    completions_s,
+    cost_value,
+    evaluate,
+    route_duration_s,
+    route_energy_pct,
+    spent_pct,
+)
+from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.replan import Remainder, Survivor, remaining, replan, warm_start
+from planner.result import Result
+from planner.solve import solve, warm_up
+from planner.stop import (
+    AnyOf,
+    Cancelled,
+    FirstFeasible,
+    Iterations,
+    NoImprovement,
+    Progress,
+    Seconds,
+    StopRule,
+    Stopwatch,
+    Verdict,
+    any_of,
+)
+
+__all__ = [
+    "BUDGET_TOLERANCE_PCT",
+    "K_C",
+    "PRESETS",
+    "AnyOf",
+    "Cancelled",
+    "Cost",
+    "Drone",
+    "Dynamics",
+    "Evaluation",
+    "FirstFeasible",
+    "Instance",
+    "InstanceError",
+    "Iterations",
+    "NoImprovement",
+    "Plan",
+    "PlanError",
+    "PlannerError",
+    "Progress",
+    "Remainder",
+    "Result",
+    "Route",
+    "Seconds",
+    "StopRule",
+    "Stopwatch",
+    "Survivor",
+    "Travel",
+    "Vehicle",
+    "Verdict",
+    "any_of",
+    "build_instance",
+    "completions_s",
+    "cost_value",
+    "evaluate",
+    "is_reversed",
+    "pct_per_s",
+    "power_w",
+    "remaining",
+    "replan",
+    "route_duration_s",
+    "route_energy_pct",
+    "segment_of",
+    "solve",
+    "spent_pct",
+    "travel_for",
+    "usable_wh",
+    "visit_of",
+    "warm_start",
+    "warm_up",
+    "why_impossible",
+]

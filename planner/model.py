@@ -6,6 +6,7 @@ segment are ``v`` and ``v ^ 1``: the 'set' of the Set TSP of which a plan takes 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,8 +71,16 @@ class Instance:
     """(k, 2n) float64."""
     idle_pct: FloatArray
     """(k,) float64."""
+    depot_s: FloatArray
+    """(2n,) float64: seconds from the landing place to the end of visit j: what a landed vehicle flies again."""
+    depot_pct: FloatArray
+    """(2n,) float64: energy of the same moves for a consumption of 1."""
     value: FloatArray
     """(n,) float64: what inspecting a segment is worth when not all can be: its length in metres."""
+    end_m: FloatArray
+    """(2n, 2) float64: where each visit ends, local east and north in metres."""
+    landing_m: tuple[float, float]
+    """Where every route ends, local east and north in metres."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
@@ -83,16 +92,22 @@ class Instance:
         shapes = {
             "move_s": (visits, visits), "start_s": (fleet, visits), "home_s": (fleet, visits), "idle_s": (fleet,),
             "move_pct": (visits, visits), "start_pct": (fleet, visits), "home_pct": (fleet, visits),
-            "idle_pct": (fleet,), "value": (visits // 2,),
+            "idle_pct": (fleet,), "depot_s": (visits,), "depot_pct": (visits,), "value": (visits // 2,),
+            "end_m": (visits, 2),
         }  # fmt: skip
         for name, shape in shapes.items():
             array: FloatArray = getattr(self, name)
             if array.shape != shape:
                 raise InstanceError(f"{name} has shape {array.shape}, expected {shape}")
-            if not np.all(np.isfinite(array)) or np.any(array < 0):
+            if not np.all(np.isfinite(array)) or (name != "end_m" and np.any(array < 0)):
                 raise InstanceError(f"{name} holds a negative, infinite or NaN entry")
         if fleet == 0:
             raise InstanceError("an instance needs at least one vehicle")
+        for vehicle in self.vehicles:
+            if not (math.isfinite(vehicle.budget_pct) and math.isfinite(vehicle.consumption)):
+                raise InstanceError(f"vehicle {vehicle.name!r} has a budget or consumption that is not a number")
+            if vehicle.consumption <= 0:
+                raise InstanceError(f"vehicle {vehicle.name!r}: consumption is {vehicle.consumption}, expected > 0")
 
     @property
     def segments(self) -> int:

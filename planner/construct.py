@@ -1,0 +1,181 @@
+"""Instances and plans as the kernels' arrays, and first plans by insertion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from planner.costs import Cost
+from planner.evaluate import BUDGET_TOLERANCE_PCT
+from planner.kernels.arrays import Problem, RandomState, State, Weights
+from planner.kernels.insertion import insert_by_regret
+from planner.kernels.tours import measure
+from planner.model import FloatArray, Instance, Plan, Route, segment_of
+
+NEAREST = 128
+"""How many neighbours of a segment are listed for the removal of strings."""
+PRIZE_WEIGHT = 3.0
+"""What leaving a segment out costs the search, in routes of this segment alone."""
+POWER = 8.0
+"""The p of the p-norm that stands for MinMax."""
+
+
+def problem_of(instance: Instance) -> Problem:
+    """Return the instance's energies as the kernels take them."""
+    fleet, segments = len(instance.vehicles), instance.segments
+    alone = (instance.start_pct + instance.home_pct).reshape(fleet, segments, 2)
+    effort = alone.min(axis=(0, 2))
+    # A plan that leaves out a segment without length is still worse than one that does not.
+    value = instance.value + 1e-6 * (float(instance.value.mean()) or 1.0)
+    worth = value * float(np.median(effort / value))
+    move = np.array(instance.move_pct, dtype=np.float64, order="C")
+    return Problem(
+        move=move,
+        move_into=np.array(move.T, order="C"),
+        start=np.array(instance.start_pct, dtype=np.float64, order="C"),
+        home=np.array(instance.home_pct, dtype=np.float64, order="C"),
+        idle=np.array(instance.idle_pct, dtype=np.float64),
+        consumption=np.array([vehicle.consumption for vehicle in instance.vehicles], dtype=np.float64),
+        # Half the tolerance: the kernels add the same figures in another order than evaluate.py.
+        budget=np.array([vehicle.budget_pct for vehicle in instance.vehicles]) + BUDGET_TOLERANCE_PCT / 2,
+        value=value,
+        prize=np.maximum(worth, effort) + 1e-6,
+        effort=effort,
+        near=_nearest(move),
+    )
+
+
+def guide_weights(problem: Problem, cost: Cost, *, scale: float, all_vehicles: bool) -> Weights:
+    """Return the objective that guides the search for a cost function; ``scale`` is about the largest load."""
+    return Weights(
+        total=0.02 if cost is Cost.MINMAX else 1.0,
+        peak=1 / len(problem.budget) if cost is Cost.MINCOMB else 0.0,
+        norm=1.0 if cost is Cost.MINMAX else 0.0,
+        power=POWER,
+        scale=scale if scale > 0 else 1.0,
+        prize=PRIZE_WEIGHT,
+        empty=_empty_weight(problem) if all_vehicles else 0.0,
+    )
+
+
+def true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights:
+    """Return the cost function itself; among plans of equal MinMax the one that uses less is better."""
+    return Weights(
+        total=1e-6 if cost is Cost.MINMAX else 1.0,
+        peak={Cost.MINMAX: 1.0, Cost.MINSUM: 0.0, Cost.MINCOMB: 1 / len(problem.budget)}[cost],
+        norm=0.0,
+        power=1.0,
+        scale=1.0,
+        prize=0.0,
+        empty=_empty_weight(problem) if all_vehicles else 0.0,
+    )
+
+
+def empty_state(problem: Problem) -> State:
+    """Return the state in which nobody visits anything."""
+    fleet, segments = len(problem.budget), len(problem.value)
+    state = State(
+        visits=np.zeros((fleet, segments), dtype=np.int64),
+        legs=np.zeros((fleet, segments + 1)),
+        lengths=np.zeros(fleet, dtype=np.int64),
+        loads=np.zeros(fleet),
+        route_of=np.full(segments, -1, dtype=np.int64),
+    )
+    for route in range(fleet):
+        measure(problem, state, route)
+    return state
+
+
+def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
+    """Return the state of routes given as visits; routes over budget lose visits until they hold.
+
+    What goes first is the visit that spares most energy for its value.
+    """
+    state = empty_state(problem)
+    for route, visits in enumerate(routes):
+        _set_route(problem, state, route, visits)
+        while state.loads[route] > problem.budget[route] and state.lengths[route] > 0:
+            _drop_one(problem, state, route)
+    return state
+
+
+def first_state(instance: Instance, cost: Cost, routes: Iterable[Sequence[int]]) -> State:
+    """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
+    problem = problem_of(instance)
+    state = state_of(problem, routes)
+    weights = guide_weights(problem, cost, scale=float(problem.effort.max()), all_vehicles=False)
+    insert_open(problem, weights, state)
+    return state
+
+
+def insert_open(problem: Problem, weights: Weights, state: State) -> None:
+    """Insert by regret what no route visits, as far as budgets allow."""
+    insert_by_regret(problem, weights, state, np.flatnonzero(state.route_of < 0).astype(np.int64), random_state(0))
+
+
+def plan_of(state: State) -> Plan:
+    """Return a state as a plan."""
+    routes = tuple(
+        Route(vehicle, tuple(int(visit) for visit in state.visits[vehicle, :length]))
+        for vehicle, length in enumerate(state.lengths)
+    )
+    return Plan(routes, tuple(int(segment) for segment in np.flatnonzero(state.route_of < 0)))
+
+
+def copy_of(state: State) -> State:
+    """Return an independent copy."""
+    return State(
+        visits=state.visits.copy(),
+        legs=state.legs.copy(),
+        lengths=state.lengths.copy(),
+        loads=state.loads.copy(),
+        route_of=state.route_of.copy(),
+    )
+
+
+def random_state(seed: int) -> RandomState:
+    """Return the kernels' random state for a seed: splitmix64, so that near seeds start far apart."""
+    mask = 2**64 - 1
+    mixed = (seed + 0x9E3779B97F4A7C15) & mask
+    mixed = ((mixed ^ (mixed >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    mixed = ((mixed ^ (mixed >> 27)) * 0x94D049BB133111EB) & mask
+    return np.array([(mixed ^ (mixed >> 31)) or 1], dtype=np.uint64)
+
+
+def _set_route(problem: Problem, state: State, route: int, visits: Sequence[int]) -> None:
+    state.route_of[state.route_of == route] = -1
+    state.visits[route, : len(visits)] = visits
+    state.lengths[route] = len(visits)
+    measure(problem, state, route)
+
+
+def _drop_one(problem: Problem, state: State, route: int) -> None:
+    visits = [int(visit) for visit in state.visits[route, : state.lengths[route]]]
+    load = float(state.loads[route])
+
+    def spared_per_value(place: int) -> float:
+        _set_route(problem, state, route, visits[:place] + visits[place + 1 :])
+        return (load - float(state.loads[route])) / float(problem.value[segment_of(visits[place])])
+
+    worst = max(range(len(visits)), key=spared_per_value)
+    _set_route(problem, state, route, visits[:worst] + visits[worst + 1 :])
+
+
+def _empty_weight(problem: Problem) -> float:
+    """Return more than any first visit of a vehicle costs."""
+    return 2 * float((problem.start + problem.home).max(initial=0.0)) + 1
+
+
+def _nearest(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    """Return (n, m) int64, for each segment itself and the nearest others by the least transit between them."""
+    segments = len(move) // 2
+    between = move.reshape(segments, 2, segments, 2).min(axis=(1, 3))
+    np.fill_diagonal(between, np.inf)
+    # The move into j contains j's inspection; what is common to all moves into j says nothing about nearness.
+    if segments > 1:
+        between = between - between.min(axis=0)
+    between = np.minimum(between, between.T)
+    np.fill_diagonal(between, -1.0)
+    order: np.ndarray[tuple[int, int], np.dtype[np.int64]] = np.argsort(between, axis=1, kind="stable")
+    return np.array(order[:, :NEAREST], dtype=np.int64, order="C")

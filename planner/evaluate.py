@@ -1,0 +1,154 @@
+"""The definition of every figure of a plan: slow, obvious, and what the kernels must agree with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from planner.costs import K_C, Cost
+from planner.errors import PlanError
+from planner.model import Instance, Plan, Route, segment_of
+
+BUDGET_TOLERANCE_PCT = 1e-6
+"""A route spends more than its budget when it does so by more than this: sums depend on their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """The figures of one plan."""
+
+    value: float
+    """The cost function's, in percent of a full battery."""
+    durations_s: tuple[float, ...]
+    energies_pct: tuple[float, ...]
+    longest_route_s: float
+    violations: tuple[str, ...]
+    """In words; empty if every segment is inspected or named as uncovered, within all budgets."""
+
+
+def route_duration_s(instance: Instance, route: Route) -> float:
+    """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home.
+
+    Raises:
+        PlanError: the vehicle or a visit is not in the instance.
+    """
+    _check_known(instance, route)
+    if not route.visits:
+        return float(instance.idle_s[route.vehicle])
+    return completions_s(instance, route)[-1] + float(instance.home_s[route.vehicle, route.visits[-1]])
+
+
+def route_energy_pct(instance: Instance, route: Route) -> float:
+    """Return what a route uses, c(T), in percent of a full battery.
+
+    Raises:
+        PlanError: the vehicle or a visit is not in the instance.
+    """
+    _check_known(instance, route)
+    if not route.visits:
+        return float(instance.idle_pct[route.vehicle])
+    return spent_pct(instance, route, len(route.visits)) + float(instance.home_pct[route.vehicle, route.visits[-1]])
+
+
+def completions_s(instance: Instance, route: Route) -> tuple[float, ...]:
+    """Return when each visit ends, in seconds from the route's start.
+
+    Raises:
+        PlanError: the vehicle or a visit is not in the instance.
+    """
+    _check_known(instance, route)
+    ends: list[float] = []
+    for before, visit in _steps(route):
+        if before is None:
+            ends.append(float(instance.start_s[route.vehicle, visit]))
+        else:
+            ends.append(ends[-1] + float(instance.move_s[before, visit]))
+    return tuple(ends)
+
+
+def spent_pct(instance: Instance, route: Route, visits: int) -> float:
+    """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first.
+
+    Raises:
+        PlanError: the vehicle or a visit is not in the instance.
+    """
+    _check_known(instance, route)
+    spent = 0.0
+    for before, visit in list(_steps(route))[:visits]:
+        if before is None:
+            spent += float(instance.start_pct[route.vehicle, visit])
+        else:
+            spent += instance.vehicles[route.vehicle].consumption * float(instance.move_pct[before, visit])
+    return spent
+
+
+def cost_value(instance: Instance, plan: Plan, cost: Cost) -> float:
+    """Return the paper's cost of a plan, in percent; what it leaves uncovered is no part of it.
+
+    Raises:
+        PlanError: a vehicle or a visit is not in the instance.
+    """
+    energies = [route_energy_pct(instance, route) for route in plan.routes]
+    longest = max(energies)
+    if cost is Cost.MINMAX:
+        return longest
+    budgets = [vehicle.budget_pct for vehicle in instance.vehicles]
+    soft_sum = sum(energy + K_C * _excess_pct(energy, budget) for energy, budget in zip(energies, budgets, strict=True))
+    return soft_sum if cost is Cost.MINSUM else soft_sum + longest / len(energies)
+
+
+def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
+    """Return all figures of a plan.
+
+    Visits that the instance does not have are violations and count for nothing else.
+
+    Raises:
+        PlanError: the plan is for another number of vehicles.
+    """
+    if len(plan.routes) != len(instance.vehicles):
+        raise PlanError(f"the plan has {len(plan.routes)} routes, the instance {len(instance.vehicles)} vehicles")
+    known = Plan(tuple(
+        Route(route.vehicle, tuple(visit for visit in route.visits if 0 <= segment_of(visit) < instance.segments))
+        for route in plan.routes
+    ))  # fmt: skip
+    durations = tuple(route_duration_s(instance, route) for route in known.routes)
+    energies = tuple(route_energy_pct(instance, route) for route in known.routes)
+    return Evaluation(
+        value=cost_value(instance, known, cost),
+        durations_s=durations,
+        energies_pct=energies,
+        longest_route_s=max(durations),
+        violations=tuple(_violations(instance, plan, energies)),
+    )
+
+
+def _violations(instance: Instance, plan: Plan, energies_pct: tuple[float, ...]) -> Iterator[str]:
+    for vehicle, energy in zip(instance.vehicles, energies_pct, strict=True):
+        if _excess_pct(energy, vehicle.budget_pct) > 0:
+            yield f"{vehicle.name} spends {energy:.3f} % of its budget of {vehicle.budget_pct:.3f} %"
+    accounted = {segment_of(visit) for route in plan.routes for visit in route.visits} | set(plan.uncovered)
+    for segment in sorted(accounted - set(range(instance.segments))):
+        yield f"segment {segment} is not in the instance"
+    for segment in sorted(set(range(instance.segments)) - accounted):
+        yield f"segment {segment} is neither visited nor named as uncovered"
+
+
+def _excess_pct(energy_pct: float, budget_pct: float) -> float:
+    excess = energy_pct - budget_pct
+    return excess if excess > BUDGET_TOLERANCE_PCT else 0.0
+
+
+def _steps(route: Route) -> Iterator[tuple[int | None, int]]:
+    """Yield each visit with the one before it."""
+    before: int | None = None
+    for visit in route.visits:
+        yield before, visit
+        before = visit
+
+
+def _check_known(instance: Instance, route: Route) -> None:
+    if not 0 <= route.vehicle < len(instance.vehicles):
+        raise PlanError(f"route of vehicle {route.vehicle}, the instance has {len(instance.vehicles)}")
+    for visit in route.visits:
+        if not 0 <= visit < 2 * instance.segments:
+            raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")

@@ -1,0 +1,87 @@
+"""The arrays that all kernels share, and their numba types.
+
+Named tuples rather than classes: numba sees through them at no cost, and the arrays in them change in place.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+RandomState = npt.NDArray[np.uint64]
+
+
+class Problem(NamedTuple):
+    """An instance for the kernels: ``n`` segments, ``k`` vehicles, energies in percent of a full battery."""
+
+    move: FloatArray
+    """(2n, 2n): [i, j] from the end of visit i to the end of visit j, for a consumption of 1."""
+    move_into: FloatArray
+    """(2n, 2n): the same, [j, i], so that all ways into a visit lie side by side in memory."""
+    start: FloatArray
+    """(k, 2n): from the vehicle's start to the end of a visit."""
+    home: FloatArray
+    """(k, 2n): from the end of a visit home."""
+    idle: FloatArray
+    """(k,): a route without a visit."""
+    consumption: FloatArray
+    """(k,): factor on ``move``."""
+    budget: FloatArray
+    """(k,): no route gets a visit that would take it over this."""
+    value: FloatArray
+    """(n,): what a plan loses by leaving a segment out; positive."""
+    prize: FloatArray
+    """(n,): the same in percent of a battery, as the search weighs it against energy."""
+    effort: FloatArray
+    """(n,): the least energy of a route of this segment alone."""
+    near: IntArray
+    """(n, m): the segments nearest to a segment, itself first."""
+
+
+class Weights(NamedTuple):
+    """The objective that guides the search; its terms are added."""
+
+    total: float
+    """Of the sum of all routes' energies."""
+    peak: float
+    """Of the largest."""
+    norm: float
+    """Of their p-norm: a max that also feels the second largest."""
+    power: float
+    """The p of it."""
+    scale: float
+    """Loads are divided by this before they are raised to p; positive."""
+    prize: float
+    """Of the prizes of segments left out."""
+    empty: float
+    """For each route without a visit; 0 unless all vehicles must fly."""
+
+
+class State(NamedTuple):
+    """Routes under work. ``k`` routes of at most ``n`` visits."""
+
+    visits: IntArray
+    """(k, n): the first ``lengths[r]`` entries of row r are the route."""
+    legs: FloatArray
+    """(k, n + 1): energy of the move that ends with visit p; entry ``lengths[r]`` is the way home."""
+    lengths: IntArray
+    """(k,)"""
+    loads: FloatArray
+    """(k,): energy of the route."""
+    route_of: IntArray
+    """(n,): the route that visits the segment, -1 if none does."""
+
+
+FLOATS = nb.types.Array(nb.float64, 1, "C")
+TABLE = nb.types.Array(nb.float64, 2, "C")
+INTS = nb.types.Array(nb.int64, 1, "C")
+INT_TABLE = nb.types.Array(nb.int64, 2, "C")
+RANDOM = nb.types.Array(nb.uint64, 1, "C")
+PROBLEM = nb.types.NamedTuple((TABLE,) * 4 + (FLOATS,) * 6 + (INT_TABLE,), Problem)
+WEIGHTS = nb.types.NamedUniTuple(nb.float64, 7, Weights)
+STATE = nb.types.NamedTuple((INT_TABLE, TABLE, INTS, FLOATS, INTS), State)

@@ -1,0 +1,28 @@
+"""Random numbers whose whole state is one number that the caller holds (xorshift64, Marsaglia 2003).
+
+Only shifts and xors: the same bits with and without compilation, and no overflow to warn of.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from planner.kernels.arrays import RANDOM, RandomState
+
+
+@nb.njit(nb.float64(RANDOM), cache=True)
+def uniform(rng: RandomState) -> float:
+    """Return a number in [0, 1); ``rng`` is (1,) uint64 and not zero."""
+    x = rng[0]
+    x ^= x << np.uint64(13)
+    x ^= x >> np.uint64(7)
+    x ^= x << np.uint64(17)
+    rng[0] = x
+    return float(x >> np.uint64(11)) * 2.0**-53
+
+
+@nb.njit(nb.int64(RANDOM, nb.int64), cache=True)
+def below(rng: RandomState, limit: int) -> int:
+    """Return an integer in [0, limit)."""
+    return int(uniform(rng) * limit)

@@ -1,0 +1,147 @@
+"""The improvement loop around the annealing kernel: cycles, batches, the stop rule.
+
+Annealing needs to know its length beforehand and a stop rule does not tell. So it runs in cycles, each twice as long
+as the one before and starting from the best plan so far: whenever it is stopped, more than a quarter of the work has
+gone into one completed cycle or the one under way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.construct import (
+    copy_of,
+    guide_weights,
+    insert_open,
+    plan_of,
+    problem_of,
+    random_state,
+    state_of,
+    true_weights,
+)
+from planner.costs import Cost
+from planner.evaluate import Evaluation, evaluate
+from planner.kernels.anneal import anneal, left_out, objective
+from planner.kernels.arrays import FloatArray, Problem, RandomState, State, Weights
+from planner.kernels.tours import copy_route
+from planner.model import Instance, Plan
+from planner.result import Result
+from planner.stop import Progress, StopRule, Stopwatch
+
+BATCH = 500
+"""Iterations between two questions to the stop rule: some milliseconds."""
+FIRST_CYCLE = 4_000
+"""Iterations of the first cycle."""
+HOT = 1.0
+"""Temperature at the begin of a cycle, in mean transits of the plan."""
+COLD = 0.01
+"""Temperature at the end of a cycle."""
+
+
+@dataclass(slots=True)
+class _Cycle:
+    """One annealing from hot to cold."""
+
+    length: int
+    left: int
+    temperature: FloatArray
+    cooling: float
+
+
+class Search:
+    """One search, from a first plan to the best found; ``run`` is all that there is to call."""
+
+    def __init__(
+        self, instance: Instance, *, cost: Cost, seed: int, initial: Plan | None, all_vehicles: bool, watch: Stopwatch
+    ) -> None:
+        self._instance = instance
+        self._cost = cost
+        self._all_vehicles = all_vehicles
+        self._watch = watch
+        self._problem: Problem = problem_of(instance)
+        self._rng: RandomState = random_state(seed)
+        self._truth: Weights = true_weights(self._problem, cost, all_vehicles=all_vehicles)
+        self._best: State = self._first(initial)
+        self._current: State = copy_of(self._best)
+        self._trial: State = copy_of(self._best)
+        self._key = np.array([left_out(self._problem, self._best)[0], objective(self._truth, self._best)])
+        self._cycle = self._next_cycle(FIRST_CYCLE)
+        self._iterations = 0
+        self._improved_at = 0
+        self._plan = plan_of(self._best)
+        self._evaluation: Evaluation = evaluate(instance, self._plan, cost)
+
+    def run(self, stop: StopRule, *, impossible: str | None, on_progress: Callable[[Progress], None] | None) -> Result:
+        """Improve until ``stop`` says so."""
+        while True:
+            progress = self._progress(impossible is not None)
+            if on_progress is not None:
+                on_progress(progress)
+            verdict = stop(progress)
+            if verdict.allowed <= 0:
+                break
+            self._batch(min(BATCH, verdict.allowed, self._cycle.left))
+        return Result(
+            plan=self._plan,
+            evaluation=self._evaluation,
+            feasible=progress.feasible,
+            iterations=self._iterations,
+            seconds=self._watch.seconds,
+            stopped_by=verdict.reason,
+            impossible=impossible,
+        )
+
+    def _first(self, initial: Plan | None) -> State:
+        routes = [route.visits for route in initial.routes] if initial is not None else []
+        state = state_of(self._problem, routes)
+        insert_open(self._problem, self._weights(float(self._problem.effort.max())), state)
+        return state
+
+    def _weights(self, scale: float) -> Weights:
+        return guide_weights(self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles)
+
+    def _next_cycle(self, length: int) -> _Cycle:
+        for route in range(len(self._best.lengths)):
+            copy_route(self._best, self._current, route)
+            copy_route(self._best, self._trial, route)
+        self._current.route_of[:] = self._best.route_of
+        self._trial.route_of[:] = self._best.route_of
+        self._guide = self._weights(float(self._best.loads.max()))
+        hot = HOT * self._mean_transit()
+        return _Cycle(length, length, np.array([hot]), (COLD / HOT) ** (1 / length))
+
+    def _mean_transit(self) -> float:
+        """Return the mean energy that the best plan spends from visit to visit, inspections not counted."""
+        inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
+        covered = self._best.route_of >= 0
+        moves = int(covered.sum()) + int((self._best.lengths > 0).sum())
+        transit = float(self._best.loads.sum() - inspections[covered].sum()) / max(1, moves)
+        return max(transit, 1e-6 * float(self._problem.effort.max()), 1e-9)
+
+    def _batch(self, iterations: int) -> None:
+        improved = anneal(
+            self._problem, self._guide, self._truth, self._current, self._trial, self._best,
+            self._key, self._cycle.temperature, self._cycle.cooling, iterations, self._rng,
+        )  # fmt: skip
+        if improved > 0:
+            self._improved_at = self._iterations + improved
+            self._plan = plan_of(self._best)
+            self._evaluation = evaluate(self._instance, self._plan, self._cost)
+        self._iterations += iterations
+        self._cycle.left -= iterations
+        if self._cycle.left == 0:
+            self._cycle = self._next_cycle(2 * self._cycle.length)
+
+    def _progress(self, impossible: bool) -> Progress:
+        return Progress(
+            iterations=self._iterations,
+            since_improvement=self._iterations - self._improved_at,
+            seconds=self._watch.seconds,
+            value=self._evaluation.value,
+            uncovered=len(self._plan.uncovered),
+            feasible=not self._plan.uncovered and not self._evaluation.violations,
+            impossible=impossible,
+        )

@@ -1,0 +1,93 @@
+"""The solver's front: one call from an instance to a checked plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from planner.bounds import why_impossible
+from planner.costs import Cost, Travel, build_instance
+from planner.errors import PlanError
+from planner.evaluate import evaluate
+from planner.model import Instance, Plan, Route, Vehicle, segment_of
+from planner.result import Result
+from planner.stop import Iterations, Progress, StopRule, Stopwatch
+
+
+def solve(
+    instance: Instance,
+    *,
+    cost: Cost,
+    stop: StopRule,
+    seed: int = 0,
+    initial: Plan | None = None,
+    all_vehicles: bool = False,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Result:
+    """Return the best plan found until ``stop`` ends the search.
+
+    No route ever exceeds its vehicle's budget; what does not fit is left uncovered, the least value first, then the
+    cost function decides. The same seed and number of iterations give the same plan.
+
+    Args:
+        instance: the problem.
+        cost: what to minimise.
+        stop: asked at least every 500 iterations.
+        seed: of all randomness.
+        initial: a plan to begin with; visits beyond a budget are taken out of it, open segments put in.
+        all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
+        on_progress: called whenever ``stop`` is asked.
+
+    Raises:
+        PlanError: ``initial`` is not a plan for this instance.
+    """
+    watch = Stopwatch()
+    if initial is not None:
+        check_tails(instance, [route.visits for route in initial.routes])
+    if instance.segments == 0:
+        return _nothing_to_do(instance, cost, watch)
+    # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
+    from planner.search import Search
+
+    search = Search(instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch)
+    return search.run(stop, impossible=why_impossible(instance), on_progress=on_progress)
+
+
+def warm_up() -> None:
+    """Load all kernels, compiling them if no earlier process has: some 20 seconds once, then under a second."""
+    instance = build_instance(
+        [[[10.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]],
+        (0.0, 0.0),
+        (Vehicle("warm-up", (0.0, 0.0), 100.0),),
+        Travel(5.0, 1.0, 1.0, 1.0),
+    )
+    for cost in Cost:
+        solve(instance, cost=cost, stop=Iterations(1))
+
+
+def check_tails(instance: Instance, tails: Sequence[Sequence[int]]) -> None:
+    """Check that visits, a sequence for each vehicle, belong to an instance.
+
+    Raises:
+        PlanError: a vehicle or a visit that the instance does not have, or a segment twice.
+    """
+    if len(tails) != len(instance.vehicles):
+        raise PlanError(f"{len(tails)} routes for {len(instance.vehicles)} vehicles")
+    visits = [visit for tail in tails for visit in tail]
+    for visit in visits:
+        if not 0 <= visit < 2 * instance.segments:
+            raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
+    if len({segment_of(visit) for visit in visits}) != len(visits):
+        raise PlanError("a segment occurs twice in the routes")
+
+
+def _nothing_to_do(instance: Instance, cost: Cost, watch: Stopwatch) -> Result:
+    plan = Plan(tuple(Route(vehicle, ()) for vehicle in range(len(instance.vehicles))))
+    evaluation = evaluate(instance, plan, cost)
+    return Result(
+        plan=plan,
+        evaluation=evaluation,
+        feasible=not evaluation.violations,
+        iterations=0,
+        seconds=watch.seconds,
+        stopped_by="nothing to inspect",
+    )
