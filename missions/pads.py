@@ -1,0 +1,174 @@
+"""Where vehicles start and land, and the way around the columns of air above those places."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions.errors import SafetyError
+from missions.geo import FloatArray
+
+COLUMN_MARGIN_M = 2.0
+"""A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""
+SEARCH_RADIUS_M = 300.0
+"""Pads farther from the depot than this are no longer 'at the depot'."""
+PAD_SPACING_M = 12.0
+
+_CORNERS = 12
+# Corners lie outside the circle so that the sides stay 1 % clear of it.
+_CORNER_RADIUS = 1.01 / math.cos(math.pi / _CORNERS)
+# Wide enough for a way between any two columns: twice the corners' radius is 2.09.
+_SPACING_IN_RADII = 2.2
+
+
+@dataclass(frozen=True, slots=True)
+class Pad:
+    """One vehicle's launch and landing place."""
+
+    vehicle: str
+    east_m: float
+    north_m: float
+    alt_m: float
+    """Above mean sea level; the vehicle's home, to which the heights of its mission are relative."""
+
+
+def column_radius_m(layer_m: float) -> float:
+    """Return how far others keep from the vertical above a pad."""
+    return layer_m + COLUMN_MARGIN_M
+
+
+def place_pads(
+    vehicles: Sequence[str],
+    tracks_m: FloatArray,
+    *,
+    layer_m: float,
+    alt_m: float,
+    pad_spacing_m: float = PAD_SPACING_M,
+) -> tuple[Pad, ...]:
+    """Choose a pad for each vehicle around the depot, as far from every inspection track as the place allows.
+
+    Pads are at least ``pad_spacing_m`` apart, and far enough that a way remains between the columns above them; no
+    inspection track crosses a column. They keep to the smallest circle about the depot that has room.
+
+    Args:
+        vehicles: Names in the fleet's order.
+        tracks_m: (n, 2, 2) float64, both ends of every inspection leg.
+        layer_m: The distance that any two vehicles must keep.
+        alt_m: The ground's height above mean sea level.
+        pad_spacing_m: The least distance of two pads.
+
+    Raises:
+        SafetyError: there is no room for the fleet within ``SEARCH_RADIUS_M`` of the depot.
+    """
+    radius_m = column_radius_m(layer_m)
+    spacing_m = max(pad_spacing_m, _SPACING_IN_RADII * radius_m)
+    reach_m = min(SEARCH_RADIUS_M, spacing_m * (1.0 + math.sqrt(len(vehicles))))
+    while True:
+        chosen = _choose(tracks_m, radius_m, spacing_m, reach_m, len(vehicles))
+        if len(chosen) == len(vehicles):
+            return tuple(
+                Pad(name, float(east), float(north), alt_m)
+                for name, (east, north) in zip(vehicles, chosen, strict=True)
+            )
+        if reach_m >= SEARCH_RADIUS_M:
+            raise SafetyError(
+                f"pads: expected room for {len(vehicles)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
+                f"every line within {SEARCH_RADIUS_M:g} m of the depot, found {len(chosen)}"
+            )
+        reach_m = min(SEARCH_RADIUS_M, 1.5 * reach_m)
+
+
+def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
+    """Return (w, 2) corners between two (2,) places on a shortest way that keeps ``radius_m`` from all centres.
+
+    Centres nearer to the start or to the goal than that are left out: there is no way around them.
+
+    Args:
+        start_m: (2,) east and north.
+        goal_m: (2,) east and north.
+        centres_m: (c, 2) east and north.
+        radius_m: Of the circles.
+    """
+    near_m = np.minimum(_distances_m(centres_m, start_m), _distances_m(centres_m, goal_m))
+    centres_m = centres_m[near_m >= radius_m]
+    if _clear(start_m, goal_m[np.newaxis], centres_m, radius_m)[0]:
+        return np.zeros((0, 2))
+    angles = np.arange(_CORNERS) * (2.0 * math.pi / _CORNERS)
+    ring = _CORNER_RADIUS * radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
+    corners = (centres_m[:, np.newaxis] + ring).reshape(-1, 2)
+    outside = np.array([bool(np.all(_distances_m(centres_m, corner) >= radius_m)) for corner in corners])
+    nodes = np.concatenate((start_m[np.newaxis], corners[outside], goal_m[np.newaxis]))
+    return nodes[_shortest(nodes, centres_m, radius_m)]
+
+
+def segment_distances_m(tracks_m: FloatArray, places_m: FloatArray) -> FloatArray:
+    """Return (m, n) float64: the distance of (m, 2) places from (n, 2, 2) straight tracks over the ground."""
+    start, along = tracks_m[:, 0], tracks_m[:, 1] - tracks_m[:, 0]
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    offsets = places_m[:, np.newaxis] - start
+    share = np.clip((offsets * along).sum(axis=2) / square, 0.0, 1.0)
+    apart = offsets - share[..., np.newaxis] * along
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]), dtype=np.float64)
+
+
+def _choose(tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int) -> list[FloatArray]:
+    steps = math.ceil(4.0 * reach_m / spacing_m)
+    axis = np.arange(-steps, steps + 1) * (spacing_m / 4.0)
+    places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    distance_m = np.hypot(places[:, 0], places[:, 1])
+    clear_m = segment_distances_m(tracks_m, places).min(axis=1)
+    allowed = (distance_m <= reach_m) & (clear_m >= radius_m)
+    places, clear_m, distance_m = places[allowed], clear_m[allowed], distance_m[allowed]
+    chosen: list[FloatArray] = []
+    # Of two places as clear as each other the one nearer to the depot; a metre of clearance is worth ten of walking.
+    for index in np.argsort(0.1 * distance_m - clear_m, kind="stable"):
+        if len(chosen) == count:
+            break
+        if all(math.hypot(*(places[index] - other)) >= spacing_m - 1e-9 for other in chosen):
+            chosen.append(places[index])
+    return chosen
+
+
+def _shortest(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list[int]:
+    """Return the inner nodes of a shortest way from the first to the last node (Dijkstra, visibility as needed)."""
+    goal = len(nodes) - 1
+    length_m = np.full(len(nodes), math.inf)
+    before = np.full(len(nodes), -1)
+    length_m[0] = 0.0
+    queue = [(0.0, 0)]
+    while queue:
+        so_far_m, node = heapq.heappop(queue)
+        if node == goal:
+            break
+        if so_far_m > length_m[node]:
+            continue
+        reach_m = np.where(
+            _clear(nodes[node], nodes, centres_m, radius_m), so_far_m + _distances_m(nodes, nodes[node]), math.inf
+        )
+        for other in np.flatnonzero(reach_m < length_m - 1e-9):
+            length_m[other], before[other] = reach_m[other], node
+            heapq.heappush(queue, (float(reach_m[other]), int(other)))
+    way: list[int] = []
+    node = int(before[goal])
+    while node > 0:
+        way.append(node)
+        node = int(before[node])
+    return way[::-1]
+
+
+def _clear(
+    start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
+    if len(centres_m) == 0:
+        return np.ones(len(goals_m), dtype=np.bool_)
+    legs = np.stack((np.broadcast_to(start_m, goals_m.shape), goals_m), axis=1)
+    return np.asarray(segment_distances_m(legs, centres_m).min(axis=0) >= radius_m - 1e-9)
+
+
+def _distances_m(places_m: FloatArray, place_m: FloatArray) -> FloatArray:
+    return np.asarray(np.hypot(places_m[:, 0] - place_m[0], places_m[:, 1] - place_m[1]), dtype=np.float64)

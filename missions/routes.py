@@ -1,0 +1,152 @@
+"""From a planned route to the places that the vehicle flies through.
+
+The first waypoints of a path never depend on what follows them: every inspection starts and ends with a hold, whatever
+comes next. A re-plan in flight relies on it, for it sends a list with the same beginning, in which the autopilot's
+current index stays what it was.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions.geo import FloatArray
+from missions.pads import column_radius_m, way_around_m
+from missions.setup import FlightSetup
+from missions.waypoints import FlightPath, Phase, Waypoint
+from planner import is_reversed, segment_of
+
+SAME_PLACE_M = 0.5
+"""An inspection that starts this near to where the last one ended needs no waypoint in between."""
+
+
+def flight_path(setup: FlightSetup, vehicle: str, visits: Sequence[int]) -> FlightPath:
+    """Return a whole flight from the vehicle's pad over its visits and back.
+
+    Args:
+        setup: The network, heights and pads.
+        vehicle: Its name.
+        visits: Planner visits over the setup's network, ``2 * segment + reversed``; none means that it stays on the
+            ground, a path without waypoints.
+
+    Raises:
+        SafetyError: the fleet has no such vehicle.
+        IndexError: a visit is not in the network.
+    """
+    if not visits:
+        return FlightPath(vehicle, ())
+    return FlightPath(vehicle, tuple(_Flight.at_pad(setup, vehicle).complete(visits, first_visit=0)))
+
+
+def continue_path(setup: FlightSetup, path: FlightPath, keep: int, visits: Sequence[int]) -> FlightPath:
+    """Return a path that begins with the first ``keep`` waypoints of another and goes on with other visits.
+
+    The kept waypoints stay exactly as they are. Visits are counted on from the kept inspections; without new visits
+    the vehicle goes home from the last kept waypoint.
+
+    Args:
+        setup: The network, heights and pads, as for the path itself.
+        path: What the vehicle is flying.
+        keep: How many of its waypoints stay; normally to the end of the inspection under way.
+        visits: Planner visits over the setup's network.
+
+    Raises:
+        ValueError: nothing would be kept, more than there is, or a landing: that is a new flight.
+        SafetyError: the fleet has no such vehicle.
+        IndexError: a visit is not in the network.
+    """
+    kept = path.waypoints[:keep]
+    if not 1 <= keep <= len(path.waypoints) or kept[-1].phase is Phase.LAND:
+        raise ValueError(f"keep is {keep}: expected 1 to {len(path.waypoints)} waypoints without the landing")
+    done = sum(point.phase is Phase.INSPECT for point in kept)
+    flight = _Flight.after(setup, path.vehicle, kept[-1])
+    return FlightPath(path.vehicle, (*kept, *flight.complete(visits, first_visit=done)))
+
+
+@dataclass(slots=True)
+class _Flight:
+    """A path in the making: where the vehicle is after the last waypoint."""
+
+    setup: FlightSetup
+    vehicle: str
+    here_m: FloatArray
+    """(3,) float64: east, north and up over the depot's ground."""
+
+    @classmethod
+    def at_pad(cls, setup: FlightSetup, vehicle: str) -> _Flight:
+        pad = setup.pad_of(vehicle)
+        return cls(setup, vehicle, np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)]))
+
+    @classmethod
+    def after(cls, setup: FlightSetup, vehicle: str, last: Waypoint) -> _Flight:
+        east, north = setup.frame.to_local_m(last.lat_deg, last.lon_deg)
+        up = last.alt_rel_m + setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+        return cls(setup, vehicle, np.array([east, north, up]))
+
+    def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
+        """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""
+        pad = self.setup.pad_of(self.vehicle)
+        above_pad = np.array([
+            pad.east_m, pad.north_m, self.setup.layers.height_m(self.vehicle, pad.east_m, pad.north_m)
+        ])  # fmt: skip
+        ground_m = self.setup.frame.up_m(pad.alt_m)
+        if self.here_m[2] <= ground_m:
+            yield self._to(above_pad, Phase.TAKEOFF, self.setup.motion.climb_m_s)
+        for number, visit in enumerate(visits, start=first_visit):
+            yield from self._visit(number, visit)
+        yield from self._transit(above_pad, Phase.RETURN, visit=None, hold=False)
+        yield self._to(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, self.setup.motion.descent_m_s)
+
+    def _visit(self, number: int, visit: int) -> Iterator[Waypoint]:
+        start, end = self._inspection_m(visit)
+        if math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
+            yield from self._transit(start, Phase.TRANSIT, visit=number, hold=True)
+        yield self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
+
+    def _inspection_m(self, visit: int) -> tuple[FloatArray, FloatArray]:
+        """Return (3,) start and end of a visit's inspection leg in this vehicle's layer."""
+        segment = segment_of(visit)
+        if not 0 <= segment < len(self.setup.network.segments):
+            raise IndexError(f"visit {visit}: expected a segment below {len(self.setup.network.segments)}")
+        offset_m = self.setup.layers.offset_m(self.vehicle)
+        heights_m = self.setup.layers.track_heights_m[segment] + offset_m
+        a, b = np.column_stack((self.setup.tracks_m[segment], heights_m))
+        return (b, a) if is_reversed(visit) else (a, b)
+
+    def _transit(self, goal_m: FloatArray, phase: Phase, *, visit: int | None, hold: bool) -> Iterator[Waypoint]:
+        """Yield the way to a place: around the columns above others' pads, up and down with the surface."""
+        layers = self.setup.layers
+        corners = way_around_m(
+            self.here_m[:2],
+            goal_m[:2],
+            self.setup.other_pads_m(self.vehicle),
+            column_radius_m(layers.layer_m),
+        )
+        heights_m = layers.surface.at_m(corners) + layers.offset_m(self.vehicle) if len(corners) else np.zeros(0)
+        stops = [self.here_m, *np.column_stack((corners, heights_m)), goal_m]
+        step = np.array([0.0, 0.0, layers.offset_m(self.vehicle)])
+        speed_m_s = self.setup.inspection.transit_speed_m_s
+        for start, end in itertools.pairwise(stops):
+            for place in layers.surface.follow_m(start - step, end - step, layers.tolerance_m):
+                yield self._to(place + step, phase, speed_m_s, visit=visit)
+            yield self._to(end, phase, speed_m_s, visit=visit, hold=hold and end is goal_m)
+
+    def _to(
+        self, place_m: FloatArray, phase: Phase, speed_m_s: float, *, hold: bool = False, visit: int | None = None
+    ) -> Waypoint:
+        self.here_m = place_m
+        lat_deg, lon_deg = self.setup.frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
+        home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
+        return Waypoint(
+            phase=phase,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_rel_m=float(place_m[2]) - home_up_m,
+            speed_m_s=speed_m_s,
+            hold=hold,
+            visit=visit,
+        )

@@ -1,0 +1,209 @@
+"""Heights that keep any two vehicles apart, whatever each of them does, and the check that a set of paths does so."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from missions.errors import SafetyError
+from missions.geo import FloatArray, LocalFrame
+from missions.network import Network
+from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
+from missions.waypoints import FlightPath
+
+HEIGHT_KEEPING_M = 1.0
+"""What autopilots are off their height in level flight: PX4 and ArduPilot simulations stay within 0.5 m each."""
+
+
+class HeightReference(Enum):
+    """What the inspection height is counted from; the value is for printing."""
+
+    PYLON_TOPS = "the pylon tops"
+    DEPOT_GROUND = "the depot's ground"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layers:
+    """A height for every vehicle over every place: a common surface, and a fixed step up for each next vehicle.
+
+    Everything that moves over the ground, transit, inspection and return alike, is flown at these heights, so two
+    vehicles over the same place are one or more steps apart.
+    """
+
+    vehicles: tuple[str, ...]
+    """From the lowest layer to the highest."""
+    layer_m: float
+    """The distance that any two vehicles keep."""
+    spacing_m: float
+    """The step between neighbouring layers: ``layer_m`` and what slopes, crossing lines and autopilots take."""
+    tolerance_m: float
+    """Legs off the lines keep this near to their surface."""
+    reference: HeightReference
+    surface: Surface
+    """Of the lowest layer, over the depot's ground."""
+    track_heights_m: FloatArray
+    """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
+
+    def offset_m(self, vehicle: str) -> float:
+        """Return how far above the lowest layer a vehicle flies.
+
+        Raises:
+            SafetyError: the vehicle has no layer.
+        """
+        if vehicle not in self.vehicles:
+            raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.vehicles)}")
+        return self.vehicles.index(vehicle) * self.spacing_m
+
+    def height_m(self, vehicle: str, east_m: float, north_m: float) -> float:
+        """Return a vehicle's flight height over a place, counted from the depot's ground."""
+        return self.surface.height_m(east_m, north_m) + self.offset_m(vehicle)
+
+
+def tracks_m(network: Network, standoff_m: float) -> FloatArray:
+    """Return (n, 2, 2) float64: east and north of both ends of every inspection leg.
+
+    The leg is parallel to its segment, ``standoff_m`` to the right of the direction from a to b, in both directions
+    of flight: a segment has one track.
+    """
+    ends_m = network.ends_m
+    along = ends_m[:, 1] - ends_m[:, 0]
+    right = np.column_stack((along[:, 1], -along[:, 0])) / network.lengths_m[:, np.newaxis]
+    return np.asarray(ends_m + standoff_m * right[:, np.newaxis], dtype=np.float64)
+
+
+def plan_layers(
+    network: Network, vehicles: Sequence[str], *, height_m: float, layer_m: float, standoff_m: float
+) -> Layers:
+    """Return the layers of a fleet over a network.
+
+    Args:
+        network: If ground and structure height of all its pylons are known, heights count from the pylon tops,
+            otherwise from the depot's ground.
+        vehicles: Names, from the lowest layer to the highest.
+        height_m: The lowest layer's height over that reference.
+        layer_m: The distance that any two vehicles must keep.
+        standoff_m: Of the inspection legs from their lines.
+    """
+    known = network.has_heights
+    pylon_m = _flight_heights_m(network, height_m) if known else np.full(len(network.pylons), height_m)
+    indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
+    track_heights_m = pylon_m[indices]
+    fitted = (
+        fit(tracks_m(network, standoff_m), track_heights_m, layer_m) if known else Fit(flat(height_m), 0.0, layer_m)
+    )
+    return Layers(
+        vehicles=tuple(vehicles),
+        layer_m=layer_m,
+        spacing_m=fitted.spacing_m + HEIGHT_KEEPING_M,
+        tolerance_m=max(FOLLOW_M, fitted.error_m),
+        reference=HeightReference.PYLON_TOPS if known else HeightReference.DEPOT_GROUND,
+        surface=fitted.surface,
+        track_heights_m=track_heights_m,
+    )
+
+
+def separation_m(path_a: FlightPath, path_b: FlightPath, *, home_alt_m: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Return the least distance in space between all legs of two paths, whenever they are flown.
+
+    Take-off and landing columns are legs too. A path without waypoints is a vehicle on the ground and counts for
+    nothing: the answer is infinite.
+
+    Args:
+        path_a: One vehicle's flight.
+        path_b: Another's.
+        home_alt_m: Height above mean sea level of the two homes, to which the paths' heights are relative.
+    """
+    return _nearest_legs(path_a, path_b, home_alt_m)[0]
+
+
+def check_separation(
+    paths: Sequence[FlightPath], layer_m: float, *, home_alt_m: Mapping[str, float] | None = None
+) -> list[str]:
+    """Return in words which paths come nearer to each other than ``layer_m``; empty if none do.
+
+    Args:
+        paths: One for each vehicle.
+        layer_m: The distance that any two must keep.
+        home_alt_m: Height above mean sea level of each vehicle's home, by name; all the same if not given.
+    """
+    violations = []
+    for path_a, path_b in itertools.combinations(paths, 2):
+        homes = (0.0, 0.0) if home_alt_m is None else (home_alt_m[path_a.vehicle], home_alt_m[path_b.vehicle])
+        least_m, leg_a, leg_b = _nearest_legs(path_a, path_b, homes)
+        # A millimetre for the rounding of coordinates.
+        if least_m < layer_m - 1e-3:
+            violations.append(
+                f"{path_a.vehicle} on leg {leg_a} ({path_a.waypoints[leg_a].phase.value}) and {path_b.vehicle} on leg "
+                f"{leg_b} ({path_b.waypoints[leg_b].phase.value}) come within {least_m:.2f} m, {layer_m:g} m expected"
+            )
+    return violations
+
+
+def legs_m(path: FlightPath, frame: LocalFrame, home_up_m: float = 0.0) -> FloatArray:
+    """Return (w, 2, 3) float64: start and end of every leg, the first one from the ground below the first waypoint.
+
+    Args:
+        path: With at least one waypoint.
+        frame: Whose east and north to use.
+        home_up_m: Height of the vehicle's home over the depot, to which the path's heights are relative.
+    """
+    places = np.array([(point.lat_deg, point.lon_deg, point.alt_rel_m) for point in path.waypoints])
+    ends = np.column_stack((frame.many_to_local_m(places[:, :2]), places[:, 2] + home_up_m))
+    ground = np.array([ends[0, 0], ends[0, 1], home_up_m])
+    return np.stack((np.vstack((ground, ends[:-1])), ends), axis=1)
+
+
+def _flight_heights_m(network: Network, height_m: float) -> FloatArray:
+    tops_m = [(pylon.elevation_m or 0.0) + (pylon.height_m or 0.0) - network.frame.alt_m for pylon in network.pylons]
+    return np.array(tops_m, dtype=np.float64) + height_m
+
+
+def _nearest_legs(path_a: FlightPath, path_b: FlightPath, homes_m: tuple[float, float]) -> tuple[float, int, int]:
+    """Return the least distance and the two legs, by the waypoint that each ends at."""
+    if not path_a.waypoints or not path_b.waypoints:
+        return math.inf, -1, -1
+    first = path_a.waypoints[0]
+    frame = LocalFrame(first.lat_deg, first.lon_deg)
+    legs_a, legs_b = legs_m(path_a, frame, homes_m[0]), legs_m(path_b, frame, homes_m[1])
+    distances_m = _leg_distances_m(legs_a, legs_b)
+    leg_a, leg_b = np.unravel_index(int(np.argmin(distances_m)), distances_m.shape)
+    return float(distances_m[leg_a, leg_b]), int(leg_a), int(leg_b)
+
+
+def _leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
+    """Return (m, n) float64: least distances between (m, 2, 3) and (n, 2, 3) straight legs.
+
+    The least is at an end of one of the legs, or where the common perpendicular meets both inside.
+    """
+    m, n = len(legs_a), len(legs_b)
+    candidates = [
+        _end_distances_m(legs_a[:, 0], legs_b), _end_distances_m(legs_a[:, 1], legs_b),
+        _end_distances_m(legs_b[:, 0], legs_a).T, _end_distances_m(legs_b[:, 1], legs_a).T,
+    ]  # fmt: skip
+    along_a = np.broadcast_to((legs_a[:, 1] - legs_a[:, 0])[:, np.newaxis], (m, n, 3))
+    along_b = np.broadcast_to((legs_b[:, 1] - legs_b[:, 0])[np.newaxis], (m, n, 3))
+    offset = legs_a[:, 0][:, np.newaxis] - legs_b[:, 0][np.newaxis]
+    aa, bb, ab = ((u * v).sum(axis=2) for u, v in ((along_a, along_a), (along_b, along_b), (along_a, along_b)))
+    ao, bo = (along_a * offset).sum(axis=2), (along_b * offset).sum(axis=2)
+    determinant = aa * bb - ab * ab
+    # Parallel legs have no single perpendicular: their ends decide.
+    crossing = determinant > 1e-9 * np.maximum(aa * bb, 1e-12)
+    safe = np.where(crossing, determinant, 1.0)
+    share_a, share_b = (ab * bo - bb * ao) / safe, (aa * bo - ab * ao) / safe
+    inside = crossing & (share_a > 0) & (share_a < 1) & (share_b > 0) & (share_b < 1)
+    apart = offset + share_a[..., np.newaxis] * along_a - share_b[..., np.newaxis] * along_b
+    candidates.append(np.where(inside, np.sqrt((apart**2).sum(axis=2)), math.inf))
+    return np.asarray(np.min(candidates, axis=0), dtype=np.float64)
+
+
+def _end_distances_m(places: FloatArray, legs: FloatArray) -> FloatArray:
+    """Return (m, n) float64: distances of (m, 3) places from (n, 2, 3) legs."""
+    along = legs[:, 1] - legs[:, 0]
+    offsets = places[:, np.newaxis] - legs[:, 0]
+    share = np.clip((offsets * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    return np.asarray(np.sqrt(((offsets - share[..., np.newaxis] * along) ** 2).sum(axis=2)), dtype=np.float64)

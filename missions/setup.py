@@ -1,0 +1,155 @@
+"""Everything that turns a route into a flight: the network, how it is inspected, heights and pads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions.errors import SafetyError
+from missions.geo import FloatArray, LocalFrame
+from missions.network import Network
+from missions.pads import PAD_SPACING_M, Pad, place_pads
+from missions.safety import Layers, plan_layers, tracks_m
+
+LOWEST_FLIGHT_M = 5.0
+"""A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """How segments are flown; the same figures as the site file's section of this name."""
+
+    height_m: float = 15.0
+    """The lowest layer's, over the pylon tops if their heights are known, else over the depot's ground."""
+    standoff_m: float = 5.0
+    """Of the flight track from the line, to the right of a segment's direction from a to b."""
+    speed_m_s: float = 3.0
+    transit_speed_m_s: float = 8.0
+    layer_m: float = 5.0
+    """The distance that any two vehicles must keep."""
+
+    def __post_init__(self) -> None:
+        """Check all figures.
+
+        Raises:
+            SafetyError: a figure is not a positive number, or the standoff a negative one.
+        """
+        for key in ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m"):
+            value = getattr(self, key)
+            if not math.isfinite(value) or value < 0 or (value == 0 and key != "standoff_m"):
+                raise SafetyError(f"inspection.{key}: expected a positive number, got {value}")
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How a multicopter climbs, stops and waits; for the heights' legs and for estimates.
+
+    Climb 2.5 m/s and acceleration 2.5 m/s2 are ArduPilot's defaults (WPNAV_SPEED_UP 250, WPNAV_ACCEL 250 cm); descent
+    at 1 m/s lies between its LAND_SPEED 0.5 m/s near the ground and WPNAV_SPEED_DN 1.5 m/s above.
+    """
+
+    climb_m_s: float = 2.5
+    descent_m_s: float = 1.0
+    acceleration_m_s2: float = 2.5
+    hold_s: float = 1.0
+    """At both ends of an inspection: param1 = 1 s makes the speed exact on ArduPilot (measured)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlightSetup:
+    """What routes need to become flights; made once before take-off, and kept through every re-plan."""
+
+    network: Network
+    inspection: Inspection
+    layers: Layers
+    pads: tuple[Pad, ...]
+    """In the order of the layers' vehicles."""
+    tracks_m: FloatArray
+    """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
+    motion: Motion = Motion()
+
+    def __post_init__(self) -> None:
+        """Check that the parts belong to each other.
+
+        Raises:
+            SafetyError: pads and layers name different vehicles, or a pad lies above its flight height.
+        """
+        if tuple(pad.vehicle for pad in self.pads) != self.layers.vehicles:
+            raise SafetyError(f"pads: expected one each for {', '.join(self.layers.vehicles)}, in that order")
+        for pad in self.pads:
+            over_pad_m = self.layers.height_m(pad.vehicle, pad.east_m, pad.north_m) - self.frame.up_m(pad.alt_m)
+            if over_pad_m < LOWEST_FLIGHT_M:
+                raise SafetyError(
+                    f"inspection.height_m: expected flight heights of {LOWEST_FLIGHT_M:g} m or more over the pad of "
+                    f"{pad.vehicle}, got {over_pad_m:.1f} m: the lines lie below the depot"
+                )
+
+    @property
+    def frame(self) -> LocalFrame:
+        """Local metres about the depot."""
+        return self.network.frame
+
+    @property
+    def home_alt_m(self) -> dict[str, float]:
+        """Height above mean sea level of each vehicle's home, by name."""
+        return {pad.vehicle: pad.alt_m for pad in self.pads}
+
+    def pad_of(self, vehicle: str) -> Pad:
+        """Return a vehicle's pad.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        for pad in self.pads:
+            if pad.vehicle == vehicle:
+                return pad
+        raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.layers.vehicles)}")
+
+    def other_pads_m(self, vehicle: str) -> FloatArray:
+        """Return (k - 1, 2) float64: east and north of everybody else's pad."""
+        others = [(pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle]
+        return np.array(others, dtype=np.float64).reshape(-1, 2)
+
+
+def flight_setup(
+    network: Network,
+    vehicles: Sequence[str],
+    inspection: Inspection,
+    *,
+    pads: Sequence[Pad] | None = None,
+    pad_spacing_m: float = PAD_SPACING_M,
+    motion: Motion | None = None,
+) -> FlightSetup:
+    """Choose layers, and pads unless they are given, for a fleet over a network.
+
+    Args:
+        network: The part to inspect.
+        vehicles: Names, from the lowest layer to the highest.
+        inspection: Heights, speeds and distances.
+        pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
+        pad_spacing_m: The least distance of two chosen pads.
+        motion: How the multicopters climb, stop and wait.
+
+    Raises:
+        SafetyError: there is no room for the pads, or the heights are below the depot's ground.
+    """
+    tracks = tracks_m(network, inspection.standoff_m)
+    layers = plan_layers(
+        network,
+        vehicles,
+        height_m=inspection.height_m,
+        layer_m=inspection.layer_m,
+        standoff_m=inspection.standoff_m,
+    )
+    if pads is None:
+        pads = place_pads(
+            vehicles,
+            tracks,
+            layer_m=inspection.layer_m,
+            alt_m=network.frame.alt_m,
+            pad_spacing_m=pad_spacing_m,
+        )
+    return FlightSetup(network, inspection, layers, tuple(pads), tracks, motion or Motion())
