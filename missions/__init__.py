@@ -1,0 +1,119 @@
+"""The power line, the flights over it, and mission items as data: everything between a plan and a MAVLink message.
+
+>>> network = read_network(default_network_path(), radius_m=700)
+>>> setup = flight_setup(network, ["uav1", "uav2"], Inspection())
+>>> path = flight_path(setup, "uav1", [0, 2, 4])
+>>> mission = encode(path, PX4)
+>>> mission.items[0].command.name
+'NAV_TAKEOFF'
+"""
+
+from missions.compare import differences
+from missions.dialects import (
+    ARDUPILOT,
+    PX4,
+    BatteryFailsafe,
+    Dialect,
+    GroundStationFailsafe,
+    ModeNumber,
+    Modes,
+    ReturnParameters,
+    SetCurrent,
+    StartStep,
+    dialect_for,
+)
+from missions.encode import EncodedMission, encode, flag_current
+from missions.errors import (
+    EncodeError,
+    MissionFileError,
+    MissionsError,
+    NetworkError,
+    PlanFileError,
+    SafetyError,
+)
+from missions.estimate import Estimate, LegEstimate, estimate
+from missions.geo import LocalFrame
+from missions.items import Command, Frame, MissionItem
+from missions.network import Network, Pylon, Segment
+from missions.pads import Pad, column_radius_m, place_pads
+from missions.planfile import PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
+from missions.planjson import read_plan, write_plan
+from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints, write_qgc
+from missions.readers import default_network_path, read_network
+from missions.routes import continue_path, flight_path
+from missions.safety import HeightReference, Layers, check_separation, plan_layers, separation_m, tracks_m
+from missions.setup import FlightSetup, Inspection, Motion, flight_setup
+from missions.tasks import Task, depot_vehicle, open_task, whole_task
+from missions.waypoints import FlightPath, Phase, Waypoint
+
+__all__ = [
+    "ARDUPILOT",
+    "PX4",
+    "BatteryFailsafe",
+    "Command",
+    "Dialect",
+    "EncodeError",
+    "EncodedMission",
+    "Estimate",
+    "FlightPath",
+    "FlightSetup",
+    "Frame",
+    "GroundStationFailsafe",
+    "HeightReference",
+    "Inspection",
+    "Layers",
+    "LegEstimate",
+    "LocalFrame",
+    "MissionFileError",
+    "MissionItem",
+    "MissionsError",
+    "ModeNumber",
+    "Modes",
+    "Motion",
+    "Network",
+    "NetworkError",
+    "Pad",
+    "Phase",
+    "PlanFile",
+    "PlanFileError",
+    "PlanSegment",
+    "Pylon",
+    "QgcPlan",
+    "ReturnParameters",
+    "SafetyError",
+    "Segment",
+    "SetCurrent",
+    "Solved",
+    "StartStep",
+    "Task",
+    "Waypoint",
+    "Window",
+    "check_plan",
+    "check_separation",
+    "column_radius_m",
+    "continue_path",
+    "default_network_path",
+    "depot_vehicle",
+    "dialect_for",
+    "differences",
+    "encode",
+    "estimate",
+    "flag_current",
+    "flight_path",
+    "flight_setup",
+    "make_plan_file",
+    "open_task",
+    "parse_qgc_plan",
+    "parse_qgc_waypoints",
+    "place_pads",
+    "plan_layers",
+    "qgc_plan",
+    "qgc_waypoints",
+    "read_network",
+    "read_plan",
+    "separation_m",
+    "tracks_m",
+    "whole_task",
+    "write_plan",
+    "write_qgc",
+]

@@ -25,6 +25,9 @@ _GEOD = pyproj.Geod(ellps="WGS84")
 
 def wrap_lon_deg(lon_deg: float) -> float:
     """Return the same meridian in [-180, 180)."""
+    # Untouched where it can be: the way there and back costs digits.
+    if -180.0 <= lon_deg < 180.0:
+        return lon_deg
     wrapped = (lon_deg + 180.0) % 360.0 - 180.0
     # For a tiny negative sum the modulo rounds up to 360 itself.
     return wrapped if wrapped < 180.0 else -180.0
@@ -82,9 +85,7 @@ class LocalFrame:
     def many_to_wgs84_deg(self, east_north_m: FloatArray) -> FloatArray:
         """Return ``(n, 2)`` latitude and longitude for ``(n, 2)`` east and north in metres."""
         lon, lat = _projection(self.lat_deg, self.lon_deg)(east_north_m[:, 0], east_north_m[:, 1], inverse=True)
-        wrapped = (np.asarray(lon) + 180.0) % 360.0 - 180.0
-        wrapped[wrapped >= 180.0] = -180.0
-        return np.column_stack((lat, wrapped)).astype(np.float64)
+        return np.column_stack((lat, [wrap_lon_deg(value) for value in np.asarray(lon).tolist()])).astype(np.float64)
 
     def up_m(self, alt_m: float) -> float:
         """Return the height over the depot of a height above mean sea level."""

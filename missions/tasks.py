@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from missions.network import Network
-from planner import Instance, Plan, Route, Travel, Vehicle, build_instance
+from planner import Instance, Plan, Route, Travel, Vehicle, build_instance, is_reversed, segment_of, visit_of
 
 DEPOT_M = (0.0, 0.0)
 """The depot in its own frame: every plan starts and ends there; pads are a few steps away."""
@@ -22,7 +22,7 @@ class Task:
 
     def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the instance's visits as the network's."""
-        return tuple(2 * self.segment_ids[visit >> 1] + (visit & 1) for visit in visits)
+        return tuple(visit_of(self.segment_ids[segment_of(visit)], is_reversed(visit)) for visit in visits)
 
     def from_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the network's visits as the instance's.
@@ -31,7 +31,7 @@ class Task:
             KeyError: a visit's segment is no part of the problem.
         """
         reduced = {segment: index for index, segment in enumerate(self.segment_ids)}
-        return tuple(2 * reduced[visit >> 1] + (visit & 1) for visit in visits)
+        return tuple(visit_of(reduced[segment_of(visit)], is_reversed(visit)) for visit in visits)
 
     def plan_to_network(self, plan: Plan) -> Plan:
         """Return a plan of the instance with the network's segments."""

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
+from missions.fields import is_number
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
 
@@ -123,25 +124,16 @@ def _features(text: str, source: str) -> Iterator[_Feature]:
 
 
 def _lat_lon_deg(coordinates: object, place: str) -> tuple[float, float]:
-    # A boolean is an int to Python and no number to JSON.
-    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(_is_number, coordinates)):
-        raise NetworkError(f"{place}: expected numbers [longitude, latitude], got {coordinates!r}")
-    if not all(map(math.isfinite, coordinates)):
-        raise NetworkError(f"{place}: expected finite numbers, got {coordinates}")
+    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(is_number, coordinates)):
+        raise NetworkError(f"{place}: expected finite numbers [longitude, latitude], got {coordinates!r}")
     return float(coordinates[1]), float(coordinates[0])
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _metres(feature: _Feature, key: str) -> float | None:
     value = feature.properties.get(key)
-    if value is None:
-        return None
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise NetworkError(f"{feature.place}.properties.{key}: expected metres as a number, got {value!r}")
-    return float(value)
+    if value is not None and not is_number(value):
+        raise NetworkError(f"{feature.place}.properties.{key}: expected metres as a finite number, got {value!r}")
+    return value
 
 
 def _depot(feature: _Feature) -> LocalFrame:

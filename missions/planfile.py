@@ -1,0 +1,265 @@
+"""A plan with all that is needed to check it, and nothing else needed; ``planjson`` writes and reads it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from missions.errors import PlanFileError
+from missions.geo import FloatArray, LocalFrame
+from missions.network import Network, Pylon, Segment
+from missions.setup import Inspection
+from missions.tasks import DEPOT_M, Task
+from planner import (
+    Cost,
+    Instance,
+    InstanceError,
+    Plan,
+    Travel,
+    Vehicle,
+    build_instance,
+    evaluate,
+    segment_of,
+)
+
+PLACE_TOLERANCE_M = 0.05
+"""Local metres and latitude/longitude of one place agree to this; 1e-7 degrees are 1 cm."""
+FIGURE_TOLERANCE = 1e-6
+"""Recomputed figures agree to this, relative to the larger of the figure and 1: sums depend on their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSegment:
+    """One segment of the plan's own network."""
+
+    id: int
+    """The network's number of it; a plan over a part of a network skips some."""
+    a_enu_m: tuple[float, float, float]
+    """East, north and up over the depot; up is 0 where the ground's height is not known."""
+    b_enu_m: tuple[float, float, float]
+    a_lat_lon_deg: tuple[float, float]
+    b_lat_lon_deg: tuple[float, float]
+    pylons: tuple[str, str]
+    length_m: float
+    """Over the ground."""
+    elevation_m: tuple[float | None, float | None] = (None, None)
+    """Ground at a and b above mean sea level, if known."""
+    height_m: tuple[float | None, float | None] = (None, None)
+    """Structure at a and b, if known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The re-plan window, when it has been computed."""
+
+    window_pct: float
+    earliest_s: float
+    longest_route_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """How the plan came about."""
+
+    solver: str
+    seed: int
+    seconds: float
+    """What the solver took."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFile:
+    """A plan file's content."""
+
+    frame: LocalFrame
+    segments: tuple[PlanSegment, ...]
+    vehicles: tuple[Vehicle, ...]
+    travel: Travel
+    plan: Plan
+    """Over positions in ``segments``, in the order of ``vehicles``."""
+    durations_s: tuple[float, ...]
+    energies_pct: tuple[float, ...]
+    cost: Cost
+    cost_value: float
+    solved: Solved
+    window: Window | None = None
+    inspection: Inspection | None = None
+    """How to fly it; without it the file can be checked but not exported."""
+    source: str = field(default="plan", compare=False)
+    """Where it was read, for messages."""
+
+    @property
+    def ends_m(self) -> FloatArray:
+        """(n, 2, 2) float64: east and north of every segment's a and b."""
+        ends = [(segment.a_enu_m[:2], segment.b_enu_m[:2]) for segment in self.segments]
+        return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
+
+    def task(self) -> Task:
+        """Return the planning problem that the file is about.
+
+        Raises:
+            PlanFileError: its vehicles or coordinates do not make one.
+        """
+        return Task(self.instance(), tuple(segment.id for segment in self.segments))
+
+    def instance(self) -> Instance:
+        """Return the planning problem over positions in ``segments``.
+
+        Raises:
+            PlanFileError: its vehicles or coordinates do not make one.
+        """
+        try:
+            return build_instance(self.ends_m, DEPOT_M, self.vehicles, self.travel)
+        except InstanceError as error:
+            raise PlanFileError(f"{self.source}: {error}") from error
+
+    def network(self) -> Network:
+        """Return the file's segments as a network, numbered by their position; labels are the ids.
+
+        Raises:
+            NetworkError: the segments do not make one.
+        """
+        pylons: dict[str, Pylon] = {}
+        for segment in self.segments:
+            places = (segment.a_lat_lon_deg, segment.b_lat_lon_deg)
+            for name, place, elevation_m, height_m in zip(
+                segment.pylons, places, segment.elevation_m, segment.height_m, strict=True
+            ):
+                pylons.setdefault(name, Pylon(name, *place, elevation_m, height_m))
+        index = {name: number for number, name in enumerate(pylons)}
+        segments = tuple(
+            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], str(segment.id))
+            for number, segment in enumerate(self.segments)
+        )
+        return Network(tuple(pylons.values()), segments, self.frame, self.source)
+
+
+def make_plan_file(
+    network: Network,
+    task: Task,
+    travel: Travel,
+    plan: Plan,
+    cost: Cost,
+    solved: Solved,
+    *,
+    window: Window | None = None,
+    inspection: Inspection | None = None,
+) -> PlanFile:
+    """Return the content of a plan file; all figures come from the definition (``planner.evaluate``).
+
+    Args:
+        network: That the task was made from.
+        task: The problem that was solved.
+        travel: That it was made with.
+        plan: Over the task's instance.
+        cost: What the plan was chosen by.
+        solved: How the plan came about.
+        window: The re-plan window, if computed.
+        inspection: How the routes are to be flown.
+
+    Raises:
+        planner.PlanError: the plan does not belong to the task.
+    """
+    evaluation = evaluate(task.instance, plan, cost)
+    return PlanFile(
+        frame=network.frame,
+        segments=tuple(_plan_segment(network, segment) for segment in task.segment_ids),
+        vehicles=task.instance.vehicles,
+        travel=travel,
+        plan=plan,
+        durations_s=evaluation.durations_s,
+        energies_pct=evaluation.energies_pct,
+        cost=cost,
+        cost_value=evaluation.value,
+        solved=solved,
+        window=window,
+        inspection=inspection,
+    )
+
+
+def check_plan(content: PlanFile) -> list[str]:
+    """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
+
+    Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
+    what the window says of the longest route.
+
+    Raises:
+        PlanFileError: its vehicles or coordinates make no planning problem at all.
+    """
+    return list(_findings(content))
+
+
+def _findings(content: PlanFile) -> Iterator[str]:
+    yield from _place_findings(content)
+    instance = content.instance()
+    evaluation = evaluate(instance, content.plan, content.cost)
+    figures = [
+        (f"route of {vehicle.name}: {key}", written, computed)
+        for key, all_written, all_computed in (
+            ("duration_s", content.durations_s, evaluation.durations_s),
+            ("energy_pct", content.energies_pct, evaluation.energies_pct),
+        )
+        for vehicle, written, computed in zip(content.vehicles, all_written, all_computed, strict=True)
+    ]
+    figures.append((f"cost.value ({content.cost.value})", content.cost_value, evaluation.value))
+    if content.window is not None:
+        longest_s = evaluation.longest_route_s
+        window_pct = 100.0 * (longest_s - content.window.earliest_s) / longest_s if longest_s > 0 else 100.0
+        figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
+        figures.append(("window.window_pct", content.window.window_pct, window_pct))
+    for name, written, computed in figures:
+        if not _agree(written, computed):
+            yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
+    yield from _coverage_findings(content)
+    for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
+        if energy_pct > vehicle.budget_pct + FIGURE_TOLERANCE:
+            yield f"route of {vehicle.name}: spends {energy_pct:.3f} %, its budget is {vehicle.budget_pct:.3f} %"
+
+
+def _coverage_findings(content: PlanFile) -> Iterator[str]:
+    visited = {segment_of(visit) for route in content.plan.routes for visit in route.visits}
+    for index, segment in enumerate(content.segments):
+        if index not in visited and index not in content.plan.uncovered:
+            yield f"segment {segment.id} is neither visited nor named as uncovered"
+
+
+def _place_findings(content: PlanFile) -> Iterator[str]:
+    for segment in content.segments:
+        for key, enu_m, lat_lon_deg in (
+            ("a", segment.a_enu_m, segment.a_lat_lon_deg),
+            ("b", segment.b_enu_m, segment.b_lat_lon_deg),
+        ):
+            apart_m = math.dist(enu_m[:2], content.frame.to_local_m(*lat_lon_deg))
+            if not apart_m <= PLACE_TOLERANCE_M:
+                yield f"segment {segment.id}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
+        length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
+        if not _agree(segment.length_m, length_m):
+            yield f"segment {segment.id}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
+
+
+def _agree(written: float, computed: float) -> bool:
+    return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
+
+
+def _plan_segment(network: Network, number: int) -> PlanSegment:
+    segment = network.segments[number]
+    a, b = network.pylons[segment.a], network.pylons[segment.b]
+    a_m, b_m = network.ends_m[number].tolist()
+    return PlanSegment(
+        id=number,
+        a_enu_m=(*a_m, _up_m(network.frame, a)),
+        b_enu_m=(*b_m, _up_m(network.frame, b)),
+        a_lat_lon_deg=(a.lat_deg, a.lon_deg),
+        b_lat_lon_deg=(b.lat_deg, b.lon_deg),
+        pylons=(a.id, b.id),
+        length_m=float(network.lengths_m[number]),
+        elevation_m=(a.elevation_m, b.elevation_m),
+        height_m=(a.height_m, b.height_m),
+    )
+
+
+def _up_m(frame: LocalFrame, pylon: Pylon) -> float:
+    return 0.0 if pylon.elevation_m is None else frame.up_m(pylon.elevation_m)
