@@ -35,7 +35,7 @@ BATCH = 500
 """Iterations between two questions to the stop rule: some milliseconds."""
 FIRST_CYCLE = 4_000
 """Iterations of the first cycle."""
-HOT = 1.0
+HOT = 6.0
 """Temperature at the begin of a cycle, in mean transits of the plan."""
 COLD = 0.01
 """Temperature at the end of a cycle."""

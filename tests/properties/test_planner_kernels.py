@@ -1,0 +1,167 @@
+"""The kernels against the definition in evaluate.py, on random instances and on degenerate ones."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from planner import Cost, Instance, Plan, Route, Travel, Vehicle, build_instance, evaluate, route_energy_pct
+from planner.construct import guide_weights, plan_of, problem_of, random_state, state_of, true_weights
+from planner.kernels.anneal import objective
+from planner.kernels.chance import below, uniform
+from planner.kernels.insertion import cheapest_place, insert_by_regret
+from planner.kernels.tours import insert, orient
+from planner.search import Search
+from planner.stop import Stopwatch
+
+# A coarse grid, so that coincident pylons and segments without length are common.
+COORDINATES = st.integers(-4, 4).map(lambda steps: 50.0 * steps)
+POINTS = st.tuples(COORDINATES, COORDINATES)
+VEHICLES = st.builds(
+    Vehicle,
+    name=st.just("v"),
+    start_m=POINTS,
+    budget_pct=st.sampled_from([0.0, 5.0, 20.0, 60.0, 1000.0]),
+    consumption=st.sampled_from([1.0, 1.3]),
+    airborne=st.booleans(),
+)
+
+
+@st.composite
+def instances(draw: st.DrawFn, most_segments: int = 9) -> Instance:
+    ends = draw(st.lists(st.tuples(POINTS, POINTS), min_size=1, max_size=most_segments))
+    vehicles = draw(st.lists(VEHICLES, min_size=1, max_size=4))
+    return build_instance(np.array(ends), draw(POINTS), vehicles, Travel(5.0, 1.0, 0.05, 0.06))
+
+
+SEEDS = st.integers(0, 2**64)
+LOOSE = {"deadline": None, "derandomize": True}
+
+
+@settings(max_examples=150, **LOOSE)
+@given(instances(), SEEDS, st.sampled_from(Cost), st.booleans())
+def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
+    instance: Instance, seed: int, cost: Cost, all_vehicles: bool
+) -> None:
+    search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
+    for iterations in (1, 7, 40):
+        search._batch(iterations)
+        for state in (search._best, search._current, search._trial):
+            plan = plan_of(state)
+            evaluation = evaluate(instance, plan, cost)
+            assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
+            for vehicle, route in zip(instance.vehicles, plan.routes, strict=True):
+                # What is given a visit is within its budget; one that cannot even get home is given none.
+                assert not route.visits or state.loads[route.vehicle] <= vehicle.budget_pct + 1e-6
+            accounted = [visit >> 1 for route in plan.routes for visit in route.visits] + list(plan.uncovered)
+            assert sorted(accounted) == list(range(instance.segments))
+
+
+@settings(max_examples=60, **LOOSE)
+@given(instances(), SEEDS, st.sampled_from(Cost))
+def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost: Cost) -> None:
+    search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
+    search._batch(20)
+    truth = true_weights(problem_of(instance), cost, all_vehicles=False)
+    evaluation = evaluate(instance, plan_of(search._best), cost)
+    if not evaluation.violations:
+        assert objective(truth, search._best) == pytest.approx(evaluation.value, rel=1e-5, abs=1e-9)
+
+
+@settings(max_examples=60, **LOOSE)
+@given(instances(), st.data())
+def test_the_cheapest_place_is_the_cheapest(instance: Instance, data: st.DataObject) -> None:
+    problem = problem_of(instance)
+    order = data.draw(st.permutations(range(instance.segments)))
+    visits = [2 * segment + data.draw(st.integers(0, 1)) for segment in order[1:]]
+    state = state_of(problem, [])
+    for place, visit in enumerate(visits):
+        insert(problem, state, 0, place, visit)
+    before = route_energy_pct(instance, Route(0, tuple(visits)))
+    added, position, visit = cheapest_place(problem, state, 0, order[0], 0.0, random_state(0))
+    brute = min(
+        route_energy_pct(instance, Route(0, (*visits[:place], 2 * order[0] + reverse, *visits[place:])))
+        for place in range(len(visits) + 1)
+        for reverse in (0, 1)
+    )
+    assert before + added == pytest.approx(brute, abs=1e-9)
+    insert(problem, state, 0, position, visit)
+    assert state.loads[0] == pytest.approx(brute, abs=1e-9)
+
+
+@settings(max_examples=60, **LOOSE)
+@given(instances(most_segments=6), st.data())
+def test_orient_finds_the_best_directions(instance: Instance, data: st.DataObject) -> None:
+    problem = problem_of(instance)
+    order = data.draw(st.permutations(range(instance.segments)))
+    state = state_of(problem, [])
+    for place, segment in enumerate(order):
+        insert(problem, state, 0, place, 2 * segment + data.draw(st.integers(0, 1)))
+    orient(problem, state, 0, np.zeros((instance.segments, 2), dtype=np.int64))
+    brute = min(
+        route_energy_pct(instance, Route(0, tuple(2 * s + d for s, d in zip(order, directions, strict=True))))
+        for directions in itertools.product((0, 1), repeat=len(order))
+    )
+    found = tuple(int(visit) for visit in state.visits[0, : len(order)])
+    assert [visit >> 1 for visit in found] == list(order)
+    assert route_energy_pct(instance, Route(0, found)) == pytest.approx(brute, abs=1e-9)
+    assert state.loads[0] == pytest.approx(brute, abs=1e-9)
+
+
+@settings(max_examples=60, **LOOSE)
+@given(instances(), st.sampled_from(Cost))
+def test_regret_leaves_out_only_what_fits_nowhere(instance: Instance, cost: Cost) -> None:
+    problem = problem_of(instance)
+    state = state_of(problem, [])
+    everything = np.arange(instance.segments, dtype=np.int64)
+    weights = guide_weights(problem, cost, scale=1.0, all_vehicles=False)
+    insert_by_regret(problem, weights, state, everything, random_state(0))
+    plan = plan_of(state)
+    for left in plan.uncovered:
+        for route, vehicle in zip(plan.routes, instance.vehicles, strict=True):
+            for place, reverse in itertools.product(range(len(route.visits) + 1), (0, 1)):
+                longer = Route(route.vehicle, (*route.visits[:place], 2 * left + reverse, *route.visits[place:]))
+                assert route_energy_pct(instance, longer) > vehicle.budget_pct
+
+
+@settings(max_examples=40, **LOOSE)
+@given(instances(), st.lists(st.lists(st.integers(0, 17), max_size=9), min_size=1, max_size=4))
+@example(build_instance([[[0.0, 0.0], [0.0, 0.0]]], (0, 0), [Vehicle("v", (0, 0), 0.0)], Travel(5, 1, 1, 1)), [[0]])
+def test_given_routes_are_cut_down_to_their_budgets(instance: Instance, wishes: list[list[int]]) -> None:
+    seen: set[int] = set()
+    routes: list[list[int]] = []
+    for wish in wishes[: len(instance.vehicles)]:
+        route = [visit for visit in dict.fromkeys(wish) if visit >> 1 < instance.segments and visit >> 1 not in seen]
+        route = [visit for place, visit in enumerate(route) if visit >> 1 not in {v >> 1 for v in route[:place]}]
+        seen.update(visit >> 1 for visit in route)
+        routes.append(route)
+    plan = plan_of(state_of(problem_of(instance), routes))
+    for wish, route in zip(routes, plan.routes, strict=False):
+        assert [visit for visit in wish if visit in route.visits] == list(route.visits)
+        if route.visits != tuple(wish):
+            full = route_energy_pct(instance, Route(route.vehicle, tuple(wish)))
+            assert full > instance.vehicles[route.vehicle].budget_pct
+        if route.visits:
+            assert route_energy_pct(instance, route) <= instance.vehicles[route.vehicle].budget_pct + 1e-6
+
+
+def test_chance_is_uniform_and_the_seed_decides() -> None:
+    rng = random_state(1)
+    numbers = np.array([uniform(rng) for _ in range(20_000)])
+    assert numbers.min() >= 0
+    assert numbers.max() < 1
+    counts = np.histogram(numbers, bins=20, range=(0, 1))[0]
+    assert np.abs(counts - 1000).max() < 150  # five standard deviations
+    again = random_state(1)
+    assert [uniform(again) for _ in range(5)] == numbers[:5].tolist()
+    rolls = random_state(2)
+    assert {below(rolls, 6) for _ in range(200)} == set(range(6))
+
+
+def test_plans_of_no_routes_name_everything() -> None:
+    instance = build_instance(np.zeros((2, 2, 2)), (0, 0), [Vehicle("v", (0, 0), 1.0)], Travel(5, 1, 1, 1))
+    assert plan_of(state_of(problem_of(instance), [])) == Plan((Route(0, ()),), (0, 1))
