@@ -1,0 +1,52 @@
+"""Small networks and flights with answers that can be worked out by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from missions import FlightPath, FlightSetup, Inspection, Network, Phase, Pylon, Segment, Waypoint, flight_setup
+from missions.geo import LocalFrame
+from missions.readers import default_network_path, read_network
+
+FRAME = LocalFrame(49.6, 15.6, 450.0)
+"""A depot for tests."""
+FLEET = ("uav1", "uav2", "uav3", "uav4")
+
+
+def network_of(
+    places_m: Sequence[tuple[float, float]],
+    pairs: Sequence[tuple[int, int]],
+    heights_m: Sequence[tuple[float, float]] | None = None,
+) -> Network:
+    """Return a network from east/north metres about FRAME; heights are (elevation, structure) of each pylon."""
+    lat_lon_deg = FRAME.many_to_wgs84_deg(np.array(places_m, dtype=np.float64).reshape(-1, 2))
+    pylons = tuple(
+        Pylon(f"p{index}", float(lat), float(lon), *((None, None) if heights_m is None else heights_m[index]))
+        for index, (lat, lon) in enumerate(lat_lon_deg)
+    )
+    return Network(pylons, tuple(Segment(n, a, b) for n, (a, b) in enumerate(pairs)), FRAME, "test network")
+
+
+def line_east(pylons: int = 4) -> Network:
+    """Return a line due east of the depot: pylons at 100, 200, 300 ... m, without heights."""
+    places = [(100.0 * (index + 1), 0.0) for index in range(pylons)]
+    return network_of(places, [(index, index + 1) for index in range(pylons - 1)])
+
+
+@cache
+def default_setup(layer_m: float = 5.0) -> FlightSetup:
+    """Return the flight setup of four vehicles over the default network's 700 m."""
+    network = read_network(default_network_path(), radius_m=700.0)
+    return flight_setup(network, FLEET, Inspection(layer_m=layer_m))
+
+
+def path_through(name: str, places_m: Sequence[tuple[float, float, float]]) -> FlightPath:
+    """Return a path that climbs over its first place and passes the others: east, north, up about FRAME."""
+    waypoints = []
+    for index, (east, north, up) in enumerate(places_m):
+        lat, lon = FRAME.to_wgs84_deg(east, north)
+        waypoints.append(Waypoint(Phase.TRANSIT if index else Phase.TAKEOFF, lat, lon, up, 5.0))
+    return FlightPath(name, tuple(waypoints))
