@@ -1,0 +1,1 @@
+"""Flies the missions: decisions in core, dialogues in protocols, the outside in adapters, asyncio in runtime."""

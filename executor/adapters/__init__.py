@@ -1,0 +1,1 @@
+"""One outside thing each. Adapters know core, never one another."""

@@ -1,0 +1,118 @@
+"""The event log: one JSON object a line, written and handed to the system before the event is applied.
+
+Every value is a frozen dataclass, a tuple or a plain value, so one generic rule writes and reads them all: a dataclass
+is an object with its class name under ``kind``, a tuple is a list.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from executor.core import events, messages
+from executor.core.events import Event
+from executor.errors import LogError
+
+FORMAT = "faultline-events/1"
+
+_KINDS: dict[str, type] = {
+    name: item
+    for module in (events, messages)
+    for name, item in vars(module).items()
+    if isinstance(item, type) and dataclasses.is_dataclass(item)
+}
+
+
+def to_plain(value: object) -> object:
+    """Return a value that JSON can hold."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {"kind": type(value).__name__, **fields}
+    if isinstance(value, tuple):
+        return [to_plain(item) for item in value]
+    return value
+
+
+def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic rule
+    """Return the value that `to_plain` was given.
+
+    Raises:
+        LogError: an unknown kind, or fields that do not fit it.
+    """
+    if isinstance(value, dict):
+        fields = {key: from_plain(item) for key, item in value.items() if key != "kind"}
+        try:
+            return _KINDS[value["kind"]](**fields)
+        except (KeyError, TypeError) as error:
+            raise LogError(f"unknown event {value.get('kind')!r}: {error}") from error
+    if isinstance(value, list):
+        return tuple(from_plain(item) for item in value)
+    return value
+
+
+class EventLog:
+    """Appends events to a file; each is with the operating system when `write` returns."""
+
+    def __init__(self, path: Path, *, began_unix_s: float, speedup: float) -> None:
+        """Create the file.
+
+        Raises:
+            LogError: it exists already, or cannot be made.
+        """
+        try:
+            self._file: IO[str] = path.open("x", encoding="utf-8", buffering=1)
+        except OSError as error:
+            raise LogError(f"{path}: cannot be made: {error.strerror}") from error
+        self.lost = 0
+        """Events that could not be written: a full disk must not end a flight."""
+        self._write({"format": FORMAT, "began_unix_s": began_unix_s, "speedup": speedup})
+
+    def write(self, event: Event, now_s: float) -> None:
+        """Append one event."""
+        self._write({"t_s": now_s, "event": to_plain(event)})
+
+    def note(self, now_s: float, **fields: object) -> None:
+        """Append a line that replay passes over: what was decided, in words."""
+        self._write({"t_s": now_s, **fields})
+
+    def close(self) -> None:
+        """Close the file."""
+        try:
+            self._file.close()
+        except OSError:
+            self.lost += 1
+
+    def _write(self, line: dict[str, object]) -> None:
+        try:
+            self._file.write(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
+        except (OSError, ValueError):
+            self.lost += 1
+
+
+def read_events(path: Path) -> Iterator[tuple[float, Event]]:
+    """Yield the events of a log with their times.
+
+    Raises:
+        LogError: not such a log, or a line in its midst cannot be read; a torn last line is passed over.
+    """
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = file.readline()
+            if f'"{FORMAT}"' not in head:
+                raise LogError(f"{path}: line 1: expected a log of format {FORMAT}")
+            for number, line in enumerate(file, start=2):
+                if not line.endswith("\n"):
+                    return
+                try:
+                    content = json.loads(line)
+                except json.JSONDecodeError as error:
+                    raise LogError(f"{path}: line {number}: not JSON: {error}") from error
+                if "event" in content:
+                    yield content["t_s"], from_plain(content["event"])
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+
+

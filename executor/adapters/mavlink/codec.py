@@ -1,0 +1,270 @@
+"""MAVLink frames to our messages and back: the only place where pymavlink is used to fly.
+
+Only pymavlink's codec class is used: its connections block. Whatever a vehicle marks as unknown becomes None here.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mav
+
+from executor.core.messages import (
+    Battery,
+    CommandAck,
+    Heartbeat,
+    Home,
+    LandedState,
+    Message,
+    MissionAck,
+    MissionCount,
+    MissionCurrent,
+    MissionItemReceived,
+    MissionReached,
+    MissionRequest,
+    Outgoing,
+    ParamValue,
+    Position,
+    SendCommand,
+    SendHeartbeat,
+    SendMissionAck,
+    SendMissionCount,
+    SendMissionItem,
+    SendMissionRequest,
+    SendMissionRequestList,
+    SendParamRequest,
+    SendParamSet,
+    StatusText,
+    SystemStatus,
+    Version,
+)
+from missions import MissionItem
+
+GROUND_STATION = (255, 190)
+"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
+AUTOPILOT_PX4 = 12
+MISSION_TYPE_MISSION = 0
+INTEGER_TYPES = frozenset(range(1, 9))
+"""MAV_PARAM_TYPE 1 to 8 are the integers."""
+PREARM_CHECK = 0x10000000
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """One frame that was understood."""
+
+    sysid: int
+    compid: int
+    seq: int
+    frame: bytes
+    message: Message | None
+    """None for a message that nobody here follows."""
+
+
+class Codec:
+    """One direction each way of one link: sequence numbers, parser state, statustext chunks."""
+
+    def __init__(self) -> None:
+        """Begin with an empty parser."""
+        system, component = GROUND_STATION
+        self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._mav.robust_parsing = True
+        self._chunks: dict[tuple[int, int], dict[int, str]] = {}
+        self.autopilot: int | None = None
+        """MAV_AUTOPILOT of the vehicle, once known: PX4 packs integer parameters in another way."""
+        self.garbage = 0
+        """Bytes and frames that could not be understood."""
+
+    def decode(self, data: bytes) -> Iterator[Received]:
+        """Yield every frame in a datagram."""
+        try:
+            frames = self._mav.parse_buffer(data)
+        except (mav.MAVError, struct.error, UnicodeDecodeError):
+            self.garbage += 1
+            return
+        for frame in frames or ():
+            if frame.get_type() in {"BAD_DATA"} or frame.get_type().startswith("UNKNOWN"):
+                self.garbage += 1
+                continue
+            yield Received(
+                frame.get_srcSystem(),
+                frame.get_srcComponent(),
+                frame.get_seq(),
+                bytes(frame.get_msgbuf()),
+                self._message(frame),
+            )
+
+    def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
+        """Return the frame of a message to one vehicle."""
+        return bytes(_to_mavlink(message, sysid, compid, self.autopilot).pack(self._mav))
+
+    def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
+        if frame.get_type() == "STATUSTEXT":
+            return self._text(frame)
+        if frame.get_type() == "PARAM_VALUE":
+            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilot)
+            return ParamValue(frame.param_id, value, frame.param_type)
+        read = _READERS.get(frame.get_type())
+        return None if read is None else read(frame)
+
+    def _text(self, frame: Any) -> StatusText | None:  # noqa: ANN401
+        if frame.id == 0:
+            return StatusText(frame.severity, frame.text.strip())
+        key = (frame.get_srcSystem(), frame.id)
+        chunks = self._chunks.setdefault(key, {})
+        chunks[frame.chunk_seq] = frame.text
+        # A chunk that is not filled to its 50 characters ends the text.
+        if len(frame.text) >= 50 or set(chunks) != set(range(len(chunks))):
+            return None
+        del self._chunks[key]
+        return StatusText(frame.severity, "".join(chunks[index] for index in sorted(chunks)).strip())
+
+
+def _known(value: float, *, unknown_below: float = 0.0) -> float | None:
+    return None if value < unknown_below or math.isnan(value) else value
+
+
+def _heartbeat(frame: Any) -> Heartbeat | None:  # noqa: ANN401
+    if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
+        return None
+    armed = bool(frame.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status)
+
+
+def _position(frame: Any) -> Position:  # noqa: ANN401
+    return Position(
+        boot_s=frame.time_boot_ms / 1e3,
+        lat_deg=frame.lat / 1e7,
+        lon_deg=frame.lon / 1e7,
+        alt_msl_m=frame.alt / 1e3,
+        alt_rel_m=frame.relative_alt / 1e3,
+        north_m_s=frame.vx / 100,
+        east_m_s=frame.vy / 100,
+        down_m_s=frame.vz / 100,
+        heading_deg=None if frame.hdg == 65535 else frame.hdg / 100,
+    )
+
+
+def _battery(frame: Any) -> Battery:  # noqa: ANN401
+    cells = [cell for cell in frame.voltages if cell != 65535]
+    extra = [cell for cell in getattr(frame, "voltages_ext", ()) if cell not in {0, 65535}]
+    return Battery(
+        battery=frame.id,
+        remaining_pct=_known(frame.battery_remaining),
+        voltage_v=sum(cells + extra) / 1e3 if cells else None,
+        current_a=None if frame.current_battery < 0 else frame.current_battery / 100,
+        consumed_ah=None if frame.current_consumed < 0 else frame.current_consumed / 1e3,
+        charge_state=getattr(frame, "charge_state", 0),
+        faults=getattr(frame, "fault_bitmask", 0),
+    )
+
+
+def _system_status(frame: Any) -> SystemStatus:  # noqa: ANN401
+    enabled, healthy = frame.onboard_control_sensors_enabled, frame.onboard_control_sensors_health
+    present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
+    return SystemStatus(
+        # PX4 reports 65535 V and -1 % without a battery, ArduPilot 0 V and -1 % in its first seconds.
+        remaining_pct=_known(frame.battery_remaining),
+        voltage_v=None if frame.voltage_battery in {0, 65535} else frame.voltage_battery / 1e3,
+        unhealthy=enabled & ~healthy,
+        prearm_ok=bool(healthy & PREARM_CHECK) if present else None,
+    )
+
+
+def _item(frame: Any) -> MissionItemReceived | None:  # noqa: ANN401
+    if frame.mission_type != MISSION_TYPE_MISSION:
+        return None
+    return MissionItemReceived(
+        MissionItem(
+            seq=frame.seq,
+            frame=frame.frame,
+            command=frame.command,
+            param1=frame.param1,
+            param2=frame.param2,
+            param3=frame.param3,
+            param4=frame.param4,
+            x=frame.x,
+            y=frame.y,
+            z=frame.z,
+            current=bool(frame.current),
+            autocontinue=bool(frame.autocontinue),
+        )
+    )
+
+
+def _of_mission(build: type[Message], field: str) -> Any:  # noqa: ANN401
+    def read(frame: Any) -> Message | None:  # noqa: ANN401
+        if frame.mission_type != MISSION_TYPE_MISSION:
+            return None
+        return build(getattr(frame, field))
+
+    return read
+
+
+def _version(frame: Any) -> Version:  # noqa: ANN401
+    packed = frame.flight_sw_version
+    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255)
+
+
+_READERS: dict[str, Any] = {
+    "HEARTBEAT": _heartbeat,
+    "GLOBAL_POSITION_INT": _position,
+    "BATTERY_STATUS": _battery,
+    "SYS_STATUS": _system_status,
+    "EXTENDED_SYS_STATE": lambda frame: LandedState({1: True, 2: False, 3: False, 4: False}.get(frame.landed_state)),
+    "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
+    "MISSION_CURRENT": lambda frame: MissionCurrent(frame.seq, getattr(frame, "total", None)),
+    "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),
+    "MISSION_REQUEST": _of_mission(MissionRequest, "seq"),
+    "MISSION_REQUEST_INT": _of_mission(MissionRequest, "seq"),
+    "MISSION_ACK": _of_mission(MissionAck, "type"),
+    "MISSION_COUNT": _of_mission(MissionCount, "count"),
+    "MISSION_ITEM_INT": _item,
+    "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
+    "AUTOPILOT_VERSION": _version,
+}
+
+
+def _param_from_wire(value: float, kind: int, autopilot: int | None) -> float:
+    if autopilot == AUTOPILOT_PX4 and kind in INTEGER_TYPES:
+        # PX4 puts the bits of an integer where the float would be; ArduPilot sends its value as a float.
+        return float(struct.unpack("<i", struct.pack("<f", value))[0])
+    return float(value)
+
+
+def _param_to_wire(value: float, kind: int, autopilot: int | None) -> float:
+    if autopilot == AUTOPILOT_PX4 and kind in INTEGER_TYPES:
+        return float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
+    return value
+
+
+def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, C901, PLR0911
+    match message:
+        case SendHeartbeat():
+            return mav.MAVLink_heartbeat_message(
+                mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
+            )
+        case SendMissionCount(count):
+            return mav.MAVLink_mission_count_message(sysid, compid, count, MISSION_TYPE_MISSION)
+        case SendMissionItem(item):
+            return mav.MAVLink_mission_item_int_message(
+                sysid, compid, item.seq, item.frame, item.command, int(item.current), int(item.autocontinue),
+                item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, MISSION_TYPE_MISSION,
+            )  # fmt: skip
+        case SendMissionRequestList():
+            return mav.MAVLink_mission_request_list_message(sysid, compid, MISSION_TYPE_MISSION)
+        case SendMissionRequest(seq):
+            return mav.MAVLink_mission_request_int_message(sysid, compid, seq, MISSION_TYPE_MISSION)
+        case SendMissionAck(result):
+            return mav.MAVLink_mission_ack_message(sysid, compid, result, MISSION_TYPE_MISSION)
+        case SendCommand(command, params, confirmation):
+            return mav.MAVLink_command_long_message(sysid, compid, command, confirmation, *params)
+        case SendParamRequest(name):
+            return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
+        case SendParamSet(name, value, kind):
+            wire = _param_to_wire(value, kind, autopilot)
+            return mav.MAVLink_param_set_message(sysid, compid, name.encode(), wire, kind)

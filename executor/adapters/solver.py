@@ -1,0 +1,128 @@
+"""The planner in a process of its own: compiled before anything flies, with a deadline, and to be cancelled."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing.sharedctypes import Synchronized
+from types import TracebackType
+from typing import Self
+
+from executor.core.commands import Solve
+from executor.core.events import NewRoute, SolveEnded
+from missions import Network, open_task
+from planner import Cancelled, Cost, NoImprovement, PlannerError, Seconds, Travel, Vehicle, any_of, replan, warm_start
+from planner import warm_up
+
+GIVE_UP_S = 10.0
+"""Real seconds beyond its deadline after which a solver that says nothing is taken for dead."""
+SETTLED = 4000
+"""Iterations without an improvement after which a re-plan is good enough: every second is flown meanwhile."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolverSetup:
+    """What the worker must know before its first problem."""
+
+    network: Network
+    travel: Travel
+    limit_s: float
+    """Real seconds for one re-plan."""
+    seed: int
+
+
+_worker: tuple[SolverSetup, Synchronized[int]] | None = None
+
+
+def _prepare(setup: SolverSetup, cancelled: Synchronized[int]) -> None:
+    global _worker  # noqa: PLW0603 - a worker process holds exactly one setup, given when it starts
+    _worker = (setup, cancelled)
+    warm_up()
+
+
+def _ready() -> bool:
+    return _worker is not None
+
+
+def _work(problem: Solve) -> SolveEnded:
+    if _worker is None:
+        raise RuntimeError("the worker was not prepared")
+    setup, cancelled = _worker
+    return solve(setup, problem, lambda: cancelled.value >= problem.revision)
+
+
+def solve(setup: SolverSetup, problem: Solve, cancelled: Callable[[], bool]) -> SolveEnded:
+    """Plan the open segments for the survivors; this runs in the worker."""
+    vehicles = [
+        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
+        for offer in problem.survivors
+    ]
+    task = open_task(setup.network, problem.open_segments, vehicles, setup.travel)
+    still_open = set(problem.open_segments)
+    tails = [task.from_network(v for v in offer.tail if v >> 1 in still_open) for offer in problem.survivors]
+    stop = any_of(Seconds(setup.limit_s), NoImprovement(SETTLED), Cancelled(cancelled))
+    try:
+        result = replan(task.instance, warm=warm_start(task.instance, tails), cost=Cost.MINCOMB, stop=stop, seed=setup.seed)
+    except PlannerError as error:
+        return SolveEnded(problem.revision, None, (), 0.0, str(error))
+    if cancelled():
+        return SolveEnded(problem.revision, None, (), result.seconds, "cancelled")
+    plan = task.plan_to_network(result.plan)
+    routes = tuple(NewRoute(vehicles[route.vehicle].name, route.visits) for route in plan.routes)
+    return SolveEnded(problem.revision, routes, tuple(sorted(plan.uncovered)), result.seconds, result.stopped_by)
+
+
+class SolverProcess:
+    """One worker; it is made anew if it dies."""
+
+    def __init__(self, setup: SolverSetup) -> None:
+        """Describe the worker; `start` makes it."""
+        self._setup = setup
+        self._context = multiprocessing.get_context("spawn")
+        self._cancelled: Synchronized[int] = self._context.Value("q", -1)
+        self._pool: ProcessPoolExecutor | None = None
+
+    async def __aenter__(self) -> Self:
+        """Start the worker and wait until everything is compiled."""
+        await asyncio.wrap_future(self._running().submit(_ready))
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop the worker."""
+        self._cancelled.value = 2**62
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+
+    async def solve(self, problem: Solve) -> SolveEnded:
+        """Return the best routes found within the limit; without routes if the worker died or was cancelled."""
+        try:
+            async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
+                return await asyncio.wrap_future(self._running().submit(_work, problem))
+        except BrokenProcessPool:
+            self._discard()
+            return SolveEnded(problem.revision, None, (), 0.0, "the solver's process died")
+        except TimeoutError:
+            self._discard()
+            return SolveEnded(problem.revision, None, (), 0.0, "the solver did not answer")
+
+    def cancel(self, revision: int) -> None:
+        """Make whatever works on this or an older revision stop at its next look."""
+        self._cancelled.value = max(self._cancelled.value, revision)
+
+    def _running(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                1, mp_context=self._context, initializer=_prepare, initargs=(self._setup, self._cancelled)
+            )
+        return self._pool
+
+    def _discard(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None

@@ -1,0 +1,330 @@
+"""Wires the parts together for one flight; holds no rule."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from executor import build
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import EventLog
+from executor.adapters.mavlink.link import VehicleLink, open_link
+from executor.adapters.rundir import keep_site, write_json
+from executor.adapters.solver import SolverProcess, SolverSetup
+from executor.adapters.tlog import TelemetryLog
+from executor.build import Ground
+from executor.config import Site
+from executor.core import fleet, preflight
+from executor.core.commands import Level, Say, Solve
+from executor.core.context import Context
+from executor.core.events import Event, ReturnAllOrdered, SolveEnded
+from executor.core.preflight import Check, Facts, Severity
+from executor.core.state import FleetState
+from executor.core.vehicle import OnBoard, aboard
+from executor.errors import PreflightFailed
+from executor.report import Happening, report_of
+from executor.runtime import preflight as asking
+from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from missions import FlightSetup, PlanFile, Solved, Task, encode, make_plan_file, open_task, write_plan
+from planner import Cost, Plan, Route, Vehicle
+
+LEAVE_AFTER_S = 5.0
+"""Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
+
+
+class Console(Protocol):
+    """Where the operator looks."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show one line."""
+        ...
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Show the checklist."""
+        ...
+
+    def confirm(self, question: str) -> bool:
+        """Ask before the take-off."""
+        ...
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Show the fleet; called often, draws seldom."""
+        ...
+
+    def done(self) -> None:
+        """Stop drawing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What is left after a flight."""
+
+    report: Mapping[str, object]
+    context: Context
+    left: bool
+    """Whether the operator left while the vehicles flew on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be flown, and where its record goes."""
+
+    site: Site
+    base: Path
+    """The folder that the site file's paths are relative to."""
+    ground: Ground
+    plan: PlanFile
+    """Over all of the ground's segments, for its vehicles."""
+    run: Path
+    truths: Callable[[SystemClock], Sequence[Happening]]
+    """What really happened, asked for at the end; empty without a simulator."""
+
+
+async def fly(order: Order, console: Console) -> Flown:
+    """Connect, check, upload, fly and report.
+
+    Raises:
+        ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
+    """
+    ground, run = order.ground, order.run
+
+    clock = SystemClock(order.site.flight.speedup)
+    solver = SolverProcess(
+        SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
+    )
+    async with solver, _links(order, clock) as links, asyncio.TaskGroup() as tasks:
+        beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
+        try:
+            return await _fly(order, console, clock, solver, links, run)
+        finally:
+            beat.cancel()
+
+
+async def _fly(
+    order: Order, console: Console, clock: SystemClock, solver: SolverProcess, links: Mapping[str, VehicleLink], run: Path
+) -> Flown:
+    ground = order.ground
+    facts = await _interviews(order, links, clock, console)
+    setup = _setup(ground, facts)
+    task, plan = order.plan.task(), order.plan.plan
+    context = build.context_of(ground, setup, task, plan)
+    boards = _boards(context, build.routes_of(ground, task, plan))
+    found = _checks(order, context, facts, boards)
+    console.checks(found)
+    stops = [check for check in found if check.severity is Severity.STOP]
+    if stops:
+        raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
+    await _load(context, links, clock, boards, console)
+    if not console.confirm("All missions are on board and read back. Take off?"):
+        raise PreflightFailed("the operator did not say yes; nothing has moved")
+    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup)
+    keeper = _Keeper(order, context, console, log, clock)
+    flight = Flight(context, fleet.initial(boards), links, clock, log, solver, Observer(keeper.said, keeper.applied))
+    try:
+        with _Interrupts(flight, console) as left:
+            await flight.run()
+    finally:
+        console.done()
+        log.close()
+    report = report_of(context, flight.state, clock.now_s(), order.truths(clock))
+    write_json(run / "report.json", report)
+    return Flown(report, context, bool(left))
+
+
+def keep(order: Order) -> None:
+    """Write the site and the first plan into the run directory."""
+    network = None
+    if order.site.network.file != build.DEFAULT_NETWORK:
+        network = order.base / order.site.network.file
+    keep_site(order.run, order.site.model_dump(exclude_none=True, mode="json"), network)
+    write_plan(order.run / "plan-000.json", order.plan)
+
+
+@asynccontextmanager
+async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, VehicleLink]]:
+    links: dict[str, VehicleLink] = {}
+    logs: list[TelemetryLog] = []
+    try:
+        for table in order.site.vehicle:
+            logs.append(TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec))
+            links[table.name] = await open_link(table.connection, table.sysid, logs[-1])
+        yield links
+    finally:
+        for link in links.values():
+            link.close()
+        for log in logs:
+            log.close()
+
+
+async def _interviews(
+    order: Order, links: Mapping[str, VehicleLink], clock: SystemClock, console: Console
+) -> Mapping[str, Facts]:
+    console.say(Level.INFO, f"waiting for {len(links)} vehicles")
+    tables = {table.name: table for table in order.site.vehicle}
+    dialects = {name: build.dialect_for(table.autopilot) for name, table in tables.items()}
+    timeout_s = order.site.flight.connect_timeout_s
+
+    async def one(name: str) -> Facts:
+        table = tables[name]
+        await asking.answer(name, table.connection, table.sysid, links[name], timeout_s, clock)
+        facts = await asking.interview(name, links[name], clock, dialects[name], order.site.flight.ready_timeout_s)
+        console.say(Level.INFO, f"{name}: ready, {dialects[name].name} {facts.version}, battery {facts.remaining_pct:.0f} %")
+        return facts
+
+    asked = {name: asyncio.ensure_future(one(name)) for name in links}
+    try:
+        return {name: await facts for name, facts in asked.items()}
+    finally:
+        for facts in asked.values():
+            facts.cancel()
+
+
+def _setup(ground: Ground, facts: Mapping[str, Facts]) -> FlightSetup:
+    frame = ground.network.frame
+    pads = []
+    for name in ground.names:
+        position = facts[name].position
+        east_m, north_m = frame.to_local_m(position.lat_deg, position.lon_deg)
+        pads.append(preflight.pad_from(facts[name], east_m, north_m))
+    return build.setup_of(ground, pads)
+
+
+def _boards(context: Context, routes: Mapping[str, tuple[int, ...]]) -> dict[str, OnBoard | None]:
+    paths = build.paths_of(context.setup, routes)
+    return {
+        name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
+        for name in context.vehicles
+    }
+
+
+def _checks(
+    order: Order, context: Context, facts: Mapping[str, Facts], boards: Mapping[str, OnBoard | None]
+) -> list[Check]:
+    frame = context.frame
+    found: list[Check] = [Check(Severity.OK, "heights", f"over {context.setup.layers.reference.value}")]
+    paths = [board.path for board in boards.values() if board is not None]
+    found += preflight.separation(paths, order.site.inspection.layer_m, context.setup.home_alt_m)
+    for name, fact in facts.items():
+        setup, board = context.vehicles[name], boards[name]
+        place_m = frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
+        found += preflight.identity(fact, setup.dialect, place_m)
+        found.append(preflight.failsafe(fact, setup.dialect, setup.link_timeout_s))
+        found.append(preflight.energy(context, name, board.path if board is not None else None, fact.remaining_pct))
+    uncovered = order.plan.plan.uncovered
+    if uncovered:
+        ids = ", ".join(str(order.plan.segments[number].id) for number in uncovered)
+        found.append(Check(Severity.WARNING, "plan", f"the budgets do not cover segments {ids}"))
+    return found
+
+
+async def _load(
+    context: Context,
+    links: Mapping[str, VehicleLink],
+    clock: SystemClock,
+    boards: Mapping[str, OnBoard | None],
+    console: Console,
+) -> None:
+    async def one(name: str, board: OnBoard | None) -> None:
+        dialect, link = context.vehicles[name].dialect, links[name]
+        problem = await asking.prepare_return(name, link, clock, dialect, context.return_height_m(name))
+        if problem:
+            console.say(Level.WARNING, problem)
+        if board is not None:
+            mission = encode(board.path, dialect)
+            await asking.load(name, link, clock, dialect, mission)
+            console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
+
+    async with asyncio.TaskGroup() as tasks:
+        for name, board in boards.items():
+            tasks.create_task(one(name, board))
+
+
+class _Keeper:
+    """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
+
+    def __init__(
+        self, order: Order, context: Context, console: Console, log: EventLog, clock: SystemClock
+    ) -> None:
+        self._order = order
+        self._context = context
+        self._console = console
+        self._log = log
+        self._clock = clock
+        self._solve: Solve | None = None
+
+    def said(self, line: Say, now_s: float) -> None:
+        self._log.note(now_s, said=line.text, level=line.level.value)
+        self._console.say(line.level, line.text, now_s)
+
+    def applied(self, event: Event, state: FleetState, now_s: float) -> None:
+        if state.replan is not None:
+            self._solve = state.replan.solve
+        if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
+            self._keep_plan(event, self._solve)
+        self._console.show(self._context, state, now_s)
+
+    def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
+        if solve.revision != event.revision:
+            return
+        ground = self._order.ground
+        task, plan = _replanned(ground, solve, event)
+        solved = Solved(seed=self._order.plan.solved.seed, solver="search", seconds=event.solve_s)
+        content = make_plan_file(
+            ground.network, task, ground.travel, plan, Cost.MINCOMB, solved, inspection=ground.inspection
+        )
+        with suppress(OSError):
+            write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
+
+
+def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
+    vehicles = [
+        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
+        for offer in solve.survivors
+    ]
+    task = open_task(ground.network, solve.open_segments, vehicles, ground.travel)
+    number = {segment: index for index, segment in enumerate(task.segment_ids)}
+    visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
+    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(vehicles))
+    return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
+
+
+class _Interrupts:
+    """Ctrl-C once leaves the vehicles on their missions, twice sends them home."""
+
+    def __init__(self, flight: Flight, console: Console) -> None:
+        self._flight = flight
+        self._console = console
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self.left: list[bool] = []
+
+    def __enter__(self) -> list[bool]:
+        with suppress(NotImplementedError):
+            self._loop.add_signal_handler(signal.SIGINT, self._pressed)
+        return self.left
+
+    def __exit__(self, *_: object) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        with suppress(NotImplementedError):
+            self._loop.remove_signal_handler(signal.SIGINT)
+
+    def _pressed(self) -> None:
+        if self._timer is None:
+            text = f"Ctrl-C: the vehicles stay on their missions; once more within {LEAVE_AFTER_S:g} s sends them home"
+            self._console.say(Level.WARNING, text)
+            self._timer = self._loop.call_later(LEAVE_AFTER_S, self._leave)
+            return
+        self._timer.cancel()
+        self._flight.apply(ReturnAllOrdered())
+
+    def _leave(self) -> None:
+        self.left.append(True)
+        self._console.say(Level.WARNING, "supervision ends; the vehicles fly their missions on their own")
+        self._flight.leave()

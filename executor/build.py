@@ -1,0 +1,163 @@
+"""From the site file's tables to what planner, missions and core work with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executor.config import Site
+from executor.core.context import Context, VehicleSetup
+from executor.core.limits import Limits
+from missions import (
+    Dialect,
+    FlightPath,
+    FlightSetup,
+    Inspection,
+    Network,
+    Pad,
+    Task,
+    default_network_path,
+    dialect_for,
+    estimate,
+    flight_path,
+    flight_setup,
+    open_task,
+    read_network,
+)
+from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, travel_for
+
+LINK_MARGIN_S = 3.0
+"""Beyond the time in which a vehicle's own failsafe has acted."""
+LEAST_LINK_TIMEOUT_S = 10.0
+UPLOAD_ALLOWANCE_S = 1.0
+"""Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
+DEFAULT_NETWORK = "default"
+"""As `network.file`: the network that comes with faultline."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What is known before any vehicle answers."""
+
+    site: Site
+    network: Network
+    inspection: Inspection
+    drone: Drone
+    travel: Travel
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The vehicles' names, from the lowest layer to the highest."""
+        return tuple(vehicle.name for vehicle in self.site.vehicle)
+
+
+def ground_of(site: Site, base: Path) -> Ground:
+    """Read the network and prepare the models; paths are relative to `base`, the site file's folder.
+
+    Raises:
+        MissionsError: the network cannot be used.
+    """
+    file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
+    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
+    network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
+    table = site.inspection
+    inspection = Inspection(
+        height_m=table.height_m,
+        standoff_m=table.standoff_m,
+        speed_m_s=table.speed_m_s,
+        transit_speed_m_s=table.transit_speed_m_s,
+        layer_m=table.layer_m,
+    )
+    drone = drone_of(site)
+    return Ground(site, network, inspection, drone, travel_for(drone, table.transit_speed_m_s, table.speed_m_s))
+
+
+def drone_of(site: Site) -> Drone:
+    """Return the multicopter: the preset with what the site file changes."""
+    changes = site.energy.model_dump(exclude={"drone"}, exclude_none=True)
+    return replace(PRESETS[site.energy.drone], **changes)
+
+
+def task_of(ground: Ground) -> Task:
+    """Return the problem of the first plan: everything, from the depot, with the budgets of the site file."""
+    vehicles = [Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct) for vehicle in ground.site.vehicle]
+    return open_task(ground.network, range(len(ground.network.segments)), vehicles, ground.travel)
+
+
+def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
+    """Return heights and pads; pads are chosen around the depot unless the vehicles' places are known.
+
+    Raises:
+        MissionsError: there is no room for pads or layers.
+    """
+    return flight_setup(ground.network, ground.names, ground.inspection, pads=pads)
+
+
+def link_timeout_s(site: Site, dialect: Dialect) -> float:
+    """Return the silence after which a vehicle is lost: the site's, or when its own failsafe must have acted."""
+    if site.faults.link_timeout_s is not None:
+        return site.faults.link_timeout_s
+    return max(LEAST_LINK_TIMEOUT_S, dialect.ground_station_failsafe.returns_after_s + LINK_MARGIN_S)
+
+
+def limits_of(site: Site) -> Limits:
+    """Return the thresholds of the watchpoints."""
+    table = site.faults
+    return Limits(
+        link_stale_s=table.link_stale_s,
+        battery_step_pct=table.battery_step_pct,
+        battery_excess_pct=table.battery_excess_pct,
+        battery_window_s=table.battery_window_s,
+    )
+
+
+def routes_of(ground: Ground, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
+    """Return each vehicle's visits of the network by its name."""
+    routes = task.plan_to_network(plan).routes
+    return {ground.names[route.vehicle]: route.visits for route in routes}
+
+
+def paths_of(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Mapping[str, FlightPath]:
+    """Return the flight path of every vehicle that has something to do."""
+    return {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
+
+
+def overhead_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> float:
+    """Return what real flight paths cost relative to the planning model, at least 1: climbs, holds, ramps."""
+    modelled = sum(route_energy_pct(task.instance, route) for route in plan.routes if route.visits)
+    paths = paths_of(setup, routes_of(ground, task, plan))
+    flown = sum(estimate(path, ground.travel, setup.motion).energy_pct for path in paths.values())
+    return max(1.0, flown / modelled) if modelled > 0 else 1.0
+
+
+def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Context:
+    """Return everything that the decisions in flight may look at."""
+    site = ground.site
+    vehicles: dict[str, VehicleSetup] = {}
+    for table in site.vehicle:
+        dialect, pad = dialect_for(table.autopilot), setup.pad_of(table.name)
+        vehicles[table.name] = VehicleSetup(
+            name=table.name,
+            sysid=table.sysid,
+            dialect=dialect,
+            budget_pct=table.budget_pct,
+            reserve_pct=table.reserve_pct,
+            link_timeout_s=link_timeout_s(site, dialect),
+            pad_m=(pad.east_m, pad.north_m),
+        )
+    highest_m = max(setup.layers.height_m(name, *vehicles[name].pad_m) for name in vehicles)
+    return Context(
+        setup=setup,
+        vehicles=vehicles,
+        limits=limits_of(site),
+        drone=ground.drone,
+        travel=ground.travel,
+        segments=len(ground.network.segments),
+        corridor_m=site.inspection.corridor_m,
+        inspection_speed_m_s=site.inspection.speed_m_s,
+        overhead=overhead_of(ground, setup, task, plan),
+        landing_pct=highest_m / setup.motion.descent_m_s * ground.travel.inspection_pct_per_s,
+        fly_again=site.flight.fly_again,
+        horizon_s=2.0 + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S),
+    )

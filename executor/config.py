@@ -1,0 +1,218 @@
+"""The site file: what a crew writes, checked before anything else looks at it.
+
+Every refusal is one line that names the file, the key and what was expected.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from executor.errors import SiteError
+from planner import PRESETS
+
+Percent = Annotated[float, Field(ge=0, le=100)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DepotTable(_Table):
+    """Where the vehicles start and land."""
+
+    lat_deg: Annotated[float, Field(ge=-89, le=89)]
+    lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    alt_m: Annotated[float, Field(ge=-500, le=9000)] = 0.0
+
+
+class NetworkTable(_Table):
+    """The power line."""
+
+    file: str
+    radius_m: Positive | None = None
+    """Takes the segments whose two pylons are both nearer to the depot than this."""
+    crs: str | None = None
+    """The grid of a graph file's metres, such as EPSG:32633; without it they are true east and north."""
+
+
+class InspectionTable(_Table):
+    """How the line is flown."""
+
+    height_m: Positive = 15.0
+    """Over the pylon tops where the network knows them, else over the depot's ground."""
+    standoff_m: NotNegative = 5.0
+    """Beside the line, always on the same side."""
+    speed_m_s: Positive = 3.0
+    transit_speed_m_s: Positive = 8.0
+    layer_m: Positive = 5.0
+    """Any two vehicles keep at least this far apart."""
+    corridor_m: Positive = 10.0
+    """How far from the planned track a segment still counts as inspected."""
+
+
+class EnergyTable(_Table):
+    """Which multicopter: a preset, and what differs from it."""
+
+    drone: str = "mavic3"
+    mass_kg: Positive | None = None
+    rotors: Annotated[int, Field(ge=3, le=16)] | None = None
+    propeller_radius_m: Positive | None = None
+    cells: Annotated[int, Field(ge=1, le=24)] | None = None
+    capacity_ah: Positive | None = None
+    area_m2: Positive | None = None
+    efficiency: Annotated[float, Field(gt=0, le=1)] | None = None
+
+    @model_validator(mode="after")
+    def _known(self) -> EnergyTable:
+        if self.drone not in PRESETS:
+            raise ValueError(f"drone: expected one of {', '.join(PRESETS)}, got '{self.drone}'")
+        return self
+
+
+class VehicleTable(_Table):
+    """One vehicle."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    connection: str
+    """udpin://HOST:PORT listens there, udpout://HOST:PORT talks to there."""
+    sysid: Annotated[int, Field(ge=1, le=254)]
+    autopilot: Literal["ardupilot", "px4"]
+    backend: Literal["native"] = "native"
+    budget_pct: Percent = 75.0
+    reserve_pct: Percent = 15.0
+
+    @model_validator(mode="after")
+    def _sane(self) -> VehicleTable:
+        if self.budget_pct + self.reserve_pct > 100:
+            raise ValueError(
+                f"budget_pct: expected at most {100 - self.reserve_pct:g} beside a reserve_pct of "
+                f"{self.reserve_pct:g}, got {self.budget_pct:g}"
+            )
+        try:
+            url = urlsplit(self.connection)
+            good = url.scheme in {"udpin", "udpout"} and bool(url.hostname) and bool(url.port)
+        except ValueError:
+            good = False
+        if not good:
+            raise ValueError(
+                f"connection: expected udpin://HOST:PORT or udpout://HOST:PORT, got '{self.connection}'"
+            )
+        return self
+
+
+class FlightTable(_Table):
+    """How the flight is run."""
+
+    speedup: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """The factor at which a simulation runs; time-outs and heartbeats follow it."""
+    solve_s: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """Real seconds that the solver may take for a re-plan."""
+    connect_timeout_s: Positive = 15.0
+    """Real seconds until a vehicle that says nothing is given up before the flight."""
+    ready_timeout_s: Positive = 120.0
+    """Seconds of the vehicle's time until it must be ready to arm."""
+    fly_again: bool = True
+    """Whether a survivor that has landed may take off again for a re-plan."""
+
+
+class FaultsTable(_Table):
+    """When a vehicle is judged to be lost."""
+
+    link_timeout_s: Positive | None = None
+    """Silence until a vehicle is lost; by default its autopilot's own time for coming home, and a margin."""
+    link_stale_s: Positive = 3.0
+    battery_step_pct: Positive = 8.0
+    battery_excess_pct: Positive = 3.5
+    battery_window_s: Positive = 90.0
+
+
+class Site(_Table):
+    """The whole file."""
+
+    depot: DepotTable | None = None
+    network: NetworkTable
+    inspection: InspectionTable = InspectionTable()
+    energy: EnergyTable = EnergyTable()
+    vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
+    flight: FlightTable = FlightTable()
+    faults: FaultsTable = FaultsTable()
+    mqtt: dict[str, Any] | None = None
+    web: dict[str, Any] | None = None
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Site:
+        for key in ("name", "sysid", "connection"):
+            seen: dict[object, str] = {}
+            for index, vehicle in enumerate(self.vehicle):
+                value = getattr(vehicle, key)
+                unit = urlsplit(value).port if key == "connection" else value
+                if unit in seen:
+                    what = "port" if key == "connection" else key
+                    raise ValueError(
+                        f"vehicle[{index}].{key}: expected a {what} of its own, got {unit}, which is also the "
+                        f"{what} of vehicle '{seen[unit]}'"
+                    )
+                seen[unit] = vehicle.name
+        return self
+
+
+def read_site(path: Path) -> Site:
+    """Read and check a site file.
+
+    Raises:
+        SiteError: one line that names the file, the key and what was expected.
+    """
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+    except FileNotFoundError:
+        raise SiteError(f"{path}: no such file; expected a site file (TOML)") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SiteError(f"{path}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SiteError(f"{path}: not TOML: {error}") from error
+    return check_site(content, str(path))
+
+
+def check_site(content: dict[str, Any], source: str) -> Site:
+    """Check the content of a site file that came from `source`.
+
+    Raises:
+        SiteError: one line that names the source, the key and what was expected.
+    """
+    try:
+        return Site.model_validate(content)
+    except ValidationError as error:
+        raise SiteError(f"{source}: {_first_reason(error)}") from error
+
+
+def _first_reason(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
+    context = first.get("ctx", {})
+    match first["type"]:
+        case "missing":
+            reason = "expected this key, but it is missing"
+        case "extra_forbidden":
+            reason = "unknown key; expected one that the manual names"
+        case "value_error":
+            reason = str(context["error"])
+            # A check of several keys names its own; the place before it is the table's.
+            return f"{key}.{reason}" if key else reason
+        case "too_short":
+            reason = "expected at least one vehicle"
+        case "literal_error":
+            reason = f"expected {context['expected']}, got {first['input']!r}"
+        case _:
+            said = first["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+            reason = f"expected {said}, got {first['input']!r}"
+    if key == "vehicle" and first["type"] == "missing":
+        reason = "expected at least one [[vehicle]] table"
+    return f"{key}: {reason}"

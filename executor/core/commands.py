@@ -1,0 +1,93 @@
+"""All that can be decided."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from missions.waypoints import FlightPath
+
+
+class Level(Enum):
+    """How much a line matters."""
+
+    INFO = "info"
+    WARNING = "warning"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True)
+class Say:
+    """One line for the operator and the log: a decision with its reason."""
+
+    level: Level
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """Put this path on board; `airborne` when the vehicle flies its mission meanwhile."""
+
+    vehicle: str
+    revision: int
+    path: FlightPath
+    airborne: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Arm and start the mission on board."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
+class SendHome:
+    """Order the vehicle to return by itself."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
+class Survivor:
+    """One vehicle that can take over work."""
+
+    vehicle: str
+    start_m: tuple[float, float]
+    """Local east and north where it becomes free."""
+    budget_pct: float
+    """What it may spend from there until it is home."""
+    consumption: float
+    """What it uses relative to the energy model."""
+    airborne: bool
+    tail: tuple[int, ...]
+    """What it would do next by its present route: the warm start."""
+    kept: int
+    """How many waypoints of its present path stay as they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solve:
+    """Plan the open segments for the survivors."""
+
+    revision: int
+    open_segments: tuple[int, ...]
+    survivors: tuple[Survivor, ...]
+    trigger: str
+
+
+@dataclass(frozen=True, slots=True)
+class CancelSolve:
+    """What the solver works on is of no use any more."""
+
+    revision: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """Nothing is left to supervise."""
+
+    reason: str
+
+
+Command = Say | Upload | Start | SendHome | Solve | CancelSolve | Finish

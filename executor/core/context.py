@@ -1,0 +1,70 @@
+"""What does not change during a flight: the site, the network and the rules, as the decisions need them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from executor.core.limits import Limits
+from missions import Dialect, FlightSetup, LocalFrame
+from planner import Drone, Travel, pct_per_s
+
+FLAT_M = 1.0
+"""Less relief than this is flat: autopilots hold their height to half of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSetup:
+    """What the site says of one vehicle."""
+
+    name: str
+    sysid: int
+    dialect: Dialect
+    budget_pct: float
+    reserve_pct: float
+    link_timeout_s: float
+    """Silence until it is lost: at least the time in which its own failsafe acts."""
+    pad_m: tuple[float, float]
+    """Where it starts and lands, local east and north."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """Everything that `fleet.step` may look at besides the state and the event."""
+
+    setup: FlightSetup
+    vehicles: Mapping[str, VehicleSetup]
+    limits: Limits
+    drone: Drone
+    travel: Travel
+    segments: int
+    corridor_m: float
+    inspection_speed_m_s: float
+    overhead: float
+    """What a real flight path costs relative to the planning model: climb, holds, accelerations; at least 1."""
+    landing_pct: float
+    """What the descent onto the pad costs."""
+    fly_again: bool
+    horizon_s: float
+    """How long solving and uploading a re-plan may take, in the vehicles' time."""
+
+    @property
+    def frame(self) -> LocalFrame:
+        """The local frame about the depot."""
+        return self.setup.frame
+
+    def return_height_m(self, name: str) -> float:
+        """Return the height over its own home at which a vehicle must come home by itself, straight and level.
+
+        Over flat ground that is its own layer. Where the layers rise and fall with the ground, a level flight would
+        cross those of others, so the returns are stacked above all of them.
+        """
+        layers = self.setup.layers
+        heights = layers.track_heights_m
+        highest_m, relief_m = float(heights.max()), float(heights.max() - heights.min())
+        stack_m = len(layers.vehicles) * layers.spacing_m if relief_m > FLAT_M else 0.0
+        return highest_m + stack_m + layers.offset_m(name) - self.frame.up_m(self.setup.pad_of(name).alt_m)
+
+    def draw_pct_per_s(self, speed_m_s: float) -> float:
+        """Return what the energy model says a speed costs."""
+        return pct_per_s(self.drone, speed_m_s)

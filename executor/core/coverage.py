@@ -1,0 +1,109 @@
+"""Whether a segment was really inspected, judged by the recorded positions alone.
+
+A segment counts when it was flown from one end to the other in one run, inside the corridor about the planned track and
+not faster than `SPEED_FACTOR` times the inspection speed. Mission indices are not asked: both autopilots skip and
+overwrite them, and ArduPilot flies a slow leg too fast after a pass-through corner.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+SPEED_FACTOR = 1.3
+END_TOLERANCE_M = 5.0
+"""How near to a pylon a run may begin and end: an acceptance radius of 2 m, a GPS fix, and a sample's way at 4 Hz."""
+GAP_S = 5.0
+"""A longer silence between two positions proves nothing about what was flown between them."""
+SPEED_WINDOW_S = 2.0
+"""The speed is a mean over at least this time, so that the noise of two fixes is no overspeed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """The line to be flown for one visit, in its direction, in local metres."""
+
+    segment: int
+    begin_m: tuple[float, float]
+    end_m: tuple[float, float]
+
+    @property
+    def length_m(self) -> float:
+        """Length of the track."""
+        return math.dist(self.begin_m, self.end_m)
+
+    def locate(self, place_m: tuple[float, float]) -> tuple[float, float]:
+        """Return how far along the track a place lies, and how far beside or beyond it."""
+        length = self.length_m
+        east, north = (self.end_m[0] - self.begin_m[0]) / length, (self.end_m[1] - self.begin_m[1]) / length
+        de, dn = place_m[0] - self.begin_m[0], place_m[1] - self.begin_m[1]
+        along = de * east + dn * north
+        nearest = min(max(along, 0.0), length)
+        return along, math.hypot(de - nearest * east, dn - nearest * north)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Where the vehicle was by its own clock."""
+
+    boot_s: float
+    place_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """An inspection under way: the samples since the vehicle left the first pylon."""
+
+    furthest_m: float
+    recent: tuple[tuple[float, float], ...]
+    """(boot_s, along_m) of the last seconds, the oldest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one more position means for a visit."""
+
+    run: Run | None
+    done: bool = False
+    broken: str = ""
+    """Why a run ended before the other pylon."""
+
+
+def follow(run: Run | None, track: Track, sample: Sample, *, corridor_m: float, speed_m_s: float) -> Step:
+    """Carry a run on by one position.
+
+    Args:
+        run: the run so far, None before the first pylon.
+        track: the line, in the direction flown.
+        sample: the new position; not older than the run's last.
+        corridor_m: largest distance from the track.
+        speed_m_s: the inspection speed asked for.
+    """
+    along, beside = track.locate(sample.place_m)
+    tolerance = min(END_TOLERANCE_M, track.length_m / 4)
+    inside = beside <= corridor_m
+    if inside and along <= tolerance and (run is None or run.furthest_m <= tolerance):
+        # Still about the first pylon: the run begins when it leaves.
+        return Step(Run(along, ((sample.boot_s, along),)))
+    if run is None:
+        return Step(None)
+    gap_s = sample.boot_s - run.recent[-1][0]
+    if not inside:
+        return Step(None, broken=f"{beside:.0f} m beside the line")
+    if gap_s > GAP_S:
+        return Step(None, broken=f"no position for {gap_s:.1f} s")
+    if along < run.furthest_m - corridor_m:
+        return Step(None, broken="turned back")
+    recent = (*run.recent, (sample.boot_s, along))
+    while len(recent) > 2 and sample.boot_s - recent[1][0] >= SPEED_WINDOW_S:
+        recent = recent[1:]
+    elapsed_s = sample.boot_s - recent[0][0]
+    speed = (along - recent[0][1]) / elapsed_s if elapsed_s >= SPEED_WINDOW_S else 0.0
+    if speed > SPEED_FACTOR * speed_m_s:
+        return Step(None, broken=f"flown at {speed:.1f} m/s")
+    furthest = max(run.furthest_m, along)
+    if along >= track.length_m - tolerance:
+        if elapsed_s < SPEED_WINDOW_S and (along - recent[0][1]) > SPEED_FACTOR * speed_m_s * SPEED_WINDOW_S:
+            return Step(None, broken="flown too fast")
+        return Step(None, done=True)
+    return Step(Run(furthest, recent))

@@ -1,0 +1,94 @@
+"""All that can happen. Each event is logged before it is applied; the log fed to `fleet.step` gives the same commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from executor.core.messages import FlightMessage
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """A vehicle said something."""
+
+    vehicle: str
+    message: FlightMessage
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Time has passed; watchpoints are levels, looked at on every tick."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchOrdered:
+    """The operator has said yes; the first missions are on board."""
+
+
+@dataclass(frozen=True, slots=True)
+class UploadEnded:
+    """The upload of a mission, with its read-back, has come to its one end."""
+
+    vehicle: str
+    revision: int
+    accepted: bool
+    mixed: bool
+    """Whether a part of the new mission may be on board (ArduPilot replaces items one by one)."""
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StartEnded:
+    """The start procedure has come to its end."""
+
+    vehicle: str
+    accepted: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnEnded:
+    """The order to come home was acknowledged, or not."""
+
+    vehicle: str
+    accepted: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class NewRoute:
+    """One survivor's visits after a re-plan."""
+
+    vehicle: str
+    visits: tuple[int, ...]
+    """Visits of the network in their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolveEnded:
+    """The solver has come to its end."""
+
+    revision: int
+    routes: tuple[NewRoute, ...] | None
+    """None if the solver failed or was cancelled."""
+    uncovered: tuple[int, ...]
+    solve_s: float
+    """Real seconds."""
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnAllOrdered:
+    """The operator sends everybody home."""
+
+
+Event = (
+    Heard
+    | Tick
+    | LaunchOrdered
+    | UploadEnded
+    | StartEnded
+    | ReturnEnded
+    | SolveEnded
+    | ReturnAllOrdered
+)

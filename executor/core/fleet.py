@@ -1,0 +1,347 @@
+"""The flight: ``step(context, state, event, now_s) -> (state, commands)``.
+
+Everything that is decided about the fleet passes through here. Faults are levels, looked at on every tick; the log of
+events fed to `step` again gives the same commands.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core import faults, replanning
+from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Start
+from executor.core.context import Context
+from executor.core.events import Event, Heard, LaunchOrdered, ReturnAllOrdered, ReturnEnded, SolveEnded
+from executor.core.events import StartEnded, Tick, UploadEnded
+from executor.core.messages import Position
+from executor.core.modes import is_home_mode
+from executor.core.state import FleetState, Separation
+from executor.core.vehicle import Fault, FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+SLEPT_S = 2.0
+"""A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
+RETRIES = 3
+"""How often a start that failed is tried again."""
+ORDER_AGAIN_S = 5.0
+"""A vehicle that was told to return and does not is told again."""
+FRESH_S = 1.5
+"""Two positions no older than this say how far two vehicles are apart."""
+
+
+def initial(boards: dict[str, OnBoard | None]) -> FleetState:
+    """Return the state before the launch, with the missions that are on board."""
+    return FleetState(
+        MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()})
+    )
+
+
+def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+    """Apply one event."""
+    match event:
+        case Heard():
+            return _heard(context, state, event, now_s)
+        case Tick():
+            return _tick(context, state, now_s)
+        case LaunchOrdered():
+            return _launch(state, now_s)
+        case StartEnded():
+            return _started(state, event, now_s)
+        case UploadEnded():
+            return _uploaded(context, state, event, now_s)
+        case SolveEnded():
+            return replanning.solved(context, state, event, now_s)
+        case ReturnEnded():
+            return _return_ended(state, event)
+        case ReturnAllOrdered():
+            return _recall(state, now_s)
+
+
+def _launch(state: FleetState, now_s: float) -> Stepped:
+    commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.board is None or not vehicle.board.visits:
+            continue
+        state, start = _start(state, vehicle, now_s)
+        commands.append(start)
+    return replace(state, launched_s=now_s), tuple(commands)
+
+
+def _start(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
+    vehicle = moved_to(vehicle, Stage.STARTING)
+    vehicle = replace(vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, landed_s=None, anchor=None)
+    return state.put(vehicle), Start(vehicle.name)
+
+
+def _started(state: FleetState, event: StartEnded, now_s: float) -> Stepped:
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.stage is not Stage.STARTING:
+        return state, ()
+    if event.accepted:
+        vehicle = replace(moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s, anchor=None)
+        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+    if vehicle.failures + 1 < RETRIES:
+        vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
+        text = f"{vehicle.name}: did not start ({event.reason}); trying again"
+        return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
+    return _declare(state, vehicle, FaultKind.INTERRUPTION, f"did not start: {event.reason}", now_s)
+
+
+def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
+    before = state.vehicles[event.vehicle]
+    folded = fold(context, before, event.message, now_s)
+    state = state.put(folded.state)
+    commands: list[Command] = []
+    if folded.text is not None and folded.text.severity <= 4:
+        commands.append(Say(Level.WARNING, f"{event.vehicle} says: {folded.text.text}"))
+    if folded.broken:
+        commands.append(Say(Level.WARNING, f"{event.vehicle}: inspection does not count: {folded.broken}"))
+    if folded.inspected is not None and folded.inspected not in state.inspected:
+        inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
+        state = replace(state, inspected=inspected)
+    if isinstance(event.message, Position):
+        state = _separated(context, state, folded.state, now_s)
+    if before.stage is Stage.LOST:
+        state, more = _came_back(state, folded.state, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _came_back(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    if vehicle.armed:
+        vehicle = replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s)
+        text = f"{vehicle.name}: is heard again; its work was given away, so it is told to return"
+        return state.put(vehicle), (Say(Level.WARNING, text), SendHome(vehicle.name))
+    vehicle = replace(moved_to(vehicle, Stage.LANDED), landed_s=now_s)
+    return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: is heard again, on the ground"),)
+
+
+def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+    fix = vehicle.fix
+    high = context.limits.airborne_m
+    if fix is None or fix.alt_rel_m < high or not vehicle.armed:
+        return state
+    least = state.separation
+    for other in state.vehicles.values():
+        seen = other.fix
+        if other.name == vehicle.name or seen is None or seen.alt_rel_m < high or not other.armed:
+            continue
+        age_s = now_s - seen.at_s
+        if age_s > FRESH_S:
+            continue
+        east, north, up = (speed * age_s for speed in seen.velocity_m_s)
+        there = (seen.place_m[0] + east, seen.place_m[1] + north, seen.alt_msl_m + up)
+        apart = math.dist((*fix.place_m, fix.alt_msl_m), there)
+        if least is None or apart < least.least_m:
+            least = Separation(apart, (vehicle.name, other.name), now_s)
+    return replace(state, separation=least)
+
+
+def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
+    commands: list[Command] = []
+    state, more = _own_sleep(state, now_s)
+    commands.extend(more)
+    state, more = _silence(context, state, now_s)
+    commands.extend(more)
+    alone = state.silent_since_s is not None and now_s - state.silent_since_s < context.limits.all_silent_s
+    for name in state.vehicles:
+        state, more = _look_at(context, state, name, now_s, alone=alone)
+        commands.extend(more)
+    state, more = replanning.begin(context, state, now_s)
+    commands.extend(more)
+    state, more = _finish(context, state)
+    return state, (*commands, *more)
+
+
+def _own_sleep(state: FleetState, now_s: float) -> Stepped:
+    slept_s = 0.0 if state.tick_s is None else now_s - state.tick_s
+    state = replace(state, tick_s=now_s)
+    if slept_s <= SLEPT_S:
+        return state, ()
+    for vehicle in state.vehicles.values():
+        if vehicle.heard_s is not None:
+            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + slept_s)))
+    return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
+
+
+def _silence(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one."""
+    expected = [vehicle for vehicle in state.vehicles.values() if vehicle.stage is not Stage.LOST]
+    if not expected or state.launched_s is None:
+        return replace(state, silent_since_s=None), ()
+    latest = max(vehicle.heard_s if vehicle.heard_s is not None else float("-inf") for vehicle in expected)
+    if now_s - latest < context.limits.link_stale_s or not state.flying():
+        if state.silent_since_s is None:
+            return state, ()
+        return replace(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
+    if state.silent_since_s is not None:
+        return state, ()
+    text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
+    return replace(state, silent_since_s=latest), (Say(Level.WARNING, text),)
+
+
+def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, alone: bool) -> Stepped:
+    vehicle = state.vehicles[name]
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.LOST}:
+        return state, ()
+    commands: list[Command] = []
+    state, more = _staleness(context, state, vehicle, now_s)
+    commands.extend(more)
+    vehicle = state.vehicles[name]
+    judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
+    vehicle = replace(vehicle, watches=judgement.watches)
+    state = state.put(vehicle)
+    raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
+    if raised:
+        point, why = raised[0]
+        state, more = _fault(state, vehicle, point.kind, why, now_s)
+        commands.extend(more)
+    elif _has_landed(vehicle):
+        state, more = _landed(state, vehicle, now_s)
+        commands.extend(more)
+    elif vehicle.stage is Stage.RETURNING:
+        state, more = _order_again(context, state, vehicle, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _staleness(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
+    stale = age_s >= context.limits.link_stale_s
+    if stale == vehicle.stale:
+        return state, ()
+    text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
+    level = Level.WARNING if stale else Level.INFO
+    return state.put(replace(vehicle, stale=stale)), (Say(level, text),)
+
+
+def _has_landed(vehicle: VehicleState) -> bool:
+    return vehicle.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
+
+
+def _landed(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    vehicle = replace(moved_to(vehicle, Stage.LANDED), landed_s=now_s, run=None)
+    state = state.put(vehicle)
+    if vehicle.fault is None and vehicle.name not in state.considered:
+        # It was on its way down when the last re-plan was made: what was left then may be for it.
+        state = replace(state, considered=state.considered | {vehicle.name})
+        if state.given_up:
+            trigger = f"{vehicle.name}: landed with battery to spare"
+            state = replace(state, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s)
+    left = "" if vehicle.battery.remaining_pct is None else f" with {vehicle.battery.remaining_pct:.0f} %"
+    return state, (Say(Level.INFO, f"{vehicle.name}: landed{left}"),)
+
+
+def _order_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    dialect = context.vehicles[vehicle.name].dialect
+    if vehicle.heartbeat is None or is_home_mode(dialect, vehicle.heartbeat.custom_mode) or vehicle.stale:
+        return state, ()
+    if now_s - vehicle.ordered_mode_s < ORDER_AGAIN_S:
+        return state, ()
+    return state.put(replace(vehicle, ordered_mode_s=now_s)), (SendHome(vehicle.name),)
+
+
+def _fault(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float) -> Stepped:
+    """One arbiter: the first reason stands; a later one only changes where the vehicle is taken to be."""
+    if vehicle.fault is None:
+        return _declare(state, vehicle, kind, why, now_s)
+    if kind is FaultKind.LINK:
+        return state.put(moved_to(vehicle, Stage.LOST)), (Say(Level.WARNING, f"{vehicle.name}: {why}"),)
+    if _has_landed(vehicle):
+        return state.put(replace(moved_to(vehicle, Stage.LANDED), landed_s=now_s)), ()
+    return state, ()
+
+
+def _declare(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float) -> Stepped:
+    fault = Fault(kind, why, now_s)
+    down = vehicle.armed_once and not vehicle.armed
+    commands: list[Command] = []
+    if kind is FaultKind.LINK:
+        stage, then = Stage.LOST, "its segments are given to the others"
+    elif down or vehicle.stage is Stage.STARTING:
+        stage, then = Stage.LANDED, "its segments are given to the others"
+    else:
+        stage, then = Stage.RETURNING, "it is told to return, its segments are given to the others"
+        commands.append(SendHome(vehicle.name))
+    vehicle = replace(moved_to(vehicle, stage), fault=fault, ordered_mode_s=now_s, run=None, pending=None)
+    state = state.put(vehicle)
+    trigger = f"{vehicle.name}: {kind.value}, {why}"
+    state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
+    said: list[Command] = [Say(Level.FAULT, f"{trigger}; {then}")]
+    plan = state.replan
+    if plan is not None and plan.solve_s is None:
+        said.append(CancelSolve(plan.solve.revision))
+        state = replace(state, replan=None)
+    elif plan is not None and vehicle.name in plan.pending:
+        state = replace(state, replan=replace(plan, pending=plan.pending - {vehicle.name}))
+        state, ended = replanning.ended_if_done(state, now_s)
+        said.extend(ended)
+    return state, (*said, *commands)
+
+
+def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
+    vehicle = state.vehicles[event.vehicle]
+    plan = state.replan
+    if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
+        return state, ()
+    offer = next(offer for offer in plan.solve.survivors if offer.vehicle == event.vehicle)
+    visits = next((route.visits for route in plan.routes if route.vehicle == event.vehicle), ())
+    vehicle = replace(vehicle, pending=None)
+    commands: list[Command] = []
+    plan = replace(plan, pending=plan.pending - {event.vehicle})
+    if event.accepted:
+        path = replanning.new_path(context, vehicle, offer, visits)
+        everything = replanning.new_visits(vehicle, offer, visits)
+        board = aboard(context, vehicle.name, event.revision, path, everything)
+        state = state.put(replace(vehicle, board=board))
+        commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {len(visits)} segments to go"))
+        if not offer.airborne:
+            state, start = _start(state, state.vehicles[vehicle.name], now_s)
+            commands.append(start)
+    else:
+        plan = replace(plan, failed=(*plan.failed, vehicle.name))
+        state = state.put(replace(vehicle, stubborn=True))
+        text = f"{vehicle.name}: could not be given its new mission ({event.reason}); planning around it"
+        commands.append(Say(Level.WARNING, text))
+        state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
+    state = replace(state, replan=plan)
+    if event.mixed and not event.accepted:
+        state, more = _declare(
+            state, state.vehicles[vehicle.name], FaultKind.INTERRUPTION, "its mission is a mixture of two", now_s
+        )
+        commands.extend(more)
+    state, more = replanning.ended_if_done(state, now_s)
+    return state, (*commands, *more)
+
+
+def _return_ended(state: FleetState, event: ReturnEnded) -> Stepped:
+    if event.accepted:
+        return state, (Say(Level.INFO, f"{event.vehicle}: returns"),)
+    return state, (Say(Level.WARNING, f"{event.vehicle}: did not acknowledge the return ({event.reason})"),)
+
+
+def _recall(state: FleetState, now_s: float) -> Stepped:
+    commands: list[Command] = [Say(Level.WARNING, "the operator sends everybody home")]
+    if state.replan is not None and state.replan.solve_s is None:
+        commands.append(CancelSolve(state.replan.solve.revision))
+    for vehicle in state.vehicles.values():
+        if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
+            state = state.put(replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s, pending=None))
+            commands.append(SendHome(vehicle.name))
+    return replace(state, recalled=True, replan=None, launched_s=state.launched_s or now_s), tuple(commands)
+
+
+def _finish(context: Context, state: FleetState) -> Stepped:
+    waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+    if state.finished or state.launched_s is None or state.replan is not None:
+        return state, ()
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()):
+        return state, ()
+    if not state.recalled and replanning.orphans(context, state):
+        return state, ()
+    missing = context.segments - len(state.inspected)
+    reason = "every segment is inspected" if missing == 0 else f"{missing} segments are not inspected"
+    return replace(state, finished=True), (Finish(reason),)

@@ -1,0 +1,252 @@
+"""What vehicles say and what we say to them, in SI units; the codec turns MAVLink frames into these and back.
+
+Unknown is ``None``, never zero: both autopilots send -1, -100, 65535 or 0 for values that they do not have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from missions.items import MissionItem
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """HEARTBEAT of an autopilot component."""
+
+    autopilot: int
+    """MAV_AUTOPILOT: 3 ArduPilot, 12 PX4."""
+    custom_mode: int
+    armed: bool
+    system_status: int
+    """MAV_STATE: 3 standby, 4 active, 5 critical, 6 emergency."""
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """GLOBAL_POSITION_INT."""
+
+    boot_s: float
+    """The vehicle's own clock, seconds since its start."""
+    lat_deg: float
+    lon_deg: float
+    alt_msl_m: float
+    alt_rel_m: float
+    """Above the vehicle's own home."""
+    north_m_s: float
+    east_m_s: float
+    down_m_s: float
+    heading_deg: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """BATTERY_STATUS."""
+
+    battery: int
+    remaining_pct: float | None
+    voltage_v: float | None
+    """Of the whole pack."""
+    current_a: float | None
+    consumed_ah: float | None
+    charge_state: int
+    """MAV_BATTERY_CHARGE_STATE: 0 unknown, 1 ok, 2 low, 3 critical, 4 emergency, 5 failed, 6 unhealthy."""
+    faults: int
+    """MAV_BATTERY_FAULT bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class SystemStatus:
+    """SYS_STATUS."""
+
+    remaining_pct: float | None
+    voltage_v: float | None
+    unhealthy: int
+    """MAV_SYS_STATUS_SENSOR bits of what is enabled but not healthy."""
+    prearm_ok: bool | None
+    """MAV_SYS_STATUS_PREARM_CHECK, None where the vehicle does not report it."""
+
+
+@dataclass(frozen=True, slots=True)
+class LandedState:
+    """EXTENDED_SYS_STATE."""
+
+    on_ground: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """HOME_POSITION."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_msl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCurrent:
+    """MISSION_CURRENT."""
+
+    seq: int
+    total: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class MissionReached:
+    """MISSION_ITEM_REACHED."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRequest:
+    """MISSION_REQUEST or MISSION_REQUEST_INT; both are answered with MISSION_ITEM_INT."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionAck:
+    """MISSION_ACK."""
+
+    result: int
+    """MAV_MISSION_RESULT."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCount:
+    """MISSION_COUNT, the answer to a request for the list."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItemReceived:
+    """MISSION_ITEM_INT during a download."""
+
+    item: MissionItem
+
+
+@dataclass(frozen=True, slots=True)
+class CommandAck:
+    """COMMAND_ACK."""
+
+    command: int
+    result: int
+    """MAV_RESULT: 0 accepted, 1 temporarily rejected, 2 denied, 3 unsupported, 4 failed, 5 in progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class StatusText:
+    """STATUSTEXT, chunks put together."""
+
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ParamValue:
+    """PARAM_VALUE."""
+
+    name: str
+    value: float
+    kind: int
+    """MAV_PARAM_TYPE."""
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """AUTOPILOT_VERSION."""
+
+    major: int
+    minor: int
+    patch: int
+
+
+FlightMessage = (
+    Heartbeat | Position | Battery | SystemStatus | LandedState | Home | MissionCurrent | MissionReached | StatusText
+)
+"""What the core follows in flight; it is logged and replayed."""
+
+DialogueMessage = (
+    MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version
+)
+"""What only an open dialogue waits for."""
+
+Message = FlightMessage | DialogueMessage
+
+
+@dataclass(frozen=True, slots=True)
+class SendMissionCount:
+    """Opens an upload."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendMissionItem:
+    """Answers a request during an upload."""
+
+    item: MissionItem
+
+
+@dataclass(frozen=True, slots=True)
+class SendMissionRequestList:
+    """Opens a download."""
+
+
+@dataclass(frozen=True, slots=True)
+class SendMissionRequest:
+    """Asks for one item of a download."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendMissionAck:
+    """Closes a download (0), or cancels a transfer (15)."""
+
+    result: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendCommand:
+    """COMMAND_LONG."""
+
+    command: int
+    params: tuple[float, float, float, float, float, float, float] = (0.0,) * 7
+    confirmation: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SendParamRequest:
+    """PARAM_REQUEST_READ by name."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class SendParamSet:
+    """PARAM_SET."""
+
+    name: str
+    value: float
+    kind: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendHeartbeat:
+    """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
+
+
+Outgoing = (
+    SendMissionCount
+    | SendMissionItem
+    | SendMissionRequestList
+    | SendMissionRequest
+    | SendMissionAck
+    | SendCommand
+    | SendParamRequest
+    | SendParamSet
+    | SendHeartbeat
+)

@@ -1,0 +1,55 @@
+"""The seams through which runtime knows the outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from executor.core.commands import Solve
+from executor.core.events import Event, SolveEnded
+from executor.core.messages import Message, Outgoing
+
+
+class Clock(Protocol):
+    """The time of the flight, which runs `speedup` times as fast as the real one in a simulation."""
+
+    @property
+    def speedup(self) -> float:
+        """Seconds of the flight in a real second."""
+        ...
+
+    def now_s(self) -> float:
+        """Seconds since the ground station began; never goes back."""
+        ...
+
+
+class Link(Protocol):
+    """One vehicle's messages, in and out."""
+
+    def send(self, message: Outgoing) -> None:
+        """Send without waiting; what cannot be sent is lost, as on the air."""
+        ...
+
+    def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+        """Call `listener` with every message from now on; returns how to stop that."""
+        ...
+
+
+class EventSink(Protocol):
+    """Where events are written before they are applied."""
+
+    def write(self, event: Event, now_s: float) -> None:
+        """Append one event."""
+        ...
+
+
+class Solver(Protocol):
+    """The planner in a process of its own."""
+
+    async def solve(self, problem: Solve) -> SolveEnded:
+        """Return the best routes found within the deadline."""
+        ...
+
+    def cancel(self, revision: int) -> None:
+        """Make whatever works on this revision stop soon."""
+        ...

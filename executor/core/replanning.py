@@ -1,0 +1,243 @@
+"""Who can take over what, and what becomes of the answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core import battery, energy
+from executor.core.commands import Command, Level, Say, Solve, Survivor, Upload
+from executor.core.context import Context
+from executor.core.events import SolveEnded
+from executor.core.state import FleetState, Replan, ReplanRecord
+from executor.core.vehicle import Stage, VehicleState
+from missions import FlightPath, Phase, continue_path, flight_path
+from planner import segment_of
+
+PROOF_GRACE_S = 5.0
+"""The vehicle's index may move on before the position that proves the inspection has arrived."""
+ATTEMPTS = 2
+"""How often a segment is flown again because its inspection could not be proven."""
+QUANTUM_PCT = 1.0
+"""Batteries report whole percents: what is reported may be this much more than what is there."""
+RETRY_S = 5.0
+
+
+def orphans(context: Context, state: FleetState) -> frozenset[int]:
+    """Return the segments that are not inspected, not given up, and on nobody's way."""
+    wanted = set(range(context.segments)) - set(state.inspected) - state.given_up
+    for vehicle in state.on_mission():
+        wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()}
+    return frozenset(wanted)
+
+
+def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
+    """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
+    setup = context.vehicles[state.name]
+    heard = state.heard_s is not None and now_s - state.heard_s < setup.link_timeout_s
+    if state.fault is not None or state.stubborn or not heard or state.battery.remaining_pct is None:
+        return None
+    if state.stage in {Stage.GROUND, Stage.LANDED}:
+        if state.stage is Stage.LANDED and not context.fly_again:
+            return None
+        return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
+    if state.stage not in {Stage.FLYING, Stage.STARTING} or state.board is None or state.fix is None:
+        return None
+    kept = _kept(context, state)
+    if kept is None:
+        return None
+    if kept > state.waypoint:
+        start, spent = state.board.places_m[kept - 1], energy.modelled_to_reach_pct(state, kept - 1)
+    else:
+        start, spent = state.fix.place_m, 0.0
+    return _offer(context, state, start, spent * battery.factor(state.battery), airborne=True, kept=kept)
+
+
+def _kept(context: Context, state: VehicleState) -> int | None:
+    """Return how many waypoints must stay: the visit under way or flown to, and what is over before the upload is."""
+    board = state.board
+    if board is None:
+        return None
+    waypoints = board.path.waypoints
+    kept = state.waypoint
+    while kept < len(waypoints):
+        if waypoints[kept].phase in {Phase.TAKEOFF, Phase.TRANSIT, Phase.INSPECT}:
+            # A visit is finished once it is flown to. After its end the next leg may be replaced while it is flown.
+            while waypoints[kept].phase is not Phase.INSPECT:
+                kept += 1
+                if waypoints[kept].phase in {Phase.RETURN, Phase.LAND}:
+                    break
+            else:
+                kept += 1
+        if waypoints[kept].phase is Phase.LAND:
+            return None
+        if energy.time_to_reach_s(state, kept) > context.horizon_s:
+            return kept
+        if waypoints[kept].phase is Phase.RETURN:
+            return None
+    return None
+
+
+def _offer(
+    context: Context, state: VehicleState, start_m: tuple[float, float], spent_pct: float, *, airborne: bool, kept: int
+) -> Survivor:
+    setup = context.vehicles[state.name]
+    remaining = state.battery.remaining_pct or 0.0
+    left = min(remaining - setup.reserve_pct, setup.budget_pct - state.battery.used_pct)
+    budget = left - spent_pct - context.landing_pct - QUANTUM_PCT
+    tail: tuple[int, ...] = ()
+    if state.board is not None and airborne:
+        ahead = {waypoint.visit for waypoint in state.board.path.waypoints[kept:]}
+        tail = tuple(visit for index, visit in enumerate(state.board.visits) if index in ahead)
+    return Survivor(state.name, start_m, max(0.0, budget), energy.consumption(context, state), airborne, tail, kept)
+
+
+def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    """Begin a re-plan if there is a need for one and somebody to do it."""
+    alone = orphans(context, state)
+    if state.replan is not None or state.recalled or state.launched_s is None:
+        return state, ()
+    if not alone:
+        return replace(state, orphans_since_s=None, urgent=False), ()
+    since = now_s if state.orphans_since_s is None else state.orphans_since_s
+    state = replace(state, orphans_since_s=since)
+    if now_s < state.wait_until_s or (not state.urgent and now_s - since < PROOF_GRACE_S):
+        return state, ()
+    if not state.urgent:
+        state, alone = _count_attempts(state, alone)
+        if not alone:
+            return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
+    offers = tuple(offer for vehicle in state.vehicles.values() if (offer := survivor(context, vehicle, now_s)))
+    if not offers:
+        return _nobody(state, alone)
+    freed = {segment_of(visit) for offer in offers for visit in offer.tail}
+    trigger = state.trigger if state.urgent else f"not proven to be inspected: {_listed(alone)}"
+    revision = state.revision + 1
+    solve = Solve(revision, tuple(sorted((alone | freed) - set(state.inspected))), offers, trigger)
+    begun_s = state.trigger_s if state.urgent else now_s
+    state = replace(
+        state,
+        revision=revision,
+        replan=Replan(solve, begun_s),
+        urgent=False,
+        considered=frozenset(offer.vehicle for offer in offers),
+    )
+    names = ", ".join(offer.vehicle for offer in offers)
+    text = f"re-plan {revision}: {len(alone)} segments without a vehicle ({trigger}); planning for {names}"
+    return state, (Say(Level.INFO, text), solve)
+
+
+def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
+    attempts = {**state.attempts, **{segment: state.attempts.get(segment, 0) + 1 for segment in alone}}
+    hopeless = frozenset(segment for segment in alone if attempts[segment] > ATTEMPTS)
+    state = replace(state, attempts=MappingProxyType(attempts), given_up=state.given_up | hopeless)
+    return state, alone - hopeless
+
+
+def _nobody(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, tuple[Command, ...]]:
+    if state.on_mission():
+        return state, ()  # somebody is landing, or about to: it may fly again
+    state = replace(state, given_up=state.given_up | alone, urgent=False)
+    return state, (Say(Level.WARNING, f"nobody is left to inspect {_listed(alone)}"),)
+
+
+def solved(
+    context: Context, state: FleetState, event: SolveEnded, now_s: float
+) -> tuple[FleetState, tuple[Command, ...]]:
+    """Take the solver's answer: check that it still fits, then upload."""
+    plan = state.replan
+    if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
+        return state, ()  # made stale by a newer fault
+    if event.routes is None:
+        state = replace(state, replan=None, urgent=True, wait_until_s=now_s + RETRY_S)
+        return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
+    late = [offer.vehicle for offer in plan.solve.survivors if not _still_fits(state.vehicles[offer.vehicle], offer)]
+    if late:
+        state = replace(state, replan=None, urgent=True)
+        return state, (Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning anew"),)
+    routes = {route.vehicle: route.visits for route in event.routes}
+    commands: list[Command] = []
+    pending: set[str] = set()
+    for offer in plan.solve.survivors:
+        visits = routes.get(offer.vehicle, ())
+        if visits == offer.tail:
+            continue
+        path = new_path(context, state.vehicles[offer.vehicle], offer, visits)
+        pending.add(offer.vehicle)
+        commands.append(Upload(offer.vehicle, event.revision, path, offer.airborne))
+        vehicle = replace(state.vehicles[offer.vehicle], pending=event.revision)
+        state = state.put(vehicle)
+    text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {', '.join(sorted(pending)) or 'nobody'}"
+    lines: list[Command] = [Say(Level.INFO, text)]
+    if event.uncovered:
+        what = f"the budgets that are left do not cover {_listed(event.uncovered)}"
+        lines.append(Say(Level.WARNING, what))
+    plan = replace(
+        plan,
+        solve_s=event.solve_s,
+        solved_s=now_s,
+        uncovered=event.uncovered,
+        routes=event.routes,
+        pending=frozenset(pending),
+    )
+    given_up = state.given_up | set(event.uncovered)
+    state = replace(state, replan=plan, given_up=given_up)
+    state, ended = ended_if_done(state, now_s)
+    return state, (*lines, *commands, *ended)
+
+
+def _still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
+    if vehicle.fault is not None:
+        return False
+    if not offer.airborne:
+        return vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    return vehicle.stage in {Stage.FLYING, Stage.STARTING} and vehicle.waypoint <= offer.kept
+
+
+def new_visits(vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> tuple[int, ...]:
+    """Return all visits of a vehicle's new path: those that stay, then the new ones."""
+    if not offer.airborne or vehicle.board is None:
+        return visits
+    kept = {waypoint.visit for waypoint in vehicle.board.path.waypoints[: offer.kept]}
+    stay = tuple(visit for index, visit in enumerate(vehicle.board.visits) if index in kept)
+    return (*stay, *visits)
+
+
+def new_path(
+    context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]
+) -> FlightPath:
+    """Return the whole flight path of a survivor with its new visits.
+
+    In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
+    """
+    if not offer.airborne or vehicle.board is None:
+        return flight_path(context.setup, vehicle.name, visits)
+    return continue_path(context.setup, vehicle.board.path, offer.kept, visits)
+
+
+def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    """Close the re-plan once every new mission is on board, or known not to come on board."""
+    plan = state.replan
+    if plan is None or plan.solve_s is None or plan.pending:
+        return state, ()
+    record = ReplanRecord(
+        revision=plan.solve.revision,
+        trigger=plan.solve.trigger,
+        feasible=not plan.uncovered,
+        uncovered=plan.uncovered,
+        solve_s=plan.solve_s,
+        begun_s=plan.begun_s,
+        ended_s=now_s,
+        upload_s=now_s - plan.solved_s,
+    )
+    state = replace(state, replan=None, records=(*state.records, record), orphans_since_s=None)
+    text = f"re-plan {record.revision} is on board, {record.ended_s - record.begun_s:.1f} s after it was needed"
+    if plan.failed:
+        text = f"re-plan {record.revision} ended; {', '.join(plan.failed)} could not be given its part"
+    return state, (Say(Level.INFO, text),)
+
+
+def _listed(segments: frozenset[int] | tuple[int, ...]) -> str:
+    names = ", ".join(str(segment) for segment in sorted(segments))
+    return f"segment{'s' if len(segments) != 1 else ''} {names}"
+

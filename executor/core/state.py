@@ -1,0 +1,102 @@
+"""The state of the whole flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from executor.core.commands import Solve
+from executor.core.events import NewRoute
+from executor.core.vehicle import Stage, VehicleState
+
+
+@dataclass(frozen=True, slots=True)
+class Replan:
+    """A re-plan under way: first it is solved, then it is put on board vehicle by vehicle."""
+
+    solve: Solve
+    begun_s: float
+    """When the need for it was declared."""
+    solve_s: float | None = None
+    """Real seconds that the solver took; None while it works."""
+    solved_s: float = 0.0
+    uncovered: tuple[int, ...] = ()
+    routes: tuple[NewRoute, ...] = ()
+    pending: frozenset[str] = frozenset()
+    """Vehicles whose new mission is not on board yet."""
+    failed: tuple[str, ...] = ()
+    """Vehicles that could not be given theirs."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanRecord:
+    """A re-plan that has ended."""
+
+    revision: int
+    trigger: str
+    feasible: bool
+    uncovered: tuple[int, ...]
+    solve_s: float
+    begun_s: float
+    ended_s: float
+    upload_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """The nearest that two flying vehicles came to each other."""
+
+    least_m: float
+    between: tuple[str, str]
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FleetState:
+    """The flight as it is known at one moment."""
+
+    vehicles: Mapping[str, VehicleState]
+    inspected: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Segment to the vehicle that inspected it."""
+    given_up: frozenset[int] = frozenset()
+    """Segments that no survivor can inspect."""
+    attempts: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
+    """How often a segment was flown without proof."""
+    revision: int = 0
+    launched_s: float | None = None
+    tick_s: float | None = None
+    orphans_since_s: float | None = None
+    urgent: bool = False
+    """A fault was declared since the last re-plan began."""
+    trigger: str = ""
+    trigger_s: float = 0.0
+    """When the last fault was declared."""
+    wait_until_s: float = float("-inf")
+    """No re-plan begins before this: the last solve failed."""
+    replan: Replan | None = None
+    records: tuple[ReplanRecord, ...] = ()
+    considered: frozenset[str] = frozenset()
+    """The survivors of the last re-plan."""
+    silent_since_s: float | None = None
+    """Since when nobody at all is heard."""
+    recalled: bool = False
+    """Everybody was sent home."""
+    separation: Separation | None = None
+    finished: bool = False
+
+    def put(self, vehicle: VehicleState) -> FleetState:
+        """Return the state with one vehicle replaced."""
+        return replace(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
+
+    def flying(self) -> list[VehicleState]:
+        """Vehicles that are out there as far as we know."""
+        return [vehicle for vehicle in self.vehicles.values() if vehicle.airborne]
+
+    def on_mission(self) -> list[VehicleState]:
+        """Vehicles whose remaining visits will be flown."""
+        return [
+            vehicle
+            for vehicle in self.vehicles.values()
+            if vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
+        ]

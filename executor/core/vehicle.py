@@ -1,0 +1,282 @@
+"""One vehicle as we know it: what it said last and when, what it flies, and what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from executor.core import battery
+from executor.core.battery import BatteryState
+from executor.core.context import Context
+from executor.core.coverage import Run, Sample, Track, follow
+from executor.core.messages import Battery, FlightMessage, Heartbeat, LandedState, MissionCurrent, Position
+from executor.core.messages import StatusText, SystemStatus
+from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
+from planner import segment_of
+
+
+class Stage(Enum):
+    """Where a vehicle is in its flight."""
+
+    GROUND = "ground"
+    """Before its start, or with nothing to do."""
+    STARTING = "starting"
+    FLYING = "flying"
+    """On its mission."""
+    RETURNING = "returning"
+    """Told to come home by itself."""
+    LANDED = "landed"
+    LOST = "lost"
+    """Silent for longer than its time-out."""
+
+
+TRANSITIONS: dict[Stage, frozenset[Stage]] = {
+    Stage.GROUND: frozenset({Stage.STARTING, Stage.LOST}),
+    Stage.STARTING: frozenset({Stage.FLYING, Stage.GROUND, Stage.RETURNING, Stage.LANDED, Stage.LOST}),
+    Stage.FLYING: frozenset({Stage.RETURNING, Stage.LANDED, Stage.LOST}),
+    Stage.RETURNING: frozenset({Stage.LANDED, Stage.LOST}),
+    Stage.LANDED: frozenset({Stage.STARTING, Stage.LOST}),
+    Stage.LOST: frozenset({Stage.RETURNING, Stage.LANDED}),
+}
+"""What may follow what; a vehicle at fault never flies its mission again."""
+
+
+class FaultKind(Enum):
+    """What a fault is about."""
+
+    LINK = "link"
+    BATTERY = "battery"
+    INTERRUPTION = "interruption"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The judgement that a vehicle will not finish its route."""
+
+    kind: FaultKind
+    reason: str
+    detected_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """One watchpoint's memory: since when it fails, if it does."""
+
+    failing_since_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A position in the local frame."""
+
+    at_s: float
+    """When it arrived."""
+    boot_s: float
+    place_m: tuple[float, float]
+    alt_rel_m: float
+    alt_msl_m: float
+    velocity_m_s: tuple[float, float, float]
+    """East, north, up."""
+
+
+@dataclass(frozen=True, slots=True)
+class OnBoard:
+    """The mission that the vehicle is known to carry."""
+
+    revision: int
+    path: FlightPath
+    waypoint_of: tuple[int | None, ...]
+    """Mission item to waypoint of the path."""
+    visits: tuple[int, ...]
+    """All visits of the path in their order; a waypoint's `visit` is an index here."""
+    tracks: tuple[Track, ...]
+    """The line to be flown for each visit."""
+    places_m: tuple[tuple[float, float], ...]
+    """Each waypoint in the local frame."""
+    legs: tuple[LegEstimate, ...]
+    """What each leg of the path should take."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """Everything known of one vehicle."""
+
+    name: str
+    stage: Stage = Stage.GROUND
+    heard_s: float | None = None
+    heartbeat: Heartbeat | None = None
+    mode_since_s: float = 0.0
+    ordered_mode_s: float = float("-inf")
+    """When we last ordered a change of mode."""
+    armed_once: bool = False
+    fix: Fix | None = None
+    anchor: Fix | None = None
+    """Where the vehicle was when it last moved on, for the stall watchpoint."""
+    on_ground: bool | None = None
+    battery: BatteryState = BatteryState()
+    board: OnBoard | None = None
+    waypoint: int = 0
+    """The waypoint at the end of the leg under way, by the vehicle's own word."""
+    run: Run | None = None
+    run_visit: int | None = None
+    """The visit that `run` belongs to."""
+    runs_broken: tuple[tuple[int, str], ...] = ()
+    """(segment, reason) of inspections that do not count."""
+    watches: tuple[tuple[str, Watch], ...] = ()
+    stale: bool = False
+    fault: Fault | None = None
+    pending: int | None = None
+    """The revision whose mission is being put on board."""
+    stubborn: bool = False
+    """Whether it could not be given a new mission: it is planned around."""
+    failures: int = 0
+    """Starts or uploads that failed since the last that succeeded."""
+    landed_s: float | None = None
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it is out there, as far as we know."""
+        return self.stage in {Stage.FLYING, Stage.RETURNING} or (self.stage is Stage.STARTING and self.armed)
+
+    @property
+    def armed(self) -> bool:
+        """Whether its last heartbeat said so."""
+        return self.heartbeat is not None and self.heartbeat.armed
+
+    @property
+    def leg(self) -> Waypoint | None:
+        """The waypoint that it flies to."""
+        if self.board is None or self.waypoint >= len(self.board.path.waypoints):
+            return None
+        return self.board.path.waypoints[self.waypoint]
+
+    def remaining_visits(self) -> tuple[int, ...]:
+        """Visits of its mission that it has not passed, the one under way included."""
+        if self.board is None:
+            return ()
+        ahead = {waypoint.visit for waypoint in self.board.path.waypoints[self.waypoint :]}
+        return tuple(visit for index, visit in enumerate(self.board.visits) if index in ahead)
+
+
+def moved_to(state: VehicleState, stage: Stage) -> VehicleState:
+    """Return the vehicle in another stage.
+
+    Raises:
+        ValueError: the table has no such transition; a mistake of the caller's.
+    """
+    if stage is state.stage:
+        return state
+    if stage not in TRANSITIONS[state.stage]:
+        raise ValueError(f"{state.name}: {state.stage.value} cannot become {stage.value}")
+    return replace(state, stage=stage)
+
+
+def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:
+    """Return what a vehicle carries once `path` has been put on board and read back."""
+    places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
+    # The leg that is marked as the inspection of a visit begins where the leg before it ends.
+    tracks = tuple(
+        Track(segment_of(visits[waypoint.visit]), places[index - 1], places[index])
+        for index, waypoint in enumerate(path.waypoints)
+        if waypoint.phase is Phase.INSPECT and waypoint.visit is not None
+    )
+    encoded = encode(path, context.vehicles[name].dialect)
+    legs = estimate(path, context.travel, context.setup.motion).legs
+    return OnBoard(revision, path, encoded.waypoint_of, visits, tracks, places, legs)
+
+
+@dataclass(frozen=True, slots=True)
+class Folded:
+    """A vehicle after a message, and the segment that the message proved to be inspected."""
+
+    state: VehicleState
+    inspected: int | None = None
+    broken: str = ""
+    """Why an inspection under way does not count any more."""
+    text: StatusText | None = None
+
+
+def fold(context: Context, state: VehicleState, message: FlightMessage, now_s: float) -> Folded:
+    """Take one message into the state."""
+    state = replace(state, heard_s=now_s)
+    match message:
+        case Heartbeat():
+            changed = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
+            since = now_s if changed else state.mode_since_s
+            armed_once = state.armed_once or message.armed
+            return Folded(replace(state, heartbeat=message, mode_since_s=since, armed_once=armed_once))
+        case Position():
+            return _positioned(context, state, message, now_s)
+        case Battery(remaining_pct=remaining) if remaining is not None:
+            return Folded(replace(state, battery=_charged(state.battery, remaining, message.charge_state, now_s)))
+        case SystemStatus(remaining_pct=remaining) if remaining is not None and not state.battery.history:
+            return Folded(replace(state, battery=_charged(state.battery, remaining, 0, now_s)))
+        case MissionCurrent(seq):
+            return Folded(_at_item(state, seq))
+        case LandedState(on_ground):
+            return Folded(replace(state, on_ground=on_ground))
+        case StatusText():
+            return Folded(state, text=message)
+        case _:
+            return Folded(state)
+
+
+def _charged(state: BatteryState, remaining_pct: float, charge_state: int, now_s: float) -> BatteryState:
+    # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
+    if state.remaining_pct is not None and remaining_pct > state.remaining_pct + 20.0:
+        return battery.swapped(state, remaining_pct, charge_state, now_s)
+    return battery.reported(state, remaining_pct, charge_state, now_s)
+
+
+def _at_item(state: VehicleState, seq: int) -> VehicleState:
+    if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
+        return state
+    waypoint = state.board.waypoint_of[seq]
+    if waypoint is None or state.stage not in {Stage.FLYING, Stage.STARTING}:
+        return state
+    return replace(state, waypoint=waypoint)
+
+
+def _positioned(context: Context, state: VehicleState, message: Position, now_s: float) -> Folded:
+    if state.fix is not None and -60.0 < message.boot_s - state.fix.boot_s <= 0.0:
+        return Folded(state)  # overtaken on the way by a newer one, or a duplicate
+    place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
+    velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
+    fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity)
+    drained = state.battery
+    elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
+    if state.armed and 0.0 < elapsed_s < 30.0:
+        ground_speed = math.hypot(message.north_m_s, message.east_m_s)
+        drained = battery.drawn(drained, context.draw_pct_per_s(ground_speed) * elapsed_s)
+    anchor = state.anchor
+    if anchor is None or _apart_m(anchor, fix) > context.limits.stall_m:
+        anchor = fix
+    state = replace(state, fix=fix, battery=drained, anchor=anchor)
+    return _covered(context, state, Sample(message.boot_s, place))
+
+
+def _apart_m(one: Fix, other: Fix) -> float:
+    return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
+
+
+def _covered(context: Context, state: VehicleState, sample: Sample) -> Folded:
+    leg = state.leg
+    if state.board is None or leg is None or state.stage is not Stage.FLYING:
+        return Folded(state)
+    # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
+    visit = state.run_visit if state.run_visit is not None and state.run is not None else leg.visit
+    if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
+        visit = leg.visit
+    if visit is None:
+        return Folded(state)
+    track = state.board.tracks[visit]
+    run = state.run if state.run_visit == visit else None
+    step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
+    state = replace(state, run=step.run, run_visit=visit)
+    if step.done:
+        return Folded(state, inspected=track.segment)
+    if step.broken:
+        broken = (*state.runs_broken, (track.segment, step.broken))
+        return Folded(replace(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
+    return Folded(state)

@@ -1,0 +1,91 @@
+"""The whole story in one call: a site of its own, a simulated fleet in a process of its own, a flight with a loss."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from executor.adapters.clock import SystemClock
+from executor.report import Happening
+from executor.simulator.truth import read_truths
+from missions import default_network_path, read_network
+
+TRUTHS = "truth.jsonl"
+KINDS = {
+    "silent": "link",
+    "battery-step": "battery",
+    "drain": "battery",
+    "crash": "interruption",
+    "reboot": "interruption",
+    "refuse-upload": "interruption",
+    "half-upload": "interruption",
+}
+"""What a fault that the simulator injects should be declared as."""
+
+
+def demo_site(
+    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str
+) -> dict[str, object]:
+    """Return the content of a site file for a simulated fleet on free ports."""
+    table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
+    site: dict[str, object] = {
+        "network": table,
+        "flight": {"speedup": speedup},
+        "vehicle": [
+            {
+                "name": f"uav{number}",
+                "connection": f"udpin://127.0.0.1:{port}",
+                "sysid": number,
+                "autopilot": autopilot,
+            }
+            for number, port in enumerate(_free_ports(vehicles), start=1)
+        ],
+    }
+    if network is not None:
+        # A graph file says nothing of where it lies: the demo puts it where the default network is.
+        frame = read_network(default_network_path()).frame
+        site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
+    return site
+
+
+def _free_ports(count: int) -> list[int]:
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [int(one.getsockname()[1]) for one in sockets]
+
+
+@contextmanager
+def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
+    """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
+    command = [sys.executable, "-m", "executor", "simulate", str(run / "site.toml"), "--seed", str(seed)]
+    command += ["--truth", str(run / TRUTHS)]
+    for fault in faults:
+        command += ["--fault", fault]
+    with (run / "simulator.log").open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        try:
+            yield
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def happenings(run: Path, clock: SystemClock) -> list[Happening]:
+    """Return when the ordered faults really happened, in the ground station's time."""
+    path = run / TRUTHS
+    if not path.exists():
+        return []
+    found = []
+    for truth in read_truths(path):
+        if not truth.what.startswith("fault "):
+            continue
+        name = truth.what.partition(":")[2].partition("@")[0].partition("=")[0]
+        at_s = (truth.unix_s - clock.began_unix_s) * clock.speedup
+        found.append(Happening(truth.vehicle, KINDS.get(name, name), at_s))
+    return found

@@ -1,0 +1,71 @@
+"""One command and its acknowledgement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from executor.core.messages import CommandAck, Message, Outgoing, SendCommand
+from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+
+PERIOD_S = 1.0
+TRIES = 5
+IN_PROGRESS_S = 10.0
+"""How long a vehicle may work on a command that it has acknowledged as in progress."""
+RESULT_NAMES = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
+"""MAV_RESULT in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandDialogue:
+    """The state of one command."""
+
+    command: SendCommand
+    what: str
+    """The command in words, for reasons."""
+    outcome: Outcome | None = None
+    deadline_s: float = 0.0
+    tries: int = 0
+    refusal: str = ""
+    """What the vehicle said last when it rejected the command for the time being."""
+
+    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Send the command."""
+        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self.command,)
+
+    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Take the acknowledgement; 'temporarily rejected' is asked again at the deadline."""
+        if self.outcome is not None:
+            return self, ()
+        match message:
+            case CommandAck(command, result) if command == self.command.command:
+                match result:
+                    case 0:
+                        return self._ended(Accepted()), ()
+                    case 1:
+                        return replace(self, refusal="temporarily rejected"), ()
+                    case 5:
+                        return replace(self, deadline_s=now_s + IN_PROGRESS_S), ()
+                    case _:
+                        reason = RESULT_NAMES.get(result, f"result {result}")
+                        return self._ended(Rejected(f"{self.what}: {reason}")), ()
+            case _:
+                return self, ()
+
+    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Send it again with the next confirmation number, or give up."""
+        if self.outcome is not None:
+            return self, ()
+        if self.tries >= TRIES:
+            if self.refusal:
+                return self._ended(Rejected(f"{self.what}: {self.refusal}")), ()
+            return self._ended(TimedOut(f"{self.what}: no acknowledgement")), ()
+        state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
+        return state, (replace(self.command, confirmation=self.tries),)
+
+    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Give up."""
+        return (self if self.outcome is not None else self._ended(Cancelled())), ()
+
+    def _ended(self, outcome: Outcome) -> Self:
+        return replace(self, outcome=outcome, deadline_s=float("inf"))

@@ -1,0 +1,70 @@
+"""Download of the mission on board: here the ground station drives, and repeats its question until it is answered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from executor.core.messages import Message, MissionAck, MissionCount, MissionItemReceived, Outgoing, SendMissionAck
+from executor.core.messages import SendMissionRequest, SendMissionRequestList
+from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+from executor.protocols.upload import RESULT_NAMES
+from missions.items import MissionItem
+
+PERIOD_S = 1.0
+TRIES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Download:
+    """The state of one download."""
+
+    outcome: Outcome | None = None
+    deadline_s: float = 0.0
+    count: int | None = None
+    items: tuple[MissionItem, ...] = ()
+    tries: int = 0
+    """How often the question that is open was asked."""
+
+    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Ask how many items there are."""
+        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (SendMissionRequestList(),)
+
+    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Take the count, then the items in their order."""
+        if self.outcome is not None:
+            return self, ()
+        match message:
+            case MissionCount(count) if self.count is None:
+                return replace(self, count=count)._ask(now_s)
+            case MissionItemReceived(item) if self.count is not None and item.seq == len(self.items):
+                return replace(self, items=(*self.items, item))._ask(now_s)
+            case MissionAck(result) if result != 0:
+                reason = f"download refused: {RESULT_NAMES.get(result, f'result {result}')}"
+                return self._ended(Rejected(reason)), ()
+            case _:
+                return self, ()
+
+    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Ask again, or give up."""
+        if self.outcome is not None:
+            return self, ()
+        if self.tries >= TRIES:
+            what = "the count" if self.count is None else f"item {len(self.items)} of {self.count}"
+            return self._ended(TimedOut(f"no answer when asked for {what}")), ()
+        state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
+        return state, (SendMissionRequestList() if self.count is None else SendMissionRequest(len(self.items)),)
+
+    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Give up."""
+        if self.outcome is not None:
+            return self, ()
+        return self._ended(Cancelled()), (SendMissionAck(15),)
+
+    def _ask(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        if len(self.items) == self.count:
+            return self._ended(Accepted()), (SendMissionAck(0),)
+        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (SendMissionRequest(len(self.items)),)
+
+    def _ended(self, outcome: Outcome) -> Self:
+        return replace(self, outcome=outcome, deadline_s=float("inf"))

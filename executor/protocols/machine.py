@@ -1,0 +1,69 @@
+"""What all dialogues share: outcomes, and the shape of a machine.
+
+A machine is a frozen state. ``begin``, ``on_message``, ``on_deadline`` and ``cancel`` return the next state and what to
+send. A state with an outcome is final: whatever comes later leaves it as it is and sends nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+from executor.core.messages import Message, Outgoing
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """The vehicle has done, or will do, what was asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """The vehicle said no."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimedOut:
+    """The vehicle fell silent."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cancelled:
+    """We gave it up ourselves."""
+
+
+Outcome = Accepted | Rejected | TimedOut | Cancelled
+
+
+class Machine(Protocol):
+    """One dialogue."""
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """The one outcome, once there is one."""
+        ...
+
+    @property
+    def deadline_s(self) -> float:
+        """When `on_deadline` wants to be called if nothing comes before."""
+        ...
+
+    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Open the dialogue."""
+        ...
+
+    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Take a message that may or may not belong to this dialogue."""
+        ...
+
+    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """`deadline_s` has passed."""
+        ...
+
+    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Give up; what is sent tells the vehicle so where it can be told."""
+        ...

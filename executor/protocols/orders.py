@@ -1,0 +1,50 @@
+"""The commands that we give, as COMMAND_LONG."""
+
+from __future__ import annotations
+
+from executor.core.messages import SendCommand
+from missions import ModeNumber
+
+DO_SET_MODE = 176
+MISSION_START = 300
+COMPONENT_ARM_DISARM = 400
+SET_MESSAGE_INTERVAL = 511
+REQUEST_MESSAGE = 512
+
+GLOBAL_POSITION_INT = 33
+SYS_STATUS = 1
+MISSION_CURRENT = 42
+BATTERY_STATUS = 147
+AUTOPILOT_VERSION = 148
+HOME_POSITION = 242
+EXTENDED_SYS_STATE = 245
+
+
+def _command(number: int, *params: float) -> SendCommand:
+    given = (*params, *(0.0 for _ in range(7 - len(params))))
+    return SendCommand(number, (given[0], given[1], given[2], given[3], given[4], given[5], given[6]))
+
+
+def set_mode(mode: ModeNumber) -> SendCommand:
+    """Switch to a mode; param1 says that the numbers are the autopilot's own."""
+    return _command(DO_SET_MODE, 1.0, float(mode.param2), float(mode.param3))
+
+
+def arm() -> SendCommand:
+    """Arm, with all checks."""
+    return _command(COMPONENT_ARM_DISARM, 1.0)
+
+
+def start_mission() -> SendCommand:
+    """Start or resume the mission; ArduPilot denies anything but zeros."""
+    return _command(MISSION_START)
+
+
+def message_interval(message: int, hz: float) -> SendCommand:
+    """Ask for a message at a rate."""
+    return _command(SET_MESSAGE_INTERVAL, float(message), 1e6 / hz)
+
+
+def request_message(message: int) -> SendCommand:
+    """Ask for a message once."""
+    return _command(REQUEST_MESSAGE, float(message))

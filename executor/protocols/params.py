@@ -1,0 +1,62 @@
+"""Reading and setting one parameter of a vehicle; a set is confirmed by the value that comes back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+from executor.core.messages import Message, Outgoing, ParamValue, SendParamRequest, SendParamSet
+from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+
+PERIOD_S = 1.0
+TRIES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """The state of one question, or of one change if `wanted` is given."""
+
+    name: str
+    wanted: SendParamSet | None = None
+    outcome: Outcome | None = None
+    deadline_s: float = 0.0
+    tries: int = 0
+    value: ParamValue | None = None
+
+    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Ask, or set."""
+        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self._question(),)
+
+    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:  # noqa: ARG002
+        """Take the value if it is the one asked for, and the one wanted."""
+        if self.outcome is not None:
+            return self, ()
+        match message:
+            case ParamValue(name, value) if name == self.name:
+                state = replace(self, value=message)
+                if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
+                    return state._ended(Accepted()), ()
+                return state, ()
+            case _:
+                return self, ()
+
+    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Ask again, or give up."""
+        if self.outcome is not None:
+            return self, ()
+        if self.tries >= TRIES:
+            if self.wanted is not None and self.value is not None:
+                return self._ended(Rejected(f"{self.name} stays {self.value.value:g}")), ()
+            return self._ended(TimedOut(f"{self.name}: no answer")), ()
+        return replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S), (self._question(),)
+
+    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Give up."""
+        return (self if self.outcome is not None else self._ended(Cancelled())), ()
+
+    def _question(self) -> Outgoing:
+        return self.wanted if self.wanted is not None else SendParamRequest(self.name)
+
+    def _ended(self, outcome: Outcome) -> Self:
+        return replace(self, outcome=outcome, deadline_s=float("inf"))

@@ -1,0 +1,120 @@
+"""Upload of a mission.
+
+The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only until
+the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is repeated
+when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from executor.core.messages import Message, MissionAck, MissionRequest, Outgoing, SendMissionAck, SendMissionCount
+from executor.core.messages import SendMissionItem
+from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+from missions.items import MissionItem
+
+COUNT_PERIOD_S = 1.5
+COUNT_TRIES = 5
+"""QGroundControl's figures (PlanManager.h), recommended by the mission protocol page of mavlink.io."""
+REPEAT_S = 0.1
+"""A request repeated sooner than this crossed our answer on the way and is not answered twice (PX4 issue 11078)."""
+LAST_ITEM_PERIOD_S = 1.0
+
+RESULT_ACCEPTED = 0
+RESULT_CANCELLED = 15
+RESULT_NAMES = {
+    1: "error, or busy with another transfer", 2: "unsupported frame", 3: "unsupported command", 4: "no space",
+    5: "invalid item", 6: "invalid param1", 7: "invalid param2", 8: "invalid param3", 9: "invalid param4",
+    10: "invalid latitude", 11: "invalid longitude", 12: "invalid height", 13: "invalid sequence",
+    14: "denied: another ground station is uploading", 15: "cancelled by the vehicle",
+}  # fmt: skip
+"""MAV_MISSION_RESULT in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """The state of one upload."""
+
+    items: tuple[MissionItem, ...]
+    silence_s: float
+    """How long the vehicle may stay silent after its first request: longer than its own time-out."""
+    warnings: frozenset[int]
+    """MAV_MISSION_RESULTs that this autopilot sends while it goes on (ArduPilot: 13)."""
+    outcome: Outcome | None = None
+    deadline_s: float = 0.0
+    counts_sent: int = 0
+    furthest: int = -1
+    """The highest item asked for so far."""
+    answered: int = -1
+    """The item answered last, at `answered_s`."""
+    answered_s: float = float("-inf")
+    heard_s: float = 0.0
+    """When the vehicle last took part."""
+
+    @property
+    def begun(self) -> bool:
+        """Whether the vehicle has asked for an item: from then on ArduPilot's old mission is no longer whole."""
+        return self.furthest >= 0
+
+    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Announce the number of items."""
+        state = replace(self, counts_sent=1, deadline_s=now_s + COUNT_PERIOD_S, heard_s=now_s)
+        return state, (SendMissionCount(len(self.items)),)
+
+    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Answer requests; end on an acknowledgement that is final."""
+        if self.outcome is not None:
+            return self, ()
+        match message:
+            case MissionRequest(seq) if 0 <= seq < len(self.items):
+                return self._answer(seq, now_s)
+            case MissionAck(result):
+                return self._acknowledged(result), ()
+            case _:
+                return self, ()
+
+    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Repeat what may be repeated, or give up."""
+        if self.outcome is not None:
+            return self, ()
+        if not self.begun:
+            if self.counts_sent >= COUNT_TRIES:
+                return self._ended(TimedOut("the vehicle did not ask for the first item")), ()
+            state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
+            return state, (SendMissionCount(len(self.items)),)
+        if now_s - self.heard_s >= self.silence_s:
+            return self._ended(TimedOut(f"silence after item {self.furthest} of {len(self.items)}")), ()
+        state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
+        if self.furthest == len(self.items) - 1:
+            return state, (SendMissionItem(self.items[-1]),)
+        return state, ()
+
+    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Give up; PX4 takes the cancellation, ArduPilot notices the silence."""
+        if self.outcome is not None:
+            return self, ()
+        return self._ended(Cancelled()), (SendMissionAck(RESULT_CANCELLED),)
+
+    def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        state = replace(
+            self,
+            furthest=max(self.furthest, seq),
+            heard_s=now_s,
+            deadline_s=now_s + min(LAST_ITEM_PERIOD_S, self.silence_s),
+        )
+        if seq == self.answered and now_s - self.answered_s < REPEAT_S:
+            return state, ()
+        return replace(state, answered=seq, answered_s=now_s), (SendMissionItem(self.items[seq]),)
+
+    def _acknowledged(self, result: int) -> Self:
+        if result == RESULT_ACCEPTED:
+            # Before the last item was asked for it can only be a late duplicate of an earlier transfer's.
+            return self._ended(Accepted()) if self.furthest == len(self.items) - 1 else self
+        if result in self.warnings:
+            return self
+        return self._ended(Rejected(f"mission refused: {RESULT_NAMES.get(result, f'result {result}')}"))
+
+    def _ended(self, outcome: Outcome) -> Self:
+        return replace(self, outcome=outcome, deadline_s=float("inf"))

@@ -1,0 +1,94 @@
+"""What a flight came to, as report.json says it. All times are seconds since the launch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from executor.core.context import Context
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """A fault that a simulator ordered, when it really happened."""
+
+    vehicle: str
+    kind: str
+    """link, battery or interruption."""
+    at_s: float
+    """In the ground station's time."""
+
+
+def report_of(context: Context, state: FleetState, ended_s: float, truths: Sequence[Happening] = ()) -> dict[str, object]:
+    """Return the content of report.json.
+
+    Args:
+        context: Of the flight.
+        state: At its end.
+        ended_s: The end, in the ground station's time.
+        truths: What really happened, where a simulator knows it.
+    """
+    began_s = state.launched_s if state.launched_s is not None else ended_s
+    uncovered = sorted(set(range(context.segments)) - set(state.inspected))
+    return {
+        "format": "faultline-report/1",
+        "segments_total": context.segments,
+        "segments_inspected": len(state.inspected),
+        "segments_uncovered": uncovered,
+        "finished": not uncovered,
+        "duration_s": round(ended_s - began_s, 1),
+        "faults": [_fault(vehicle, began_s, truths) for vehicle in state.vehicles.values() if vehicle.fault],
+        "replans": [
+            {
+                "revision": record.revision,
+                "trigger": record.trigger,
+                "feasible": record.feasible,
+                "solve_s": round(record.solve_s, 3),
+                "upload_s": round(record.upload_s, 2),
+                "total_s": round(record.ended_s - record.begun_s, 2),
+                "uncovered": list(record.uncovered),
+            }
+            for record in state.records
+        ],
+        "vehicles": [_vehicle(context, state, vehicle) for vehicle in state.vehicles.values()],
+        "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
+        "not_counted": [
+            {"vehicle": vehicle.name, "segment": segment, "reason": reason}
+            for vehicle in state.vehicles.values()
+            for segment, reason in vehicle.runs_broken
+        ],
+    }
+
+
+def _fault(vehicle: VehicleState, began_s: float, truths: Sequence[Happening]) -> dict[str, object]:
+    fault = vehicle.fault
+    if fault is None:
+        raise ValueError(f"{vehicle.name} has no fault")
+    known = [t.at_s for t in truths if t.vehicle in {vehicle.name, "all"} and t.kind == fault.kind.value]
+    before = [at_s for at_s in known if at_s <= fault.detected_s]
+    return {
+        "vehicle": vehicle.name,
+        "kind": fault.kind.value,
+        "reason": fault.reason,
+        "happened_s": round(max(before) - began_s, 2) if before else None,
+        "detected_s": round(fault.detected_s - began_s, 2),
+    }
+
+
+def _vehicle(context: Context, state: FleetState, vehicle: VehicleState) -> dict[str, object]:
+    battery = vehicle.battery
+    pad_m = context.vehicles[vehicle.name].pad_m
+    at_home = vehicle.fix is None or (
+        (vehicle.fix.place_m[0] - pad_m[0]) ** 2 + (vehicle.fix.place_m[1] - pad_m[1]) ** 2
+        <= context.limits.off_pad_m**2
+    )
+    return {
+        "name": vehicle.name,
+        "segments": sorted(segment for segment, name in state.inspected.items() if name == vehicle.name),
+        "energy_used_pct": round(battery.used_pct, 1),
+        "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
+        "min_reserve_pct": battery.least_pct,
+        "state": vehicle.stage.value,
+    }

@@ -1,0 +1,1 @@
+"""Where asyncio lives: tasks, queues and deadlines around the decisions of core."""

@@ -1,0 +1,160 @@
+"""The flight loop: every event is written down, applied by `fleet.step`, and what was decided is carried out."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass
+
+from executor.core import commands, events, fleet
+from executor.core.commands import Command
+from executor.core.context import Context
+from executor.core.events import Event
+from executor.core.messages import FlightMessage, Message, SendHeartbeat
+from executor.core.ports import Clock, EventSink, Link, Solver
+from executor.core.state import FleetState
+from executor.runtime import procedures
+from missions import encode, flag_current
+
+TICK_S = 0.2
+LEAST_TICK_REAL_S = 0.02
+HEARTBEAT_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Observer:
+    """Who wants to know; none of these may wait."""
+
+    said: Callable[[commands.Say, float], None]
+    """Called with every line for the operator, at the flight's time."""
+    applied: Callable[[Event, FleetState, float], None]
+    """Called after every event."""
+
+
+class Flight:
+    """Owns the state of one flight; everything runs on one event loop, and only `apply` changes the state."""
+
+    def __init__(
+        self,
+        context: Context,
+        state: FleetState,
+        links: Mapping[str, Link],
+        clock: Clock,
+        sink: EventSink,
+        solver: Solver,
+        observer: Observer,
+    ) -> None:
+        """Wire the parts; `run` flies."""
+        self.context = context
+        self.state = state
+        self._links = links
+        self._clock = clock
+        self._sink = sink
+        self._solver = solver
+        self._observer = observer
+        self._jobs: dict[str, asyncio.Task[None]] = {}
+        self._tasks: asyncio.TaskGroup | None = None
+        self._over = asyncio.Event()
+
+    def apply(self, event: Event) -> None:
+        """Write an event down, apply it, and carry out what was decided."""
+        now_s = self._clock.now_s()
+        self._sink.write(event, now_s)
+        self.state, decided = fleet.step(self.context, self.state, event, now_s)
+        self._observer.applied(event, self.state, now_s)
+        for command in decided:
+            self._carry_out(command, now_s)
+
+    async def run(self) -> None:
+        """Fly until nothing is left to supervise; the missions are on board already."""
+        stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                self._tasks = tasks
+                tick = tasks.create_task(self._tick(), name="tick")
+                self.apply(events.LaunchOrdered())
+                await self._over.wait()
+                tick.cancel()
+                for job in self._jobs.values():
+                    job.cancel()
+        finally:
+            self._tasks = None
+            for stop in stops:
+                stop()
+
+    def leave(self) -> None:
+        """Stop supervising; the vehicles keep their missions."""
+        self._over.set()
+
+    def _listener(self, name: str) -> Callable[[Message], None]:
+        def heard(message: Message) -> None:
+            if isinstance(message, FlightMessage):
+                self.apply(events.Heard(name, message))
+
+        return heard
+
+    async def _tick(self) -> None:
+        period_s = max(TICK_S / self._clock.speedup, LEAST_TICK_REAL_S)
+        while True:
+            self.apply(events.Tick())
+            await asyncio.sleep(period_s)
+
+    def _carry_out(self, command: Command, now_s: float) -> None:
+        match command:
+            case commands.Say():
+                self._observer.said(command, now_s)
+            case commands.Upload():
+                self._job(command.vehicle, self._upload(command))
+            case commands.Start(vehicle):
+                self._job(vehicle, self._start(vehicle))
+            case commands.SendHome(vehicle):
+                self._job(vehicle, self._send_home(vehicle))
+            case commands.Solve():
+                self._spawn(self._solve(command), f"solve {command.revision}")
+            case commands.CancelSolve(revision):
+                self._solver.cancel(revision)
+            case commands.Finish():
+                self._over.set()
+
+    def _spawn(self, work: Coroutine[None, None, None], name: str) -> asyncio.Task[None] | None:
+        if self._tasks is None:
+            work.close()
+            return None
+        return self._tasks.create_task(work, name=name)
+
+    def _job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
+        """Give a vehicle something to do; what it was given before is cancelled, for only one dialogue runs at a time."""
+        before = self._jobs.get(vehicle)
+        if before is not None:
+            before.cancel()
+        task = self._spawn(work, vehicle)
+        if task is not None:
+            self._jobs[vehicle] = task
+
+    async def _upload(self, command: commands.Upload) -> None:
+        dialect = self.context.vehicles[command.vehicle].dialect
+        mission = encode(command.path, dialect)
+        if command.airborne:
+            # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
+            mission = flag_current(mission, None)
+        done = await procedures.put_on_board(self._links[command.vehicle], self._clock, dialect, mission.items)
+        self.apply(events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason))
+
+    async def _start(self, vehicle: str) -> None:
+        done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        self.apply(events.StartEnded(vehicle, done.accepted, done.reason))
+
+    async def _send_home(self, vehicle: str) -> None:
+        done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason))
+
+    async def _solve(self, command: commands.Solve) -> None:
+        self.apply(await self._solver.solve(command))
+
+
+async def keep_heartbeat(links: Mapping[str, Link], clock: Clock) -> None:
+    """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time."""
+    while True:
+        for link in links.values():
+            link.send(SendHeartbeat())
+        await asyncio.sleep(HEARTBEAT_S / clock.speedup)

@@ -1,0 +1,170 @@
+"""What is done with one vehicle, as sequences of dialogues: mission on board, start, return, parameters, streams."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from executor.core.messages import Heartbeat, Message, SendParamSet, StatusText
+from executor.core.ports import Clock, Link
+from executor.protocols import orders
+from executor.protocols.command import CommandDialogue
+from executor.protocols.download import Download
+from executor.protocols.machine import Accepted, Outcome, Rejected, TimedOut
+from executor.protocols.params import Parameter
+from executor.protocols.upload import Upload
+from executor.runtime.dialogue import converse
+from missions import Dialect, MissionItem, StartStep, differences
+
+UPLOAD_TRIES = 3
+BUSY_WAIT_S = 3.0
+"""Before an upload is tried again; ArduPilot frees another station's transfer after 8 s, PX4 after 5."""
+SILENCE_MARGIN_S = 1.0
+"""We wait this much longer than the vehicle itself before an upload is given up."""
+MODE_TIMEOUT_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """How a procedure ended."""
+
+    accepted: bool
+    reason: str = ""
+    mixed: bool = False
+    """Whether a part of a new mission may be on board."""
+
+
+def reason_of(outcome: Outcome | None) -> str:
+    """Return why a dialogue did not end well, in words."""
+    match outcome:
+        case Rejected(reason) | TimedOut(reason):
+            return reason
+        case Accepted() | None:
+            return ""
+        case _:
+            return "cancelled"
+
+
+async def put_on_board(
+    link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...], *, tries: int = UPLOAD_TRIES
+) -> Done:
+    """Upload a mission and read it back until both are the same, a few times at most."""
+    reason, mixed = "", False
+    for attempt in range(tries):
+        if attempt:
+            await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
+        upload = await upload_once(link, clock, dialect, items)
+        if upload.begun:
+            mixed = not dialect.upload_is_atomic
+        if not isinstance(upload.outcome, Accepted):
+            reason = reason_of(upload.outcome)
+            if not upload.begun or upload.furthest < len(items) - 1:
+                continue
+            # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
+        download = await converse(Download(), link, clock)
+        if not isinstance(download.outcome, Accepted):
+            reason = reason_of(download.outcome)
+            continue
+        different = differences(items, download.items, dialect)
+        if not different:
+            return Done(accepted=True)
+        reason = f"reads back differently: {different[0]}"
+    return Done(accepted=False, reason=reason, mixed=mixed)
+
+
+async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> Upload:
+    """Upload a mission once."""
+    silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
+    return await converse(Upload(items, silence_s, dialect.upload_warnings), link, clock)
+
+
+async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
+    """Give one command."""
+    ended = await converse(command, link, clock)
+    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
+
+
+async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
+    """Arm and start the mission on board, in the way that the autopilot wants it."""
+    said: list[str] = []
+
+    def note(message: Message) -> None:
+        if isinstance(message, StatusText) and message.severity <= 4:
+            said.append(message.text)
+
+    stop_listening = link.listen(note)
+    try:
+        for step in dialect.start:
+            done = await _start_step(link, clock, dialect, step)
+            if not done.accepted:
+                why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
+                return Done(accepted=False, reason=why)
+    finally:
+        stop_listening()
+    return Done(accepted=True)
+
+
+async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartStep) -> Done:
+    match step:
+        case StartStep.GUIDED:
+            return await switch_mode(link, clock, orders.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode})
+        case StartStep.ARM:
+            done = await order(link, clock, CommandDialogue(orders.arm(), "arm"))
+            if not done.accepted:
+                return done
+            return await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
+        case StartStep.MISSION_START:
+            done = await order(link, clock, CommandDialogue(orders.start_mission(), "start the mission"))
+            if not done.accepted:
+                return done
+            mode = dialect.modes.mission.custom_mode
+            return await _confirmed(link, clock, lambda heard: heard.custom_mode == mode, "is not in mission mode")
+        case StartStep.MISSION_MODE:
+            mode = dialect.modes.mission.custom_mode
+            return await switch_mode(link, clock, orders.set_mode(dialect.modes.mission), {mode})
+
+
+async def send_home(link: Link, clock: Clock, dialect: Dialect) -> Done:
+    """Order a return, and see that the vehicle is in that mode."""
+    accepted = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
+    return await switch_mode(link, clock, orders.set_mode(dialect.modes.return_home), accepted)
+
+
+async def switch_mode(link: Link, clock: Clock, command: orders.SendCommand, accepted: set[int]) -> Done:
+    """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'."""
+    done = await order(link, clock, CommandDialogue(command, "change of mode"))
+    if not done.accepted:
+        return done
+    return await _confirmed(link, clock, lambda heard: heard.custom_mode in accepted, "does not report the new mode")
+
+
+async def _confirmed(link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str) -> Done:
+    seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), MODE_TIMEOUT_S)
+    return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise)
+
+
+async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
+    """Wait for a message; returns whether it came."""
+    came = asyncio.Event()
+    stop_listening = link.listen(lambda message: came.set() if wanted(message) else None)
+    try:
+        async with asyncio.timeout(timeout_s / clock.speedup):
+            await came.wait()
+    except TimeoutError:
+        return False
+    finally:
+        stop_listening()
+    return True
+
+
+async def read_parameter(link: Link, clock: Clock, name: str) -> Parameter:
+    """Ask for a parameter."""
+    return await converse(Parameter(name), link, clock)
+
+
+async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> Done:
+    """Set a parameter and see the new value."""
+    ended = await converse(Parameter(name, SendParamSet(name, value, kind)), link, clock)
+    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
+

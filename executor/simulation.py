@@ -1,0 +1,71 @@
+"""`faultline simulate`: the site's fleet as simulated vehicles."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+from executor import build
+from executor.build import Ground
+from executor.simulator.config import AutopilotKind, SimFleet, SimVehicle
+from executor.simulator.faults import parse_fault
+from executor.simulator.fleet import run_fleet
+from executor.simulator.truth import Truth, TruthWriter
+
+
+def fleet_of(ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float) -> SimFleet:
+    """Return the site's vehicles, standing on their pads.
+
+    Raises:
+        SimulatorError: a fault, or a connection, that cannot be simulated.
+    """
+    setup = build.setup_of(ground)
+    vehicles = []
+    for number, table in enumerate(ground.site.vehicle):
+        pad = setup.pad_of(table.name)
+        lat_deg, lon_deg = setup.frame.to_wgs84_deg(pad.east_m, pad.north_m)
+        vehicles.append(
+            SimVehicle(
+                name=table.name,
+                sysid=table.sysid,
+                autopilot=AutopilotKind(table.autopilot),
+                connection=table.connection,
+                home_lat_deg=lat_deg,
+                home_lon_deg=lon_deg,
+                home_alt_m=pad.alt_m,
+                drone=ground.drone,
+                consumption=wind,
+                seed=seed * 1000 + number,
+            )
+        )
+    return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults))
+
+
+def run_simulation(
+    ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float, truth: Path | None
+) -> None:
+    """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
+    fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind)
+    for vehicle in fleet.vehicles:
+        print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
+    with ExitStack() as stack:
+        writer = stack.enter_context(TruthWriter(truth)) if truth is not None else None
+
+        def happened(what: Truth) -> None:
+            print(f"{what.t_s:8.1f} s  {what.vehicle}: {what.what}", flush=True)
+            if writer is not None:
+                writer(what)
+
+        asyncio.run(_until_told(fleet, happened))
+
+
+async def _until_told(fleet: SimFleet, happened: Callable[[Truth], None]) -> None:
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with suppress(NotImplementedError):
+            loop.add_signal_handler(number, stop.set)
+    await run_fleet(fleet, stop=stop, on_truth=happened)
