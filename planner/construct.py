@@ -17,8 +17,9 @@ NEAREST = 128
 """How many neighbours of a segment are listed for the removal of strings."""
 PRIZE_WEIGHT = 3.0
 """What leaving a segment out costs the search, in routes of this segment alone."""
-POWER = 8.0
-"""The p of the p-norm that stands for MinMax."""
+POWERS = (8.0, 16.0, 32.0)
+"""The p of the p-norm that stands for MinMax, early to late in an annealing: a low p sees the second largest route
+too, a high one hardly anything but the largest."""
 
 
 def problem_of(instance: Instance) -> Problem:
@@ -46,13 +47,15 @@ def problem_of(instance: Instance) -> Problem:
     )
 
 
-def guide_weights(problem: Problem, cost: Cost, *, scale: float, all_vehicles: bool) -> Weights:
+def guide_weights(
+    problem: Problem, cost: Cost, *, scale: float, all_vehicles: bool, power: float = POWERS[0]
+) -> Weights:
     """Return the objective that guides the search for a cost function; ``scale`` is about the largest load."""
     return Weights(
         total=0.02 if cost is Cost.MINMAX else 1.0,
         peak=1 / len(problem.budget) if cost is Cost.MINCOMB else 0.0,
         norm=1.0 if cost is Cost.MINMAX else 0.0,
-        power=POWER,
+        power=power,
         scale=scale if scale > 0 else 1.0,
         prize=PRIZE_WEIGHT,
         empty=_empty_weight(problem) if all_vehicles else 0.0,

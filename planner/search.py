@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.construct import (
+    POWERS,
     copy_of,
     guide_weights,
     insert_open,
@@ -46,9 +47,23 @@ class _Cycle:
     """One annealing from hot to cold."""
 
     length: int
-    left: int
     temperature: FloatArray
+    """(1,) float64, as the kernel has left it."""
     cooling: float
+    scale: float
+    """The largest load at the begin."""
+    done: int = 0
+
+    @property
+    def power(self) -> float:
+        """The p-norm's p: the cycle has as many stages as there are powers."""
+        return POWERS[self.done * len(POWERS) // self.length]
+
+    @property
+    def stage_left(self) -> int:
+        """Iterations until the power changes or the cycle ends."""
+        stage = self.done * len(POWERS) // self.length
+        return -(-(stage + 1) * self.length // len(POWERS)) - self.done
 
 
 class Search:
@@ -83,7 +98,7 @@ class Search:
             verdict = stop(progress)
             if verdict.allowed <= 0:
                 break
-            self._batch(min(BATCH, verdict.allowed, self._cycle.left))
+            self._advance(min(BATCH, verdict.allowed))
         return Result(
             plan=self._plan,
             evaluation=self._evaluation,
@@ -97,11 +112,11 @@ class Search:
     def _first(self, initial: Plan | None) -> State:
         routes = [route.visits for route in initial.routes] if initial is not None else []
         state = state_of(self._problem, routes)
-        insert_open(self._problem, self._weights(float(self._problem.effort.max())), state)
+        insert_open(self._problem, self._weights(float(self._problem.effort.max()), POWERS[0]), state)
         return state
 
-    def _weights(self, scale: float) -> Weights:
-        return guide_weights(self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles)
+    def _weights(self, scale: float, power: float) -> Weights:
+        return guide_weights(self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles, power=power)
 
     def _next_cycle(self, length: int) -> _Cycle:
         for route in range(len(self._best.lengths)):
@@ -109,9 +124,8 @@ class Search:
             copy_route(self._best, self._trial, route)
         self._current.route_of[:] = self._best.route_of
         self._trial.route_of[:] = self._best.route_of
-        self._guide = self._weights(float(self._best.loads.max()))
-        hot = HOT * self._mean_transit()
-        return _Cycle(length, length, np.array([hot]), (COLD / HOT) ** (1 / length))
+        hot = np.array([HOT * self._mean_transit()])
+        return _Cycle(length, hot, (COLD / HOT) ** (1 / length), scale=float(self._best.loads.max()))
 
     def _mean_transit(self) -> float:
         """Return the mean energy that the best plan spends from visit to visit, inspections not counted."""
@@ -121,9 +135,17 @@ class Search:
         transit = float(self._best.loads.sum() - inspections[covered].sum()) / max(1, moves)
         return max(transit, 1e-6 * float(self._problem.effort.max()), 1e-9)
 
+    def _advance(self, iterations: int) -> None:
+        """Run ``iterations``; how they are split over calls makes no difference."""
+        while iterations > 0:
+            batch = min(iterations, self._cycle.stage_left)
+            self._batch(batch)
+            iterations -= batch
+
     def _batch(self, iterations: int) -> None:
+        guide = self._weights(self._cycle.scale, self._cycle.power)
         improved = anneal(
-            self._problem, self._guide, self._truth, self._current, self._trial, self._best,
+            self._problem, guide, self._truth, self._current, self._trial, self._best,
             self._key, self._cycle.temperature, self._cycle.cooling, iterations, self._rng,
         )  # fmt: skip
         if improved > 0:
@@ -131,8 +153,8 @@ class Search:
             self._plan = plan_of(self._best)
             self._evaluation = evaluate(self._instance, self._plan, self._cost)
         self._iterations += iterations
-        self._cycle.left -= iterations
-        if self._cycle.left == 0:
+        self._cycle.done += iterations
+        if self._cycle.done == self._cycle.length:
             self._cycle = self._next_cycle(2 * self._cycle.length)
 
     def _progress(self, impossible: bool) -> Progress:

@@ -54,9 +54,9 @@ def test_the_seed_and_the_iterations_decide(cost: Cost) -> None:
     assert first.iterations == again.iterations == 1700
     other = Search(instance, cost=cost, seed=4, initial=None, all_vehicles=False, watch=Stopwatch())
     short = Search(instance, cost=cost, seed=4, initial=None, all_vehicles=False, watch=Stopwatch())
-    other._batch(600)
+    other._advance(600)
     for batch in (1, 99, 500):
-        short._batch(batch)
+        short._advance(batch)
     assert other._current.visits.tolist() == short._current.visits.tolist()
     assert other._rng.tolist() == short._rng.tolist()
 
@@ -66,7 +66,7 @@ def test_two_seeds_walk_differently() -> None:
     walks = []
     for seed in (0, 1):
         search = Search(instance, cost=Cost.MINSUM, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
-        search._batch(50)
+        search._advance(50)
         walks.append(search._current.visits.tolist())
     assert walks[0] != walks[1]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def instances(draw: st.DrawFn, most_segments: int = 9) -> Instance:
 
 
 SEEDS = st.integers(0, 2**64)
-LOOSE = {"deadline": None, "derandomize": True}
+LOOSE: dict[str, Any] = {"deadline": None, "derandomize": True}
 
 
 @settings(max_examples=150, **LOOSE)
@@ -49,7 +50,7 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
 ) -> None:
     search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
     for iterations in (1, 7, 40):
-        search._batch(iterations)
+        search._advance(iterations)
         for state in (search._best, search._current, search._trial):
             plan = plan_of(state)
             evaluation = evaluate(instance, plan, cost)
@@ -65,7 +66,7 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
 @given(instances(), SEEDS, st.sampled_from(Cost))
 def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost: Cost) -> None:
     search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
-    search._batch(20)
+    search._advance(20)
     truth = true_weights(problem_of(instance), cost, all_vehicles=False)
     evaluation = evaluate(instance, plan_of(search._best), cost)
     if not evaluation.violations:
@@ -140,13 +141,13 @@ def test_given_routes_are_cut_down_to_their_budgets(instance: Instance, wishes: 
         seen.update(visit >> 1 for visit in route)
         routes.append(route)
     plan = plan_of(state_of(problem_of(instance), routes))
-    for wish, route in zip(routes, plan.routes, strict=False):
-        assert [visit for visit in wish if visit in route.visits] == list(route.visits)
-        if route.visits != tuple(wish):
-            full = route_energy_pct(instance, Route(route.vehicle, tuple(wish)))
-            assert full > instance.vehicles[route.vehicle].budget_pct
-        if route.visits:
-            assert route_energy_pct(instance, route) <= instance.vehicles[route.vehicle].budget_pct + 1e-6
+    for wish, kept in zip(routes, plan.routes, strict=False):
+        assert [visit for visit in wish if visit in kept.visits] == list(kept.visits)
+        if kept.visits != tuple(wish):
+            full = route_energy_pct(instance, Route(kept.vehicle, tuple(wish)))
+            assert full > instance.vehicles[kept.vehicle].budget_pct
+        if kept.visits:
+            assert route_energy_pct(instance, kept) <= instance.vehicles[kept.vehicle].budget_pct + 1e-6
 
 
 def test_chance_is_uniform_and_the_seed_decides() -> None:
