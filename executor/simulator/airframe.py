@@ -1,0 +1,166 @@
+"""The vehicle without its brain: it flies goals, uses its battery, takes off, lands, falls and breaks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from executor.simulator.battery import Battery
+from executor.simulator.config import SimVehicle
+from executor.simulator.enums import LandedState
+from executor.simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wait
+from executor.simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
+
+AIRBORNE_M = 0.3
+IDLE_DISARM_S = 10.0
+"""Armed on the ground without anything to do: DISARM_DELAY, COM_DISARM_PRFLT."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that really happened, in the words of ``Truth``."""
+
+    what: str
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Manners:
+    """What the autopilot asks of the airframe."""
+
+    limits: Limits
+    spool_s: float
+    """Motors on until lift-off."""
+    disarm_landed_s: float
+    """Touch-down until the motors are off."""
+
+
+class Airframe:
+    """Body, battery and motors of one vehicle."""
+
+    def __init__(self, vehicle: SimVehicle, manners: Manners) -> None:
+        self.body = Body()
+        self.pilot = Pilot(self.body, manners.limits)
+        self.battery = Battery(
+            vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
+        )
+        self.armed = False
+        self.crashed_s: float | None = None
+        """When it was destroyed."""
+        self.climbing_out = False
+        """Whether the climb under way is a take-off."""
+        self._manners = manners
+        self._falling = False
+        self._airborne = False
+        self._ground_s = 0.0
+        self._now_s = 0.0
+        self._events: list[Event] = []
+
+    @property
+    def motors_on(self) -> bool:
+        """Whether the motors turn."""
+        return self.armed and not self._falling
+
+    @property
+    def landed_state(self) -> LandedState:
+        """MAV_LANDED_STATE."""
+        if self.body.on_ground:
+            return LandedState.ON_GROUND
+        match self.pilot.goal:
+            case Climb() if self.climbing_out:
+                return LandedState.TAKEOFF
+            case Land():
+                return LandedState.LANDING
+            case _:
+                return LandedState.IN_AIR
+
+    def step(self, now_s: float, dt_s: float) -> None:
+        """Live for ``dt_s``, until ``now_s``."""
+        self._now_s = now_s
+        self.battery.step(
+            dt_s, motors=self.motors_on, speed_m_s=self.body.ground_speed_m_s, climb_m_s=self.body.v_up_m_s
+        )
+        if self._falling:
+            impact_m_s = self.body.fall(dt_s)
+            if impact_m_s > HARD_LANDING_M_S:
+                self._break()
+            elif self.body.on_ground:
+                self._falling = False
+                self.disarm()
+        elif self.armed:
+            self._fly(dt_s)
+            if self.battery.empty:
+                self.lose_thrust()
+
+    def arm(self) -> None:
+        """Start the motors."""
+        if not self.armed:
+            self.armed = True
+            self._ground_s = 0.0
+            self.happened("armed")
+
+    def disarm(self) -> None:
+        """Stop the motors; in the air that is a fall."""
+        if not self.armed:
+            return
+        if not self.body.on_ground:
+            self._falling = True
+            return
+        self.armed = self._airborne = self.climbing_out = False
+        self.pilot.fly([])
+        self.happened("disarmed")
+
+    def lose_thrust(self) -> None:
+        """Fall; on the ground, break down."""
+        if self.body.on_ground:
+            self._break()
+        else:
+            self._falling = True
+
+    def happened(self, what: str) -> None:
+        """Note an event."""
+        self._events.append(Event(what, self._now_s))
+
+    def drain_events(self) -> list[Event]:
+        """Take away what happened."""
+        events, self._events = self._events, []
+        return events
+
+    def take_off(self, up_m: float, climb_m_s: float) -> Iterator[Goal]:
+        """Yield a vertical take-off to a height."""
+        self.climbing_out = True
+        if self.body.on_ground:
+            yield Wait(self._manners.spool_s)
+        yield Climb(Place(self.body.east_m, self.body.north_m, up_m), climb_m_s)
+
+    def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land) -> Iterator[Goal]:
+        """Yield the way home: climb if need be, straight to the pad, linger, land."""
+        self.climbing_out = False
+        here = self.body.place
+        if not self.body.on_ground:
+            above = Place(here.east_m, here.north_m, max(here.up_m, up_m))
+            if above.up_m > here.up_m + AIRBORNE_M:
+                yield Climb(above, self._manners.limits.climb_m_s)
+            over = Place(0.0, 0.0, above.up_m)
+            yield Leg(above, over, speed_m_s, accept_m=0.0)
+            yield Hover(over, linger_s)
+        yield land
+
+    def _fly(self, dt_s: float) -> None:
+        self.pilot.step(dt_s)
+        if self.body.up_m > AIRBORNE_M and not self._airborne:
+            self._airborne = True
+            self.happened("took_off")
+        rests = self.body.on_ground and not isinstance(self.pilot.goal, Wait | Climb)
+        if rests and self._airborne and self._ground_s == 0.0:
+            self.happened("landed")
+        self._ground_s = self._ground_s + dt_s if rests else 0.0
+        if self._ground_s >= (self._manners.disarm_landed_s if self._airborne else IDLE_DISARM_S):
+            self.disarm()
+
+    def _break(self) -> None:
+        self.crashed_s = self._now_s
+        self._falling = False
+        self.body.stop()
+        self.happened("crash")
+        self.disarm()

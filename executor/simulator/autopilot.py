@@ -1,0 +1,345 @@
+"""What ArduPilot and PX4 have in common: time, telemetry on schedule, the dispatch of what is heard.
+
+A vehicle is advanced in fixed steps of its own time, and everything it does follows that time. It knows no socket, no
+wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` and ``frame.drain_events()`` come out.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+from executor.simulator import telemetry
+from executor.simulator.airframe import Airframe, Manners
+from executor.simulator.config import AutopilotKind, SimVehicle
+from executor.simulator.enums import MavCommand, Result, Severity
+from executor.simulator.messages import (
+    Body,
+    Command,
+    Heartbeat,
+    MissionMessage,
+    MissionSetCurrent,
+    Outbound,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Peer,
+    Ping,
+    Received,
+    RequestDataStream,
+    SetMode,
+    Timesync,
+    out,
+)
+from executor.simulator.mission_store import MissionStore, StoreStep
+from executor.simulator.params import ParamTable, defaults_for
+from executor.simulator.physics import Home
+from executor.simulator.route import mission_length_m
+from executor.simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
+from executor.simulator.voice import Voice
+
+STEP_S = 0.05
+"""Physics and decisions, simulated."""
+BOOT_S = 5.0
+"""Silence of a restart."""
+LAST_WORDS_S = 2.0
+"""How long a crashed vehicle still reports that it is disarmed."""
+FORCE = 21196
+"""param2 of COMPONENT_ARM_DISARM that stops the motors in flight."""
+
+
+class Autopilot(ABC):
+    """One vehicle."""
+
+    STREAMS_S: ClassVar[Mapping[str, float]]
+    """What is sent without being asked for, and its interval."""
+
+    def __init__(self, vehicle: SimVehicle, manners: Manners, store: MissionStore, home: Home) -> None:
+        self.vehicle = vehicle
+        self.home = home
+        self.frame = Airframe(vehicle, manners)
+        px4 = vehicle.autopilot is AutopilotKind.PX4
+        self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
+        self.store = store
+        self.voice = Voice(tab=px4)
+        self.now_s = 0.0
+        self.boot_s = 0.0
+        self.mode = 0
+        self.streams = Streams(self.STREAMS_S, 0.0)
+        self.gcs_heard_s: float | None = None
+        """When the ground station that counts was last heard; None before it ever was."""
+        self._mission_began_s: float | None = None
+        self._mission_length_m = 0.0
+        self._odometer_m = 0.0
+        self._rebooting_until_s: float | None = None
+        self._was_armed = False
+        self._commands: Mapping[int, Callable[[Command], Result]] = {
+            MavCommand.COMPONENT_ARM_DISARM: self._arm_command,
+            MavCommand.SET_MESSAGE_INTERVAL: self._interval_command,
+            MavCommand.GET_MESSAGE_INTERVAL: self._get_interval_command,
+            MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer(0)),
+            MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]),
+            MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._reboot_command,
+            **self._own_commands(),
+        }
+        body = self.frame.body
+        self._builders: Mapping[str, Callable[[], Outbound]] = {
+            "GLOBAL_POSITION_INT": lambda: telemetry.global_position(home, body, self.boot_ms),
+            "LOCAL_POSITION_NED": lambda: telemetry.local_position(body, self.boot_ms),
+            "ATTITUDE": lambda: telemetry.attitude(body, self.boot_ms),
+            "VFR_HUD": lambda: telemetry.vfr_hud(home, body, motors=self.frame.motors_on),
+            "HOME_POSITION": lambda: telemetry.home_position(home, self.boot_ms),
+            # Without a satellite clock the time of day is unknown, and unknown is 0.
+            "SYSTEM_TIME": lambda: out("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
+            "TIMESYNC": lambda: out("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
+            "EXTENDED_SYS_STATE": lambda: out(
+                "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
+            ),
+        }
+
+    # What goes in.
+
+    def advance(self, until_s: float) -> None:
+        """Live until a simulated time, in whole steps."""
+        while self.now_s + STEP_S <= until_s + 1e-9:
+            self.now_s += STEP_S
+            self._step()
+
+    def receive(self, received: Received) -> None:
+        """React to a message at once."""
+        if self.frame.crashed_s is None and self._rebooting_until_s is None:
+            self._dispatch(received.sender, received.body)
+
+    def reboot(self) -> None:
+        """Restart; the motors stop."""
+        self._rebooting_until_s = self.now_s + BOOT_S
+        self.frame.disarm()
+
+    # What others may ask.
+
+    @property
+    def mission_s(self) -> float | None:
+        """Seconds since the vehicle began its mission; None before."""
+        return None if self._mission_began_s is None else self.now_s - self._mission_began_s
+
+    @property
+    def flown_share(self) -> float | None:
+        """Distance flown since the mission began over its length then; None before."""
+        if self._mission_began_s is None or self._mission_length_m <= 0:
+            return None
+        return (self.frame.body.flown_m - self._odometer_m) / self._mission_length_m
+
+    @property
+    def mute(self) -> bool:
+        """Whether nothing is sent at all: restarting, or dead."""
+        crashed_s = self.frame.crashed_s
+        return self._rebooting_until_s is not None or (crashed_s is not None and self.now_s > crashed_s + LAST_WORDS_S)
+
+    @property
+    def boot_ms(self) -> int:
+        """time_boot_ms."""
+        return round((self.now_s - self.boot_s) * 1000)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the vehicle has booted far enough to be armed."""
+        return self.now_s - self.boot_s >= self.vehicle.ready_after_s
+
+    @property
+    def gcs_silence_s(self) -> float | None:
+        """Seconds since the ground station was heard; None before it ever was."""
+        return None if self.gcs_heard_s is None else self.now_s - self.gcs_heard_s
+
+    def begin_mission(self) -> None:
+        """Note that a mission begins; the first one is what faults count from."""
+        if self._mission_began_s is None:
+            self._mission_began_s = self.now_s
+            self._mission_length_m = mission_length_m(self.store.items, self.home)
+            self._odometer_m = self.frame.body.flown_m
+            self.frame.happened("mission_started")
+
+    def arm(self) -> bool:
+        """Arm, unless something speaks against it; then say what."""
+        if self.frame.armed:
+            return True
+        reason = self._refuse_arming()
+        if reason is not None:
+            self.voice.say(Severity.CRITICAL, reason)
+            return False
+        self.frame.arm()
+        self._was_armed = True
+        return True
+
+    # What the dialects do differently.
+
+    @abstractmethod
+    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+        """Return the commands that this dialect knows besides the common ones."""
+
+    @abstractmethod
+    def _decide(self) -> None:
+        """Follow the mission and the failsafes for one step."""
+
+    @abstractmethod
+    def _refuse_arming(self) -> str | None:
+        """Return why the vehicle cannot be armed, or None."""
+
+    @abstractmethod
+    def set_mode(self, mode: int) -> Result:
+        """Change the mode, or refuse."""
+
+    @abstractmethod
+    def _on_store(self, step: StoreStep) -> None:
+        """React to a change of the mission on board."""
+
+    @abstractmethod
+    def _set_current(self, seq: int) -> bool:
+        """Make an item the current one; False when there is none."""
+
+    @abstractmethod
+    def _on_disarmed(self) -> None:
+        """React to the motors having stopped."""
+
+    @abstractmethod
+    def _on_boot(self) -> None:
+        """Forget what a restart forgets."""
+
+    @abstractmethod
+    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:
+        """Return whether this heartbeat holds the failsafe."""
+
+    @abstractmethod
+    def _on_gcs(self) -> None:
+        """React to a heartbeat that counts, just before it is noted."""
+
+    @abstractmethod
+    def _mission_locked(self) -> bool:
+        """Return whether the mission may not be cleared."""
+
+    @abstractmethod
+    def _build_own(self, name: str) -> Outbound | None:
+        """Return a telemetry message that the dialects fill differently; None where there is nothing to say."""
+
+    # One step.
+
+    def _step(self) -> None:
+        self.frame.step(self.now_s, STEP_S)
+        if self._was_armed and not self.frame.armed:
+            self._was_armed = False
+            self._on_disarmed()
+        if self._rebooting_until_s is not None:
+            if self.now_s >= self._rebooting_until_s:
+                self._boot()
+        elif self.frame.crashed_s is not None:
+            self._report(only_heartbeat=True)
+        else:
+            self._decide()
+            self._follow(self.store.tick(self.now_s))
+            self._report(only_heartbeat=False)
+
+    def _boot(self) -> None:
+        self._rebooting_until_s = None
+        self.boot_s = self.now_s
+        self.gcs_heard_s = None
+        self.streams = Streams(self.STREAMS_S, self.now_s)
+        self.store.forget_transfers()
+        self._on_boot()
+
+    def _report(self, *, only_heartbeat: bool) -> None:
+        for name in self.streams.due(self.now_s):
+            message = self._build(name) if name == "HEARTBEAT" or not only_heartbeat else None
+            if message is not None:
+                self.voice.send([message])
+
+    def _build(self, name: str) -> Outbound | None:
+        """Return a telemetry message by its name; None where there is nothing to say."""
+        builder = self._builders.get(name)
+        return self._build_own(name) if builder is None else builder()
+
+    # What is heard.
+
+    def _dispatch(self, sender: Peer, body: Body) -> None:
+        match body:
+            case Heartbeat():
+                if self._counts_as_gcs(sender, body):
+                    self._on_gcs()
+                    self.gcs_heard_s = self.now_s
+            case Command():
+                self._command(sender, body)
+            case SetMode():
+                self.set_mode(body.custom_mode)
+            case MissionSetCurrent():
+                self._set_current(body.seq)
+            case ParamRequestList() | ParamRequestRead() | ParamSet():
+                self.voice.send(self.params.answer(body))
+            case RequestDataStream():
+                self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
+            case Timesync() | Ping():
+                self._answer(sender, body)
+            case _:
+                self._mission_message(sender, body)
+
+    def _answer(self, sender: Peer, body: Timesync | Ping) -> None:
+        """Answer questions; what is an answer itself gets none."""
+        if isinstance(body, Timesync) and body.tc1 == 0:
+            self.voice.send([out("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
+        if isinstance(body, Ping) and body.target_sysid == 0:
+            self.voice.send([
+                out("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
+                    target_component=sender.compid)
+            ])  # fmt: skip
+
+    def _mission_message(self, sender: Peer, body: MissionMessage) -> None:
+        self._follow(self.store.handle(body, sender, self.now_s, locked=self._mission_locked()))
+
+    def _follow(self, step: StoreStep) -> None:
+        self.voice.send(step.send)
+        for severity, text in step.texts:
+            self.voice.say(severity, text)
+        self._on_store(step)
+
+    def _command(self, sender: Peer, command: Command) -> None:
+        handler = self._commands.get(command.number)
+        result = Result.UNSUPPORTED if handler is None else handler(command)
+        self.voice.send([
+            out("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
+                target_system=sender.sysid, target_component=sender.compid)
+        ])  # fmt: skip
+
+    def _arm_command(self, command: Command) -> Result:
+        if command.params[0] >= 0.5:
+            return Result.ACCEPTED if self.arm() else Result.FAILED
+        if not self.frame.body.on_ground and command.params[1] != FORCE:
+            return Result.FAILED
+        self.frame.disarm()
+        return Result.ACCEPTED
+
+    def _interval_command(self, command: Command) -> Result:
+        name = MESSAGE_NAMES.get(command.integer(0))
+        if name is None:
+            return Result.FAILED
+        self.streams.set_interval(name, command.params[1], self.now_s)
+        return Result.ACCEPTED
+
+    def _get_interval_command(self, command: Command) -> Result:
+        number = command.integer(0)
+        name = MESSAGE_NAMES.get(number)
+        interval_s = None if name is None else self.streams.interval_s(name)
+        interval_us = -1 if interval_s is None else round(interval_s * 1e6)
+        self.voice.send([out("MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us)])
+        return Result.ACCEPTED
+
+    def _send_named(self, number: int) -> Result:
+        name = MESSAGE_NAMES.get(number)
+        message = None if name is None else self._build(name)
+        if message is None:
+            return Result.UNSUPPORTED
+        self.voice.send([message])
+        return Result.ACCEPTED
+
+    def _reboot_command(self, command: Command) -> Result:
+        if command.params[0] != 1 or self.frame.armed:
+            return Result.DENIED
+        self.reboot()
+        return Result.ACCEPTED

@@ -1,0 +1,142 @@
+"""What to simulate: vehicles, their link, their battery, the speed of time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from executor.simulator.errors import EndpointError, FaultSpecError, FleetError
+from executor.simulator.faults import ALL_VEHICLES, Fault
+from planner.energy import PRESETS, Drone
+
+LOOPBACK = "127.0.0.1"
+EVERY_ADDRESS = "0.0.0.0"  # noqa: S104 - a ground station elsewhere is only reached from here
+
+
+class AutopilotKind(Enum):
+    """Whose behaviour a vehicle has."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """The vehicle's side of a UDP link."""
+
+    bind: tuple[str, int]
+    """Local address; port 0 lets the system choose."""
+    target: tuple[str, int] | None
+    """Whom to send to unasked; None waits until somebody calls."""
+
+
+def vehicle_endpoint(connection: str) -> Endpoint:
+    """Return the vehicle's side of a connection string that is written for the ground station.
+
+    ``udpin://HOST:PORT`` means that the ground station listens there, so the vehicle calls it; ``udpout://HOST:PORT``
+    means that the ground station calls there, so the vehicle listens.
+
+    Raises:
+        EndpointError: any other string.
+    """
+    scheme, separator, rest = connection.partition("://")
+    host, colon, port_text = rest.rpartition(":")
+    port = int(port_text) if port_text.isascii() and port_text.isdigit() else 0
+    if not (separator and colon and scheme in {"udpin", "udpout"} and 0 < port < 65536):
+        raise EndpointError(
+            f"connection {connection!r} cannot be simulated: expected udpin://HOST:PORT or udpout://HOST:PORT"
+        )
+    host = LOOPBACK if host in {"", "localhost"} else host
+    if scheme == "udpout":
+        return Endpoint((host, port), None)
+    # A ground station that listens on every address is reached on the loopback interface.
+    target = LOOPBACK if host == EVERY_ADDRESS else host
+    return Endpoint((LOOPBACK if target == LOOPBACK else EVERY_ADDRESS, 0), (target, port))
+
+
+@dataclass(frozen=True, slots=True)
+class SimVehicle:
+    """One simulated vehicle, standing on its pad with its autopilot just switched on."""
+
+    name: str
+    sysid: int
+    autopilot: AutopilotKind
+    connection: str
+    """As in the site file, seen from the ground station: ``udpin://`` or ``udpout://``."""
+    home_lat_deg: float
+    home_lon_deg: float
+    home_alt_m: float
+    """Ground at the pad, above mean sea level; the ground is level around it."""
+    drone: Drone = PRESETS["mavic3"]
+    charge_pct: float = 100.0
+    """Charge when the simulation begins."""
+    health: float = 1.0
+    """Capacity relative to a new pack; a worn one also has more internal resistance."""
+    consumption: float = 1.0
+    """Power relative to the energy model: the wind."""
+    current_sensor: bool = True
+    ready_after_s: float = 3.0
+    """Boot until it can be armed, simulated. Measured: PX4 5 s, ArduPilot 42 s; shorter spares waiting."""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    """Autopilot parameters that differ from the defaults."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the figures.
+
+        Raises:
+            FleetError: a figure is out of range.
+            EndpointError: the connection cannot be served.
+        """
+        vehicle_endpoint(self.connection)
+        checks = {
+            "sysid": (1 <= self.sysid <= 250, "1 to 250"),
+            "home_lat_deg": (abs(self.home_lat_deg) <= 89, "-89 to 89"),
+            "home_lon_deg": (abs(self.home_lon_deg) <= 180, "-180 to 180"),
+            "home_alt_m": (math.isfinite(self.home_alt_m), "a number"),
+            "charge_pct": (0 < self.charge_pct <= 100, "above 0, up to 100"),
+            "health": (0 < self.health <= 1.5, "above 0, up to 1.5"),
+            "consumption": (0 < self.consumption < math.inf, "above 0"),
+            "ready_after_s": (0 <= self.ready_after_s < math.inf, "0 or more"),
+        }
+        for key, (good, expected) in checks.items():
+            if not good:
+                raise FleetError(f"vehicle {self.name!r}: {key} is {getattr(self, key)}, expected {expected}")
+
+
+@dataclass(frozen=True, slots=True)
+class SimFleet:
+    """The vehicles that fly together, the speed of time and what goes wrong."""
+
+    vehicles: tuple[SimVehicle, ...]
+    speedup: float = 1.0
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that the vehicles can be told apart and the faults find theirs.
+
+        Raises:
+            FleetError: no vehicle, or a name, system id or connection that occurs twice, or a bad speed.
+            FaultSpecError: a fault names a vehicle that is not there.
+        """
+        if not self.vehicles:
+            raise FleetError("a simulated fleet needs at least one vehicle")
+        if not 0 < self.speedup <= 200:
+            raise FleetError(f"speedup is {self.speedup}, expected above 0, up to 200")
+        names = [vehicle.name for vehicle in self.vehicles]
+        links = [vehicle.connection for vehicle in self.vehicles]
+        sysids = [str(vehicle.sysid) for vehicle in self.vehicles]
+        for what, values in {
+            "name": names,
+            "sysid": sysids,
+            "connection": [link for link in links if vehicle_endpoint(link).target is None],
+        }.items():  # fmt: skip
+            twice = {value for value in values if values.count(value) > 1}
+            if twice:
+                raise FleetError(f"{what} {min(twice)} belongs to more than one vehicle")
+        for fault in self.faults:
+            if fault.vehicle not in {ALL_VEHICLES, *names}:
+                known = ", ".join([ALL_VEHICLES, *names])
+                raise FaultSpecError(f"fault {fault.spec!r}: no vehicle {fault.vehicle!r}, expected one of {known}")

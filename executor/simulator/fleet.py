@@ -1,0 +1,147 @@
+"""Runs a fleet of simulated vehicles on UDP in one event loop, at any speed of time."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from executor.simulator.autopilot import STEP_S
+from executor.simulator.config import SimFleet, vehicle_endpoint
+from executor.simulator.truth import Truth
+from executor.simulator.vehicle import SimulatedVehicle
+
+Address = tuple[str, int]
+
+PEER_S = 10.0
+"""A ground station that was not heard for so long, in real seconds, is not answered any more."""
+TICK_S = (0.005, 0.05)
+"""Shortest and longest real pause between two looks at the clock."""
+CHUNK_STEPS = 40
+"""Steps lived in a row before the sockets are looked at again: after a stall, heartbeats that wait there must be heard
+before the vehicle's own time-outs pass."""
+MAX_LAG_S = 2.0
+"""A longer stall, in real seconds, is not made up for: the vehicles' clocks lag, as those of a suspended process do."""
+
+
+class _Link(asyncio.DatagramProtocol):
+    """One vehicle's socket."""
+
+    def __init__(self, vehicle: SimulatedVehicle, target: Address | None) -> None:
+        self.vehicle = vehicle
+        self._target = target
+        self._heard_s: dict[Address, float] = {}
+        self._transport: asyncio.DatagramTransport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Note the socket."""
+        if isinstance(transport, asyncio.DatagramTransport):
+            self._transport = transport
+
+    def datagram_received(self, data: bytes, addr: Address) -> None:
+        """Hear a ground station, and answer at once."""
+        self._heard_s[addr] = time.monotonic()
+        self.vehicle.receive(data)
+        self.flush()
+
+    def error_received(self, exc: Exception) -> None:
+        """Ignore that nobody listens yet or any more: a vehicle goes on talking."""
+
+    def flush(self) -> None:
+        """Send what the vehicle has to say to everybody who was heard lately, and to the configured target."""
+        datagrams = self.vehicle.drain()
+        if not datagrams or self._transport is None:
+            return
+        oldest_s = time.monotonic() - PEER_S
+        peers = {addr for addr, heard_s in self._heard_s.items() if heard_s >= oldest_s}
+        if self._target is not None:
+            peers.add(self._target)
+        for addr in peers:
+            for datagram in datagrams:
+                self._transport.sendto(datagram, addr)
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._transport is not None:
+            self._transport.close()
+
+
+class _SimClock:
+    """Simulated time that follows the monotonic clock and never jumps over a long stall."""
+
+    def __init__(self, speedup: float) -> None:
+        self._speedup = speedup
+        self._origin_s = time.monotonic()
+        self._unix_s = time.time()
+
+    def now_s(self, lived_s: float) -> float:
+        """Return the simulated time that the fleet should have lived to, given how far it has."""
+        due_s = (time.monotonic() - self._origin_s) * self._speedup
+        excess_s = due_s - lived_s - MAX_LAG_S * self._speedup
+        if excess_s > 0:
+            self._origin_s += excess_s / self._speedup
+            self._unix_s += excess_s / self._speedup
+            due_s -= excess_s
+        return due_s
+
+    def unix_s(self, at_s: float) -> float:
+        """Return this machine's time of day at a simulated time."""
+        return self._unix_s + at_s / self._speedup
+
+
+async def run_fleet(
+    fleet: SimFleet, *, stop: asyncio.Event, on_truth: Callable[[Truth], None], ready: asyncio.Event | None = None
+) -> None:
+    """Fly until ``stop`` is set.
+
+    Args:
+        fleet: what to fly.
+        stop: ends it.
+        on_truth: is told what really happens.
+        ready: is set when every vehicle has its socket.
+
+    Raises:
+        OSError: a port is taken.
+    """
+    loop = asyncio.get_running_loop()
+    links: list[_Link] = []
+    try:
+        for config in fleet.vehicles:
+            endpoint = vehicle_endpoint(config.connection)
+            link = _Link(SimulatedVehicle(config, fleet.faults), endpoint.target)
+            await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
+            links.append(link)
+        if ready is not None:
+            ready.set()
+        await _fly(links, fleet.speedup, stop, on_truth)
+    finally:
+        for link in links:
+            link.close()
+
+
+async def _fly(links: list[_Link], speedup: float, stop: asyncio.Event, on_truth: Callable[[Truth], None]) -> None:
+    clock = _SimClock(speedup)
+    tick_s = min(max(STEP_S / speedup, TICK_S[0]), TICK_S[1])
+    lived_s = 0.0
+    while not stop.is_set():
+        due_s = clock.now_s(lived_s)
+        behind = due_s - lived_s > CHUNK_STEPS * STEP_S
+        lived_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
+        for link in links:
+            link.vehicle.advance(lived_s)
+            for event in link.vehicle.drain_events():
+                on_truth(Truth(link.vehicle.name, event.what, event.t_s, clock.unix_s(event.t_s)))
+            link.flush()
+        await _pause(stop, 0.0 if behind else tick_s)
+
+
+async def _pause(stop: asyncio.Event, seconds: float) -> None:
+    """Let the sockets be read for a while, or until the end."""
+    if seconds == 0.0:
+        await asyncio.sleep(0)
+        return
+    try:
+        async with asyncio.timeout(seconds):
+            await stop.wait()
+    except TimeoutError:
+        return

@@ -1,0 +1,260 @@
+"""What the vehicle is flying right now: goals as frozen data, and the velocity that each of them asks for.
+
+A goal says where to go; ``wish`` turns it into a velocity and ``finished`` says when it is done. The body's limits do
+the rest. A ``Pilot`` flies a queue of goals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from executor.simulator.physics import Body, Limits, Place, Velocity
+
+BRAKE_MARGIN = 0.7
+"""Share of the braking power that a planned stop uses; the rest corrects."""
+NEAR_PER_S = 1.5
+"""Approach speed for each metre that is left, in the last metres before a stop."""
+CROSS_TRACK_PER_S = 0.8
+HEIGHT_PER_S = 1.0
+STOPPED_M = 0.3
+STOPPED_M_S = 0.3
+"""A stop has been made when both are undercut."""
+RESTART_M_S = 0.4
+RESTART_M_S2 = 0.8
+"""ArduPilot's leg after a restart: measured, the speed dips from 4.9 to 1.4-1.9 m/s and is back within about 4 s; with
+a restart every second it crawls at 0.8 m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """Stay on the ground while the motors spool up."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Climb:
+    """Go straight up or down to a height, over a point."""
+
+    place: Place
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Fly a straight line."""
+
+    origin: Place
+    target: Place
+    speed_m_s: float
+    accept_m: float
+    """A leg that does not stop is done this near to its end."""
+    stop: bool = True
+    exit_m_s: float = 0.0
+    """Speed that the corner at its end allows, when it does not stop."""
+    entry_m_s: float | None = None
+    """Speed on the first part, when a slow-down takes effect late."""
+    entry_m: float = 0.0
+    restarted: bool = False
+    """Whether the speed builds up anew although the vehicle is moving."""
+
+    @property
+    def length_m(self) -> float:
+        """Straight distance."""
+        return distance_m(self.origin, self.target)
+
+
+@dataclass(frozen=True, slots=True)
+class Hover:
+    """Stay at a point, for so long or for good."""
+
+    place: Place
+    seconds: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Sink:
+    """Keep the point and lose height: a mode that follows a throttle stick which nobody holds."""
+
+    place: Place
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Descend to the ground over a point."""
+
+    place: Place
+    fast_m_s: float
+    slow_m_s: float
+    slow_from_m: float
+    """Height under which the descent is slow."""
+
+
+Goal = Wait | Climb | Leg | Hover | Sink | Land
+
+
+def distance_m(a: Place, b: Place) -> float:
+    """Return the straight distance."""
+    return math.sqrt((a.east_m - b.east_m) ** 2 + (a.north_m - b.north_m) ** 2 + (a.up_m - b.up_m) ** 2)
+
+
+def stopping_place(body: Body, limits: Limits) -> Place:
+    """Return where the vehicle comes to rest when it brakes now."""
+    share = body.ground_speed_m_s / (2 * limits.brake_m_s2 * BRAKE_MARGIN)
+    up = abs(body.v_up_m_s) / (2 * limits.vertical_m_s2)
+    return Place(
+        body.east_m + body.v_east_m_s * share,
+        body.north_m + body.v_north_m_s * share,
+        max(body.up_m + body.v_up_m_s * up, 0.0),
+    )
+
+
+def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) -> float:
+    """Return the speed at which the corner at the end of ``before`` can be flown, cutting it by at most ``cut_m``.
+
+    The arc that touches both legs and passes ``cut_m`` from the corner of turn angle phi has the radius
+    cut / (1 / cos(phi / 2) - 1); the planned lateral acceleration gives the speed.
+    """
+    one = (before.target.east_m - before.origin.east_m, before.target.north_m - before.origin.north_m)
+    two = (after.east_m - before.target.east_m, after.north_m - before.target.north_m)
+    lengths = math.hypot(*one) * math.hypot(*two)
+    if lengths < 1e-6:
+        return 0.0
+    cosine = max(-1.0, min(1.0, (one[0] * two[0] + one[1] * two[1]) / lengths))
+    half = math.sqrt((1 + cosine) / 2)
+    if half > 0.9999:
+        return before.speed_m_s
+    if half < 1e-3:
+        return 0.0
+    return min(before.speed_m_s, math.sqrt(limits.corner_m_s2 * cut_m / (1 / half - 1)))
+
+
+def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
+    """Return the velocity that the goal asks for, ``age_s`` after it was begun."""
+    match goal:
+        case Wait():
+            return Velocity()
+        case Climb():
+            east, north = _towards(goal.place, body, limits)
+            up = HEIGHT_PER_S * (goal.place.up_m - body.up_m)
+            return Velocity(east, north, min(max(up, -goal.speed_m_s), goal.speed_m_s))
+        case Hover():
+            east, north = _towards(goal.place, body, limits)
+            return Velocity(east, north, HEIGHT_PER_S * (goal.place.up_m - body.up_m))
+        case Sink():
+            east, north = _towards(goal.place, body, limits)
+            return Velocity(east, north, -goal.speed_m_s)
+        case Land():
+            east, north = _towards(goal.place, body, limits)
+            return Velocity(east, north, -(goal.fast_m_s if body.up_m > goal.slow_from_m else goal.slow_m_s))
+        case Leg():
+            return _along(goal, body, age_s, limits)
+
+
+def finished(goal: Goal, body: Body, age_s: float) -> bool:
+    """Return whether the goal has been reached."""
+    match goal:
+        case Wait() | Hover():
+            return age_s >= goal.seconds
+        case Climb():
+            return abs(body.up_m - goal.place.up_m) < STOPPED_M
+        case Sink():
+            return False
+        case Land():
+            return body.on_ground
+        case Leg():
+            left_m = distance_m(body.place, goal.target)
+            if goal.stop:
+                return left_m < max(goal.accept_m, STOPPED_M) and (
+                    goal.accept_m > STOPPED_M or body.ground_speed_m_s < STOPPED_M_S
+                )
+            return left_m < goal.accept_m or _progress(goal, body)[1] <= 0.0
+
+
+def _towards(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
+    """Return the horizontal velocity that ends at rest over a point."""
+    east, north = place.east_m - body.east_m, place.north_m - body.north_m
+    left_m = math.hypot(east, north)
+    if left_m < 1e-6:
+        return 0.0, 0.0
+    speed = _stopping_speed(left_m, 0.0, limits)
+    return east / left_m * speed, north / left_m * speed
+
+
+def _stopping_speed(left_m: float, exit_m_s: float, limits: Limits) -> float:
+    """Return the speed from which ``exit_m_s`` can be reached in ``left_m``."""
+    braking = math.sqrt(exit_m_s**2 + 2 * BRAKE_MARGIN * limits.brake_m_s2 * max(left_m, 0.0))
+    return min(braking, exit_m_s + NEAR_PER_S * max(left_m, 0.0))
+
+
+def _progress(leg: Leg, body: Body) -> tuple[float, float]:
+    """Return metres flown along the leg's horizontal line, and metres left of it."""
+    east, north = leg.target.east_m - leg.origin.east_m, leg.target.north_m - leg.origin.north_m
+    length = math.hypot(east, north)
+    if length < 1e-6:
+        return 0.0, distance_m(body.place, leg.target)
+    done = ((body.east_m - leg.origin.east_m) * east + (body.north_m - leg.origin.north_m) * north) / length
+    return done, length - done
+
+
+def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
+    east, north = leg.target.east_m - leg.origin.east_m, leg.target.north_m - leg.origin.north_m
+    length = math.hypot(east, north)
+    rise = leg.target.up_m - leg.origin.up_m
+    if length < 0.1:
+        return Velocity(*_towards(leg.target, body, limits), HEIGHT_PER_S * (leg.target.up_m - body.up_m))
+    done, left = _progress(leg, body)
+    speed = leg.speed_m_s if leg.entry_m_s is None or done >= leg.entry_m else leg.entry_m_s
+    if leg.restarted:
+        speed = min(speed, RESTART_M_S + RESTART_M_S2 * age_s)
+    steepest = limits.climb_m_s if rise > 0 else limits.descend_m_s
+    if abs(rise) > 1e-3:
+        speed = min(speed, 0.9 * steepest * length / abs(rise))
+    speed = min(speed, _stopping_speed(left, 0.0 if leg.stop else leg.exit_m_s, limits))
+    share = min(max(done / length, 0.0), 1.0)
+    off_east = leg.origin.east_m + east * share - body.east_m
+    off_north = leg.origin.north_m + north * share - body.north_m
+    back_east, back_north = CROSS_TRACK_PER_S * off_east, CROSS_TRACK_PER_S * off_north
+    back = math.hypot(back_east, back_north)
+    most = max(speed, 1.0)
+    if back > most:
+        back_east, back_north = back_east * most / back, back_north * most / back
+    up = HEIGHT_PER_S * (leg.origin.up_m + rise * share - body.up_m) + (rise / length * speed if 0 < share < 1 else 0.0)
+    return Velocity(east / length * speed + back_east, north / length * speed + back_north, up)
+
+
+class Pilot:
+    """Flies goals one after the other."""
+
+    def __init__(self, body: Body, limits: Limits) -> None:
+        self.body = body
+        self.limits = limits
+        self._goals: deque[Goal] = deque()
+        self._age_s = 0.0
+
+    @property
+    def goal(self) -> Goal | None:
+        """The goal under way; None when all are reached."""
+        return self._goals[0] if self._goals else None
+
+    def fly(self, goals: Iterable[Goal]) -> None:
+        """Drop what was under way and begin anew."""
+        self._goals = deque(goals)
+        self._age_s = 0.0
+
+    def hold(self) -> None:
+        """Brake and stay."""
+        self.fly([Hover(stopping_place(self.body, self.limits))])
+
+    def step(self, dt_s: float) -> None:
+        """Fly for ``dt_s``; without a goal the vehicle keeps its place."""
+        goal = self.goal or Hover(self.body.place)
+        self._age_s += dt_s
+        self.body.fly(wish(goal, self.body, self._age_s, self.limits), self.limits, dt_s)
+        if self._goals and finished(goal, self.body, self._age_s):
+            self._goals.popleft()
+            self._age_s = 0.0

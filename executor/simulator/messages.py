@@ -1,0 +1,212 @@
+"""What vehicle and ground station say to each other, without the wire.
+
+What comes in is typed, for decisions hang on it. What goes out is a MAVLink message by its name and fields; the wire
+refuses a name or field that MAVLink does not have, and a test sends every one of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+FieldValue = int | float | bytes | Sequence[int] | Sequence[float]
+
+MISSION_TYPE_MISSION = 0
+TEXT_CHUNK = 50
+"""Bytes of text in one STATUSTEXT."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Who speaks."""
+
+    sysid: int
+    compid: int
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """HEARTBEAT."""
+
+    ground_station: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """COMMAND_LONG or COMMAND_INT."""
+
+    number: int
+    params: tuple[float, float, float, float, float, float, float]
+
+    def integer(self, position: int) -> int:
+        """Return a parameter as a whole number, counted from 0; -1 for NaN or infinity."""
+        value = self.params[position]
+        return int(value) if math.isfinite(value) else -1
+
+
+@dataclass(frozen=True, slots=True)
+class SetMode:
+    """SET_MODE."""
+
+    custom_mode: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCount:
+    """MISSION_COUNT."""
+
+    count: int
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class ItemReceived:
+    """MISSION_ITEM_INT, or MISSION_ITEM with its degrees turned into 1e-7 degrees."""
+
+    seq: int
+    frame: int
+    command: int
+    params: tuple[float, float, float, float]
+    x: int
+    y: int
+    z: float
+    current: bool
+    autocontinue: bool
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRequestList:
+    """MISSION_REQUEST_LIST."""
+
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRequest:
+    """MISSION_REQUEST or MISSION_REQUEST_INT: the ground station wants an item."""
+
+    seq: int
+    mission_type: int
+    integer: bool
+    """Whether it asked for a MISSION_ITEM_INT."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionAckReceived:
+    """MISSION_ACK."""
+
+    result: int
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionClearAll:
+    """MISSION_CLEAR_ALL."""
+
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSetCurrent:
+    """MISSION_SET_CURRENT."""
+
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class ParamRequestList:
+    """PARAM_REQUEST_LIST."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParamRequestRead:
+    """PARAM_REQUEST_READ."""
+
+    name: str
+    index: int
+    """-1 when asked by name."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSet:
+    """PARAM_SET."""
+
+    name: str
+    raw: float
+    """As on the wire: PX4 hides the bits of integers in it."""
+    kind: int
+
+
+@dataclass(frozen=True, slots=True)
+class RequestDataStream:
+    """REQUEST_DATA_STREAM."""
+
+    stream: int
+    rate_hz: int
+    start: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Timesync:
+    """TIMESYNC."""
+
+    tc1: int
+    ts1: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """PING."""
+
+    time_usec: int
+    seq: int
+    target_sysid: int
+
+
+MissionMessage = (
+    MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionAckReceived | MissionClearAll
+)
+Body = (
+    Heartbeat | Command | SetMode | MissionMessage | MissionSetCurrent | ParamRequestList | ParamRequestRead | ParamSet
+    | RequestDataStream | Timesync | Ping
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """One message from somebody."""
+
+    sender: Peer
+    body: Body
+
+
+@dataclass(frozen=True, slots=True)
+class Outbound:
+    """One message to everybody who listens."""
+
+    name: str
+    fields: Mapping[str, FieldValue]
+
+
+def out(name: str, **fields: FieldValue) -> Outbound:
+    """Return a message by MAVLink's names."""
+    return Outbound(name, fields)
+
+
+def status_texts(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
+    """Yield the text in as many STATUSTEXT as it takes.
+
+    Args:
+        severity: MAV_SEVERITY.
+        text: ASCII.
+        chunk_id: what ties the parts of a long text together, not 0; a short text is sent with 0, as ArduPilot does.
+    """
+    raw = text.encode("ascii", errors="replace")
+    chunks = [raw[start : start + TEXT_CHUNK] for start in range(0, len(raw), TEXT_CHUNK)] or [b""]
+    if len(raw) % TEXT_CHUNK == 0 and len(chunks) > 1:
+        # A last part of full length has no terminating zero: without an empty one the reader would wait for more.
+        chunks.append(b"")
+    for number, chunk in enumerate(chunks):
+        yield out("STATUSTEXT", severity=severity, text=chunk, id=chunk_id if len(chunks) > 1 else 0, chunk_seq=number)

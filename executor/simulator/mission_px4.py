@@ -1,0 +1,223 @@
+"""How PX4 flies a mission in AUTO.MISSION, with the habits that were measured on v1.17.0."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from enum import Enum
+
+from executor.simulator.airframe import Airframe
+from executor.simulator.enums import MissionState, Severity
+from executor.simulator.guidance import Goal, Hover, Land, Leg, corner_speed_m_s
+from executor.simulator.messages import out
+from executor.simulator.mission_store import has_place
+from executor.simulator.params import ParamTable
+from executor.simulator.physics import Home, Place
+from executor.simulator.route import place_of
+from executor.simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
+from executor.simulator.voice import Voice
+from missions.items import Command, MissionItem
+
+CHECK_S = 0.5
+"""An upload on the ground until the mission counts as valid: MISSION_START right after the ACK is denied."""
+LEAST_RADIUS_M = 0.05
+"""An item's own acceptance radius counts above this."""
+REACHED_REPEATS = 10
+REACHED_AGAIN_S = 1.0
+SLOW_LANDING_M = 5.0
+"""Recorded: 1.6 m/s down, about 1 m/s under 8 m, 0.7 m/s at the ground."""
+
+
+class MissionEnd(Enum):
+    """How a mission leaves AUTO.MISSION."""
+
+    LOITER = "loiter"
+    RETURN = "return"
+
+
+class Px4Mission:
+    """What AUTO.MISSION does."""
+
+    def __init__(self, frame: Airframe, store: Px4Store, home: Home, params: ParamTable, voice: Voice) -> None:
+        self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
+        self.index = 0
+        self.speed_m_s = params["MPC_XY_CRUISE"]
+        self.running = False
+        """Whether items are being flown."""
+        self._nav: MissionItem | None = None
+        self._finished = False
+        self._started = False
+        self._checked_s = 0.0
+        self._origin: Place | None = None
+        self._arrived: Place | None = None
+        """Where the last leg ended, when the next one begins there."""
+        self._reached: tuple[int, int, float] | None = None
+        """(item, repeats left, next at)."""
+
+    def state(self, now_s: float) -> MissionState:
+        """What MISSION_CURRENT says. A pause leaves it ACTIVE, and so does a failsafe."""
+        if not self.valid(now_s):
+            return MissionState.NO_MISSION
+        if self._finished:
+            return MissionState.COMPLETE
+        return MissionState.ACTIVE if self._started else MissionState.NOT_STARTED
+
+    def valid(self, now_s: float) -> bool:
+        """Return whether there is a mission that has passed its check."""
+        feasible = all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in self._store.items)
+        return bool(self._store.items) and feasible and now_s >= self._checked_s
+
+    def enter(self, now_s: float) -> MissionEnd | None:
+        """Start or resume at the index; the cruise speed is the default again."""
+        self.speed_m_s = self._params["MPC_XY_CRUISE"]
+        if not self.valid(now_s):
+            return self.give_up()
+        if self._finished:
+            return self._finish(MissionEnd.LOITER)
+        self.running = self._started = True
+        self._voice.say(Severity.INFO, "Executing Mission")
+        self._origin = self._arrived = None
+        return self._start(self.index)
+
+    def leave(self) -> None:
+        """Stop flying items; the index is kept."""
+        self.running = False
+
+    def give_up(self) -> MissionEnd:
+        """Say that there is nothing to fly."""
+        self.running = False
+        self._voice.say(Severity.CRITICAL, "No valid mission available, loitering")
+        return MissionEnd.LOITER
+
+    def step(self, now_s: float) -> MissionEnd | None:
+        """Repeat what was reached, and go on to the next item when the present one is done."""
+        self._repeat_reached(now_s)
+        if not self.running or self._nav is None or self._frame.pilot.goal is not None:
+            return None
+        done, seq = self._nav, self.index
+        if done.command == Command.NAV_LAND:
+            return None  # over when the motors have stopped
+        self._reached = (seq, REACHED_REPEATS, now_s)
+        self._arrived = self._origin = place_of(done, self._home, self._frame.body.place)
+        end = self._start(seq + 1)
+        self._repeat_reached(now_s)
+        return end
+
+    def landed(self, now_s: float) -> MissionEnd | None:
+        """End the mission after its landing."""
+        if not self.running or self._nav is None or self._nav.command != Command.NAV_LAND:
+            self.running = False
+            return None
+        self._reached = (self.index, REACHED_REPEATS, now_s)
+        return self._finish(MissionEnd.LOITER)
+
+    def swapped(self, current: int | None, now_s: float) -> MissionEnd | None:
+        """React to a new list: the flagged item is next; without a flag the old number is kept, clamped."""
+        last = max(len(self._store.items) - 1, 0)
+        self.index = min(self.index if current is None else current, last)
+        self._finished = False
+        self._reached = None
+        if not self.running:
+            self._started = False
+            self._checked_s = now_s + CHECK_S
+            return None
+        self._checked_s = now_s
+        if not self.valid(now_s):
+            return self.give_up()
+        return self._start(self.index)
+
+    def cleared(self) -> MissionEnd | None:
+        """React to the list having been emptied; in flight that is a hold."""
+        self.index = 0
+        self._finished = self._started = False
+        self._reached = None
+        return self.give_up() if self.running else None
+
+    def set_current(self, seq: int) -> MissionEnd | None:
+        """Fly item ``seq`` next."""
+        self._finished = False
+        self.index = seq
+        if not self.running:
+            return None
+        self._origin = self._arrived = None
+        return self._start(seq)
+
+    def rebooted(self) -> None:
+        """Keep list and index, forget the rest."""
+        self.running = self._started = False
+        self._reached = None
+
+    def _start(self, seq: int) -> MissionEnd | None:
+        """Execute the DO items from ``seq`` and fly the next that moves."""
+        items = self._store.items
+        while seq < len(items) and items[seq].command == Command.DO_CHANGE_SPEED:
+            if items[seq].param2 > 0:
+                self.speed_m_s = items[seq].param2
+            if self._reached is not None and self._reached[0] == seq - 1:
+                # A DO item takes the place of the item before it in the report.
+                self._reached = (seq, self._reached[1], self._reached[2])
+            seq += 1
+        if seq >= len(items):
+            return self._finish(MissionEnd.LOITER)
+        old, self._nav, self.index = self._nav, items[seq], seq
+        if self._nav.command == Command.NAV_RETURN_TO_LAUNCH:
+            self._reached = (seq, REACHED_REPEATS, self._reached[2] if self._reached else 0.0)
+            return self._finish(MissionEnd.RETURN)
+        if old is None or (old.x, old.y, old.z) != (self._nav.x, self._nav.y, self._nav.z):
+            self._origin = self._arrived or self._frame.body.place
+        self._arrived = None
+        self._frame.pilot.fly(self._goals(self._nav, seq))
+        return None
+
+    def _finish(self, end: MissionEnd) -> MissionEnd:
+        self.running = False
+        self._finished = True
+        self.index = min(self.index, max(len(self._store.items) - 1, 0))
+        self._voice.say(Severity.INFO, "Mission finished, loitering")
+        return end
+
+    def _goals(self, item: MissionItem, seq: int) -> Iterator[Goal]:
+        frame = self._frame
+        here = frame.body.place
+        if frame.body.on_ground:
+            # Without a take-off item it climbs to a least height first.
+            takeoff = item.command == Command.NAV_TAKEOFF
+            up_m = place_of(item, self._home, here).up_m if takeoff else self._params["MIS_TAKEOFF_ALT"]
+            self._voice.say(Severity.INFO, f"Climb to {up_m:.1f} meters above home")
+            yield from frame.take_off(up_m, self._params["MPC_TKO_SPEED"])
+            if takeoff:
+                return
+            here = Place(here.east_m, here.north_m, up_m)
+            self._origin = here
+        else:
+            frame.climbing_out = False
+        target = place_of(item, self._home, here)
+        if item.command == Command.NAV_LAND:
+            over = Place(target.east_m, target.north_m, here.up_m) if has_place(item) else here
+            yield Leg(here, over, self.speed_m_s, accept_m=0.0)
+            yield land_goal(over, self._params)
+            return
+        # A take-off item in the air is flown as a waypoint.
+        yield from self._waypoint(item, seq, self._origin or here, target)
+
+    def _waypoint(self, item: MissionItem, seq: int, origin: Place, target: Place) -> list[Goal]:
+        accept_m = item.param2 if item.param2 > LEAST_RADIUS_M else self._params["NAV_ACC_RAD"]
+        after = next((nav for nav in self._store.items[seq + 1 :] if nav.command != Command.DO_CHANGE_SPEED), None)
+        passes = item.param1 <= 0 and after is not None and after.command == Command.NAV_WAYPOINT
+        leg = Leg(origin, target, self.speed_m_s, accept_m, stop=not passes)
+        if passes and after is not None:
+            corner = corner_speed_m_s(leg, place_of(after, self._home, target), self._frame.pilot.limits, accept_m)
+            leg = replace(leg, exit_m_s=corner)
+        return [leg, Hover(target, item.param1)] if item.param1 > 0 else [leg]
+
+    def _repeat_reached(self, now_s: float) -> None:
+        if self._reached is None or now_s < self._reached[2]:
+            return
+        seq, left, _ = self._reached
+        self._voice.send([out("MISSION_ITEM_REACHED", seq=seq)])
+        self._reached = (seq, left - 1, now_s + REACHED_AGAIN_S) if left > 0 else None
+
+
+def land_goal(over: Place, params: ParamTable) -> Land:
+    """Return a landing."""
+    return Land(over, params["MPC_Z_VEL_MAX_DN"], params["MPC_LAND_SPEED"], SLOW_LANDING_M)

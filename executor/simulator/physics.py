@@ -1,0 +1,172 @@
+"""A multicopter's motion: accelerations and speeds are limited, so positions never jump.
+
+Local metres about the vehicle's own pad: east, north, up. The ground is level at up = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GRAVITY_M_S2 = 9.81
+TERMINAL_FALL_M_S = 25.0
+HARD_LANDING_M_S = 2.0
+"""Touching down faster than this breaks the vehicle; a fall from 25 cm does."""
+DRAG_PER_S = 0.35
+"""Specific drag: at 5 m/s the recorded flights lean by 0.2 rad, g * 0.2 / 5."""
+EQUATOR_M = 6378137.0
+ECCENTRICITY2 = 6.69437999014e-3
+"""WGS 84."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point in local metres."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the autopilot asks of the airframe at most."""
+
+    accelerate_m_s2: float
+    brake_m_s2: float
+    climb_m_s: float
+    descend_m_s: float
+    vertical_m_s2: float
+    corner_m_s2: float
+    """Lateral acceleration that it plans corners with."""
+    yaw_rad_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """A wish or a fact, in m/s."""
+
+    east_m_s: float = 0.0
+    north_m_s: float = 0.0
+    up_m_s: float = 0.0
+
+
+class Home:
+    """The pad, and the flat step from its latitude and longitude to metres.
+
+    The radii of curvature are those at the pad, so both directions agree exactly and a straight line is off by less
+    than a decimetre 3 km away.
+    """
+
+    def __init__(self, lat_deg: float, lon_deg: float, alt_m: float) -> None:
+        self.lat_deg, self.lon_deg, self.alt_m = lat_deg, lon_deg, alt_m
+        sine = math.sin(math.radians(lat_deg))
+        bulge = 1 - ECCENTRICITY2 * sine * sine
+        self._north_m_deg = math.radians(EQUATOR_M * (1 - ECCENTRICITY2) / bulge**1.5)
+        self._east_m_deg = math.radians(EQUATOR_M / math.sqrt(bulge) * math.cos(math.radians(lat_deg)))
+
+    def place(self, lat_e7: int, lon_e7: int, up_m: float) -> Place:
+        """Return the local place of 1e-7 degrees."""
+        return Place(
+            (lon_e7 * 1e-7 - self.lon_deg) * self._east_m_deg, (lat_e7 * 1e-7 - self.lat_deg) * self._north_m_deg, up_m
+        )
+
+    def lat_lon_e7(self, east_m: float, north_m: float) -> tuple[int, int]:
+        """Return latitude and longitude of a local place in 1e-7 degrees."""
+        return (
+            round((self.lat_deg + north_m / self._north_m_deg) * 1e7),
+            round((self.lon_deg + east_m / self._east_m_deg) * 1e7),
+        )
+
+
+class Body:
+    """Position, velocity and attitude of one vehicle."""
+
+    def __init__(self) -> None:
+        self.east_m = self.north_m = self.up_m = 0.0
+        self.v_east_m_s = self.v_north_m_s = self.v_up_m_s = 0.0
+        self.yaw_rad = self.roll_rad = self.pitch_rad = self.yaw_rate_rad_s = 0.0
+        self.flown_m = 0.0
+        """Odometer."""
+
+    @property
+    def place(self) -> Place:
+        """Where it is."""
+        return Place(self.east_m, self.north_m, self.up_m)
+
+    @property
+    def ground_speed_m_s(self) -> float:
+        """Horizontal speed."""
+        return math.hypot(self.v_east_m_s, self.v_north_m_s)
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it stands on the ground."""
+        return self.up_m <= 0.0 and self.v_up_m_s <= 0.0
+
+    def fly(self, wish: Velocity, limits: Limits, dt_s: float) -> None:
+        """Move for ``dt_s`` with velocity going towards ``wish`` as fast as the limits allow."""
+        before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
+        d_east, d_north = wish.east_m_s - self.v_east_m_s, wish.north_m_s - self.v_north_m_s
+        change = math.hypot(d_east, d_north)
+        slowing = math.hypot(wish.east_m_s, wish.north_m_s) < self.ground_speed_m_s
+        most = (limits.brake_m_s2 if slowing else limits.accelerate_m_s2) * dt_s
+        if change > most:
+            d_east, d_north = d_east * most / change, d_north * most / change
+        self.v_east_m_s += d_east
+        self.v_north_m_s += d_north
+        up = min(max(wish.up_m_s, -limits.descend_m_s), limits.climb_m_s)
+        most = limits.vertical_m_s2 * dt_s
+        self.v_up_m_s += min(max(up - self.v_up_m_s, -most), most)
+        self._move(before, dt_s)
+        self._lean(d_east / dt_s, d_north / dt_s, limits.yaw_rad_s, dt_s)
+
+    def fall(self, dt_s: float) -> float:
+        """Move for ``dt_s`` without thrust.
+
+        Returns:
+            The vertical speed in m/s at which it hit the ground in this step; 0 when it did not.
+        """
+        if self.up_m <= 0.0:
+            self.stop()
+            return 0.0
+        before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
+        self.v_up_m_s = max(self.v_up_m_s - GRAVITY_M_S2 * dt_s, -TERMINAL_FALL_M_S)
+        self.v_east_m_s -= DRAG_PER_S * self.v_east_m_s * dt_s
+        self.v_north_m_s -= DRAG_PER_S * self.v_north_m_s * dt_s
+        impact_m_s = -self.v_up_m_s
+        self._move(before, dt_s)
+        return impact_m_s if self.up_m <= 0.0 else 0.0
+
+    def stop(self) -> None:
+        """Stand still on the ground."""
+        self.up_m = max(self.up_m, 0.0)
+        self.v_east_m_s = self.v_north_m_s = self.v_up_m_s = 0.0
+        self.roll_rad = self.pitch_rad = self.yaw_rate_rad_s = 0.0
+
+    def _move(self, before: tuple[float, float, float], dt_s: float) -> None:
+        east = (before[0] + self.v_east_m_s) / 2 * dt_s
+        north = (before[1] + self.v_north_m_s) / 2 * dt_s
+        up = (before[2] + self.v_up_m_s) / 2 * dt_s
+        self.east_m += east
+        self.north_m += north
+        self.up_m += up
+        self.flown_m += math.sqrt(east * east + north * north + up * up)
+        if self.up_m <= 0.0 and self.v_up_m_s <= 0.0:
+            self.up_m = 0.0
+            self.stop()
+
+    def _lean(self, a_east: float, a_north: float, yaw_rad_s: float, dt_s: float) -> None:
+        """Turn the nose into the direction of flight and lean against drag and for acceleration."""
+        self.yaw_rate_rad_s = 0.0
+        if self.ground_speed_m_s > 0.5:
+            heading = math.atan2(self.v_east_m_s, self.v_north_m_s)
+            error = math.remainder(heading - self.yaw_rad, 2 * math.pi)
+            turn = min(max(error, -yaw_rad_s * dt_s), yaw_rad_s * dt_s)
+            self.yaw_rad = math.remainder(self.yaw_rad + turn, 2 * math.pi)
+            self.yaw_rate_rad_s = turn / dt_s
+        thrust_east = a_east + DRAG_PER_S * self.v_east_m_s
+        thrust_north = a_north + DRAG_PER_S * self.v_north_m_s
+        sine, cosine = math.sin(self.yaw_rad), math.cos(self.yaw_rad)
+        self.pitch_rad = -math.atan2(thrust_east * sine + thrust_north * cosine, GRAVITY_M_S2)
+        self.roll_rad = math.atan2(thrust_east * cosine - thrust_north * sine, GRAVITY_M_S2)

@@ -1,0 +1,343 @@
+"""PX4 v1.17.0 as measured: modes, arming, failsafes, what it reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from enum import IntEnum
+from typing import ClassVar
+
+from executor.simulator import telemetry
+from executor.simulator.airframe import Manners
+from executor.simulator.autopilot import Autopilot
+from executor.simulator.config import SimVehicle
+from executor.simulator.enums import MavCommand, Result, Severity
+from executor.simulator.guidance import Goal
+from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, out
+from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
+from executor.simulator.mission_store import StoreStep
+from executor.simulator.physics import Home, Limits, Place
+from executor.simulator.store_px4 import Px4Store
+
+MAV_AUTOPILOT_PX4 = 12
+LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=1.5, vertical_m_s2=1.5, corner_m_s2=1.1)
+"""Recorded: a right angle at 2.3 m/s; 2.9 m/s up, 1.6 m/s down."""
+MANNERS = Manners(LIMITS, spool_s=2.0, disarm_landed_s=2.0)
+CAPABILITIES = 1 << 0 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
+"""Missions in float and int, COMMAND_INT, parameters bytewise, MAVLink 2."""
+SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
+SENSORS = (0x300402F, 0x301402F, 0x1320C83F)
+"""From the recorded flights: (present, enabled, healthy)."""
+LOSS_MARGIN_S = 2.0
+"""Measured: AUTO.LOITER about 12 s after the last heartbeat, with COM_DL_LOSS_T at 10."""
+CONE_CLOSE_M = 2.0
+UNKNOWN_CURRENT_CA = -100
+"""What 'no sensor' looks like: -1 A in centiamperes, not -1."""
+EMPTY_TOTAL = 65535
+
+
+def _mode(main: int, sub: int = 0) -> int:
+    return sub << 24 | main << 16
+
+
+class Mode(IntEnum):
+    """custom_mode, as far as simulated."""
+
+    POSCTL = _mode(3)
+    TAKEOFF = _mode(4, 2)
+    LOITER = _mode(4, 3)
+    MISSION = _mode(4, 4)
+    RETURN = _mode(4, 5)
+    LAND = _mode(4, 6)
+
+
+class Px4(Autopilot):
+    """One vehicle."""
+
+    STREAMS_S: ClassVar = {
+        "HEARTBEAT": 1.0, "SYS_STATUS": 1.0, "BATTERY_STATUS": 2.0, "GLOBAL_POSITION_INT": 0.25, "ATTITUDE": 0.25,
+        "VFR_HUD": 0.5, "GPS_RAW_INT": 1.0, "HOME_POSITION": 2.0, "EXTENDED_SYS_STATE": 1.0, "MISSION_CURRENT": 1.0,
+        "LOCAL_POSITION_NED": 0.5, "SYSTEM_TIME": 1.0,
+    }  # fmt: skip
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        self._store = Px4Store()
+        home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
+        super().__init__(vehicle, MANNERS, self._store, home)
+        self.mode = Mode.LOITER
+        self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice)
+        self._announced = (0, 0)
+        """Index and mission id as last reported."""
+        self._link_lost = False
+        self._failsafe = False
+        self._action_due: tuple[float, Mode] | None = None
+        """A failsafe's hold, and what follows it when."""
+        self._charge_state = 1
+        self._was_airborne = False
+
+    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+        # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
+        return {
+            MavCommand.DO_SET_MODE: lambda command: self.set_mode(_mode(command.integer(1), command.integer(2))),
+            MavCommand.MISSION_START: self._start_mission,
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RETURN),
+            MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
+            MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
+            MavCommand.DO_CHANGE_SPEED: self._change_speed,
+        }
+
+    # Modes.
+
+    def set_mode(self, mode: int) -> Result:
+        """Change the mode. It ends the hold of a failsafe, whatever that had in mind."""
+        if mode not in set(Mode):
+            return Result.DENIED
+        self._action_due = None
+        if mode == self.mode and not (mode == Mode.MISSION and not self.mission.running):
+            return Result.ACCEPTED
+        if mode == Mode.MISSION and not self._store.items:
+            self.voice.say(Severity.CRITICAL, "Switching to mode 'Mission' is currently not possible")
+            return Result.TEMPORARILY_REJECTED
+        self._switch(Mode(mode))
+        return Result.ACCEPTED
+
+    def _switch(self, mode: Mode) -> None:
+        if self.mode == Mode.MISSION:
+            self.mission.leave()
+        self.mode = mode
+        self.streams.soon("HEARTBEAT", self.now_s)
+        if self.frame.armed:
+            self._enter(mode)
+
+    def _enter(self, mode: Mode) -> None:
+        pilot, body = self.frame.pilot, self.frame.body
+        self.frame.climbing_out = False
+        match mode:
+            case Mode.MISSION:
+                self.begin_mission()
+                self._end_mission(self.mission.enter(self.now_s))
+            case Mode.RETURN:
+                pilot.fly(self._home_goals())
+            case Mode.LAND:
+                pilot.fly([land_goal(body.place, self.params)])
+            case Mode.TAKEOFF if body.on_ground:
+                pilot.fly(self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], self.params["MPC_TKO_SPEED"]))
+            case _ if body.on_ground:
+                pilot.fly([])
+            case _:
+                pilot.hold()
+
+    def _end_mission(self, end: MissionEnd | None) -> None:
+        match end:
+            case MissionEnd.LOITER:
+                self._switch(Mode.LOITER)
+            case MissionEnd.RETURN:
+                self.voice.say(Severity.INFO, "Returning to launch")
+                self._switch(Mode.RETURN)
+            case None:
+                return
+
+    def _home_goals(self) -> Iterator[Goal]:
+        body = self.frame.body
+        up_m = max(self._return_height_m(), body.up_m)
+        alt_m = self.home.alt_m + up_m
+        self.voice.say(Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)")
+        speed_m_s = min(max(self.params["MPC_XY_CRUISE"], 0.1), self.params["MPC_XY_VEL_MAX"])
+        pad = body.place if body.on_ground else Place(0.0, 0.0, 0.0)
+        linger_s = max(self.params["RTL_LAND_DELAY"], 0.0)
+        yield from self.frame.go_home(up_m, speed_m_s=speed_m_s, linger_s=linger_s, land=land_goal(pad, self.params))
+
+    def _return_height_m(self) -> float:
+        """Return the least height of the way home: RTL_RETURN_ALT, less inside the cone over the pad."""
+        height_m, cone_deg = self.params["RTL_RETURN_ALT"], self.params["RTL_CONE_ANG"]
+        away_m = math.hypot(self.frame.body.east_m, self.frame.body.north_m)
+        if cone_deg <= 0:
+            return height_m
+        if away_m <= CONE_CLOSE_M:
+            return 2 * CONE_CLOSE_M
+        within_m = away_m / math.tan(math.radians(cone_deg)) if cone_deg < 90 else 0.0
+        return min(height_m, max(within_m, self.params["RTL_DESCEND_ALT"]))
+
+    def _start_mission(self, command: Command) -> Result:
+        """Follow MISSION_START: from item param1, and it arms."""
+        if not self.mission.valid(self.now_s):
+            self.voice.say(Severity.CRITICAL, "Mission start denied! No valid mission")
+            return Result.DENIED
+        first = command.params[0]
+        if not math.isnan(first) and 0 <= first < len(self._store.items):
+            self._end_mission(self.mission.set_current(int(first)))
+        was_armed = self.frame.armed
+        if not self.arm():
+            return Result.TEMPORARILY_REJECTED
+        if not was_armed:
+            self.voice.say(Severity.INFO, "Armed by mission start")
+        if self.mode == Mode.MISSION and not self.mission.running:
+            self._enter(Mode.MISSION)
+            return Result.ACCEPTED
+        return self.set_mode(Mode.MISSION)
+
+    def _change_speed(self, command: Command) -> Result:
+        if command.params[1] <= 0:
+            return Result.DENIED
+        self.mission.speed_m_s = command.params[1]
+        return Result.ACCEPTED
+
+    def _refuse_arming(self) -> str | None:
+        if not self.ready:
+            return "Arming denied: Resolve system health failures first"
+        if self.params["NAV_DLL_ACT"] > 0 and (self.gcs_heard_s is None or self._link_lost):
+            return "Preflight Fail: No connection to the ground control station"
+        if self._charge_state >= 3:
+            return "Arming denied: Low battery"
+        return None
+
+    def arm(self) -> bool:
+        """Arm; armed in mission mode it sets off."""
+        was_armed = self.frame.armed
+        armed = super().arm()
+        if armed and not was_armed and self.mode in {Mode.MISSION, Mode.TAKEOFF}:
+            self._enter(Mode(self.mode))
+        return armed
+
+    def _on_disarmed(self) -> None:
+        self.voice.say(Severity.INFO, "Disarmed by landing")
+        end = self.mission.landed(self.now_s)
+        self._failsafe = False
+        self._action_due = None
+        if end is not None or self.mode in {Mode.RETURN, Mode.LAND, Mode.MISSION}:
+            self._switch(Mode.LOITER)
+
+    def _on_boot(self) -> None:
+        self.mode = Mode.LOITER
+        self._link_lost = self._failsafe = False
+        self._action_due = None
+        self._charge_state = 1
+        self.voice.muted = False
+        self.mission.rebooted()
+
+    # The mission on board.
+
+    def _mission_locked(self) -> bool:
+        return False
+
+    def _on_store(self, step: StoreStep) -> None:
+        if step.swapped:
+            self._end_mission(self.mission.swapped(step.current, self.now_s))
+        if step.cleared:
+            self._end_mission(self.mission.cleared())
+
+    def _set_current(self, seq: int) -> bool:
+        if self._store.busy or not 0 <= seq < len(self._store.items):
+            return False
+        self._end_mission(self.mission.set_current(seq))
+        return True
+
+    # Failsafes.
+
+    def _decide(self) -> None:
+        self._end_mission(self.mission.step(self.now_s))
+        self._announce()
+        self._watch_link()
+        self._watch_battery()
+        if self._action_due is not None and self.now_s >= self._action_due[0]:
+            self._switch(self._action_due[1])
+            self._action_due = None
+
+    def _announce(self) -> None:
+        """Report a new index at once; a new mission goes out with the next second's report."""
+        if self.mission.index != self._announced[0] and self.mission.running:
+            self.streams.soon("MISSION_CURRENT", self.now_s)
+        self._announced = (self.mission.index, self._store.mission_id)
+
+    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
+        return heartbeat.ground_station
+
+    def _on_gcs(self) -> None:
+        if self._link_lost:
+            self._link_lost = False
+            self.voice.speak_up()
+            self.voice.say(Severity.INFO, "GCS connection regained")
+
+    def _watch_link(self) -> None:
+        """Notice the ground station's silence; what it sets off is not undone when the station comes back."""
+        silence_s = self.gcs_silence_s
+        if self._link_lost or silence_s is None or silence_s < self.params["COM_DL_LOSS_T"] + LOSS_MARGIN_S:
+            return
+        self._link_lost = True
+        self.voice.muted = True
+        action = int(self.params["NAV_DLL_ACT"])
+        if not self.frame.armed or self.frame.body.on_ground or action == 0 or self.mode in {Mode.RETURN, Mode.LAND}:
+            return
+        self._hold_then({2: Mode.RETURN, 3: Mode.LAND}.get(action))
+
+    def _hold_then(self, mode: Mode | None) -> None:
+        self._failsafe = True
+        self._switch(Mode.LOITER)
+        self._action_due = None if mode is None else (self.now_s + self.params["COM_FAIL_ACT_T"], mode)
+
+    def _watch_battery(self) -> None:
+        """Escalate through the thresholds; COM_LOW_BAT_ACT 3 returns at critical and lands at emergency."""
+        share = self.frame.battery.charge_pct / 100
+        thresholds = (self.params["BAT_LOW_THR"], self.params["BAT_CRIT_THR"], self.params["BAT_EMERGEN_THR"])
+        state = 1 + sum(share < threshold for threshold in thresholds)
+        if state <= self._charge_state:
+            return
+        self._charge_state = state
+        text = {2: "Low battery", 3: "Critical battery", 4: "Emergency battery level"}[state]
+        self.voice.say(Severity.CRITICAL if state > 2 else Severity.WARNING, text)
+        if not self.frame.armed or self.frame.body.on_ground:
+            return
+        action = int(self.params["COM_LOW_BAT_ACT"])
+        if state == 4 and action in {2, 3}:
+            self._failsafe = True
+            self._switch(Mode.LAND)
+        elif state == 3 and action in {2, 3} and self.mode not in {Mode.RETURN, Mode.LAND}:
+            self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
+
+    # Reports.
+
+    def _current_ca(self) -> int:
+        return round(self.frame.battery.current_a * 100) if self.vehicle.current_sensor else UNKNOWN_CURRENT_CA
+
+    def _build_own(self, name: str) -> Outbound | None:
+        battery = self.frame.battery
+        match name:
+            case "HEARTBEAT":
+                return telemetry.heartbeat(
+                    autopilot=MAV_AUTOPILOT_PX4, base_mode=157 if self.frame.armed else 29, custom_mode=int(self.mode),
+                    system_status=self._system_status(),
+                )  # fmt: skip
+            case "SYS_STATUS":
+                return telemetry.sys_status(
+                    SENSORS if self.ready else SENSORS_BOOT, voltage_v=battery.voltage_v, current_ca=self._current_ca(),
+                    remaining_pct=math.ceil(battery.charge_pct - 1e-9),
+                )  # fmt: skip
+            case "BATTERY_STATUS":
+                consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
+                return telemetry.battery_status(
+                    voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
+                    consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
+                    remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
+                )  # fmt: skip
+            case "GPS_RAW_INT":
+                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=3 if self.ready else 1)
+            case "MISSION_CURRENT":
+                return out(
+                    "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
+                    mission_state=int(self.mission.state(self.now_s)),
+                    mission_mode=1 if self.mode in {Mode.MISSION, Mode.TAKEOFF, Mode.LAND} else 2,
+                    mission_id=self._store.mission_id,
+                )  # fmt: skip
+            case "AUTOPILOT_VERSION":
+                return telemetry.autopilot_version(
+                    capabilities=CAPABILITIES, version=(1, 17, 0), uid=self.vehicle.sysid
+                )
+            case _:
+                return None
+
+    def _system_status(self) -> int:
+        if not self.ready:
+            return 0
+        if self._failsafe:
+            return 5
+        return 4 if self.frame.armed else 3

@@ -1,0 +1,193 @@
+"""ArduPilot's side of the mission protocol: in place, item by item, not atomic.
+
+Measured on Copter 4.7-dev unless a line says otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.simulator.enums import MissionResult, Severity
+from executor.simulator.messages import (
+    MISSION_TYPE_MISSION,
+    ItemReceived,
+    MissionAckReceived,
+    MissionClearAll,
+    MissionCount,
+    MissionMessage,
+    MissionRequest,
+    MissionRequestList,
+    Outbound,
+    Peer,
+)
+from executor.simulator.mission_store import (
+    StoreStep,
+    Transfer,
+    UploadFault,
+    ack,
+    count_message,
+    is_relative,
+    item_message,
+    request_message,
+    to_item,
+)
+from missions.items import Command, Frame, MissionItem
+
+CAPACITY = 718
+"""Items that the simulated board has room for."""
+ASK_AGAIN_S = 1.0
+GIVE_UP_S = 8.0
+_Order = MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionClearAll
+COMMANDS = frozenset(Command)
+FRAMES = frozenset(Frame)
+
+
+class ArduPilotStore:
+    """The mission on board; item 0 is the vehicle's own home and never overwritten."""
+
+    mission_id = 0
+
+    def __init__(self, home: MissionItem) -> None:
+        self._memory: list[MissionItem] = [home]
+        """Storage as it is on the board: what lies behind ``_count`` is stale but still there."""
+        self._count = 0
+        self._upload: Transfer | None = None
+        self.fault = UploadFault.NONE
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The mission, home included."""
+        return tuple(self._memory[: self._count])
+
+    def at(self, seq: int) -> MissionItem | None:
+        """Return the item at an index of the mission, or None."""
+        return self._memory[seq] if 0 <= seq < self._count else None
+
+    @property
+    def count(self) -> int:
+        """Number of items, home included."""
+        return self._count
+
+    def stale(self, seq: int) -> MissionItem | None:
+        """Return what the memory holds at an index, whether it still belongs to the mission or not."""
+        return self._memory[seq] if 0 <= seq < len(self._memory) else None
+
+    def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
+        """Follow the protocol; ``locked`` is that the mission runs, armed: then it cannot be cleared."""
+        if isinstance(message, MissionAckReceived):
+            # The end of a download; it needs no state here. As a cancellation of an upload it is not understood.
+            return StoreStep()
+        if message.mission_type != MISSION_TYPE_MISSION:
+            return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+        if self._upload is not None and self._upload.partner != sender:
+            return StoreStep((ack(sender, MissionResult.DENIED),))
+        return self._obey(message, sender, now_s, locked=locked)
+
+    def tick(self, now_s: float) -> StoreStep:
+        """Ask again after a second, give up after eight."""
+        upload = self._upload
+        if upload is None:
+            return StoreStep()
+        if now_s - upload.heard_s >= GIVE_UP_S:
+            self._upload = None
+            return StoreStep(
+                (ack(upload.partner, MissionResult.OPERATION_CANCELLED),),
+                ((Severity.WARNING, "Mission upload timeout"),),
+            )
+        if self._stalled(upload) or now_s - upload.asked_s < ASK_AGAIN_S:
+            return StoreStep()
+        return StoreStep((self._ask(upload, now_s),))
+
+    def forget_transfers(self) -> None:
+        """Drop what is under way."""
+        self._upload = None
+
+    def _obey(self, message: _Order, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
+        match message:
+            case MissionCount():
+                return self._begin(message, sender, now_s)
+            case ItemReceived():
+                return self._store(message, sender, now_s)
+            case MissionRequestList():
+                self._upload = None
+                return StoreStep((count_message(sender, self._count),))
+            case MissionRequest():
+                return self._read(message, sender)
+            case MissionClearAll():
+                if locked:
+                    return StoreStep((ack(sender, MissionResult.ERROR),))
+                self._count = 0
+                self._upload = None
+                return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
+
+    def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
+        if self.fault is UploadFault.REFUSE:
+            return StoreStep((ack(sender, MissionResult.DENIED),))
+        if message.count > CAPACITY:
+            text = f"Only {CAPACITY} items are supported"
+            return StoreStep((ack(sender, MissionResult.NO_SPACE),), ((Severity.WARNING, text),))
+        self._count = min(self._count, message.count)
+        if message.count == 0:
+            # Measured: accepted in AUTO too, where the vehicle flies on to its old waypoint.
+            self._upload = None
+            return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
+        self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s)
+        return StoreStep((self._ask(self._upload, now_s),))
+
+    def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+        upload = self._upload
+        if upload is None:
+            return StoreStep((ack(sender, MissionResult.ERROR),))
+        if message.seq != upload.next:
+            # A warning only: the upload goes on.
+            return StoreStep((ack(sender, MissionResult.INVALID_SEQUENCE),))
+        if message.frame not in FRAMES or message.command not in COMMANDS:
+            self._upload = None
+            known = message.frame in FRAMES
+            return StoreStep((ack(sender, MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME),))
+        if message.seq > 0:
+            item = _as_stored(to_item(message))
+            self._memory[message.seq : message.seq + 1] = [item]
+        self._count = max(self._count, message.seq + 1)
+        upload.next += 1
+        upload.heard_s = now_s
+        stored = message.seq or None
+        if upload.next == upload.count:
+            self._upload = None
+            texts = ((Severity.INFO, "Flight plan received"),)
+            return StoreStep((ack(sender, MissionResult.ACCEPTED),), texts, stored=stored)
+        if self._stalled(upload):
+            return StoreStep(stored=stored)
+        return StoreStep((self._ask(upload, now_s),), stored=stored)
+
+    def _stalled(self, upload: Transfer) -> bool:
+        """Return whether an injected fault keeps the vehicle from asking on."""
+        return self.fault is UploadFault.HALF and upload.next >= upload.count // 2
+
+    def _ask(self, upload: Transfer, now_s: float) -> Outbound:
+        upload.asked_s = now_s
+        return request_message("MISSION_REQUEST", upload.partner, upload.next)
+
+    def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
+        item = self.at(message.seq)
+        if item is None:
+            return StoreStep((ack(sender, MissionResult.ERROR),))
+        return StoreStep((item_message(sender, item, integer=message.integer),))
+
+
+def _as_stored(item: MissionItem) -> MissionItem:
+    """Return the item as ArduPilot will send it back.
+
+    Measured: ``current`` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0. From the source of
+    AP_Mission: frames with and without _INT are one, heights are kept in centimetres, the hold in whole seconds,
+    of a landing's param4 the sign.
+    """
+    rewritten = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative(item) else Frame.GLOBAL)
+    if item.command in {Command.DO_CHANGE_SPEED, Command.NAV_RETURN_TO_LAUNCH}:
+        return replace(rewritten, frame=Frame.GLOBAL)
+    rewritten = replace(rewritten, z=round(item.z * 100) / 100)
+    if item.command == Command.NAV_LAND:
+        return replace(rewritten, param4=-1.0 if item.param4 < 0 else 1.0)
+    if item.command == Command.NAV_WAYPOINT:
+        rewritten = replace(rewritten, param1=float(int(item.param1)))
+    return rewritten

@@ -1,0 +1,53 @@
+"""What really happened to the simulated vehicles: the yardstick for what the ground station believed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """One thing that happened."""
+
+    vehicle: str
+    what: str
+    """``armed``, ``mission_started``, ``took_off``, ``landed``, ``disarmed``, ``crash``, ``mode MODE``, or
+    ``fault SPEC`` at the moment when a fault was injected."""
+    t_s: float
+    """Simulated seconds since the simulation began."""
+    unix_s: float
+    """The same moment on this machine's clock, as seconds since 1970."""
+
+
+class TruthWriter:
+    """Appends each truth as one JSON line; the file is whole after every line."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("a", encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __call__(self, truth: Truth) -> None:
+        """Append one line."""
+        self._file.write(json.dumps(asdict(truth)) + "\n")
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def read_truths(path: Path) -> tuple[Truth, ...]:
+    """Return what a writer wrote; a last line that was cut off by the writer's death is left out."""
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    return tuple(Truth(**json.loads(line)) for line in lines if line.endswith("\n"))
