@@ -1,0 +1,24 @@
+"""The package's front door."""
+
+from __future__ import annotations
+
+import types
+
+import missions
+
+
+def test_all_is_exact() -> None:
+    public = {
+        name
+        for name, value in vars(missions).items()
+        if not name.startswith("_") and not isinstance(value, types.ModuleType)
+    }
+    assert sorted(missions.__all__) == sorted(public)
+    assert len(missions.__all__) == len(set(missions.__all__))
+
+
+def test_the_example_in_the_docstring_holds() -> None:
+    network = missions.read_network(missions.default_network_path(), radius_m=700)
+    setup = missions.flight_setup(network, ["uav1", "uav2"], missions.Inspection())
+    mission = missions.encode(missions.flight_path(setup, "uav1", [0, 2, 4]), missions.PX4)
+    assert mission.items[0].command is missions.Command.NAV_TAKEOFF

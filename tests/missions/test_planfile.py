@@ -1,0 +1,253 @@
+"""Plan files: round trips, the check of every figure, and every reason to refuse one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from missions import (
+    Inspection,
+    PlanFile,
+    PlanFileError,
+    Solved,
+    Window,
+    check_plan,
+    depot_vehicle,
+    make_plan_file,
+    open_task,
+    read_network,
+    read_plan,
+    whole_task,
+    write_plan,
+)
+from missions.readers import default_network_path
+from planner import Cost, Dynamics, Plan, Route, Travel, Vehicle
+from tests.missions.builders import line_east
+
+TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
+SOLVED = Solved("search", 7, 1.5)
+INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
+
+
+def small() -> PlanFile:
+    """Two vehicles over a line of three segments; the first does segments 0 and 1, the second nothing, 2 is left."""
+    network = line_east()
+    task = whole_task(network, [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0)], TRAVEL)
+    plan = Plan((Route(0, (0, 2)), Route(1, ())), uncovered=(2,))
+    return make_plan_file(network, task, TRAVEL, plan, Cost.MINMAX, SOLVED)
+
+
+def test_figures_come_from_the_definition() -> None:
+    content = small()
+    # 100 m out, 200 m of inspection, 300 m home: 10 + 100 + 30 s.
+    assert content.durations_s == pytest.approx((140.0, 0.0), abs=1e-6)
+    assert content.energies_pct == pytest.approx((24.0, 0.0), abs=1e-6)
+    assert content.cost_value == pytest.approx(24.0, abs=1e-6)
+    assert check_plan(content) == []
+
+
+def full(tmp_path: Path) -> tuple[Path, PlanFile]:
+    """A file that uses everything: heights, an airborne worn vehicle, dynamics, a window, an inspection."""
+    network = read_network(default_network_path(), radius_m=500.0)
+    travel = replace(TRAVEL, dynamics=Dynamics(2.0, 0.5))
+    vehicles = [Vehicle("uav1", (120.5, -30.25), 55.5, 1.1, airborne=True), depot_vehicle("uav2", 90.0)]
+    task = open_task(network, [3, 7, 8, 20], vehicles, travel)
+    plan = Plan((Route(0, (1, 2)), Route(1, (4,))), uncovered=(3,))
+    content = make_plan_file(network, task, travel, plan, Cost.MINCOMB, SOLVED, inspection=Inspection(height_m=18.0))
+    longest_s = max(content.durations_s)
+    content = replace(content, window=Window(25.0, 0.75 * longest_s, longest_s))
+    path = tmp_path / "plan.json"
+    write_plan(path, content)
+    return path, content
+
+
+def test_a_file_reads_back_as_it_was_written(tmp_path: Path) -> None:
+    path, content = full(tmp_path)
+    again = read_plan(path)
+    assert again == content
+    assert again.source == str(path)
+    assert check_plan(again) == []
+    assert again.task().segment_ids == (3, 7, 8, 20)
+    # Written again it is the same file, and nothing else is left beside it.
+    write_plan(tmp_path / "again.json", again)
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["again.json", "plan.json"]
+
+
+def test_a_file_is_as_the_design_has_it(tmp_path: Path) -> None:
+    path, _ = full(tmp_path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert document["format"] == "faultline-plan/1"
+    assert document["depot"] == {"lat_deg": 49.5985, "lon_deg": 15.6137, "alt_m": 462.0}
+    assert document["vehicles"][0]["name"] == "uav1"
+    assert document["vehicles"][0]["start"] == [120.5, -30.25]
+    assert document["routes"][0]["visits"] == [{"segment": 3, "reversed": True}, {"segment": 7, "reversed": False}]
+    assert document["uncovered"] == [20]
+    assert document["cost"]["name"] == "mincomb"
+    assert (document["solver"], document["seed"], document["seconds"]) == ("search", 7, 1.5)
+    segment = document["segments"][0]
+    assert segment["id"] == 3
+    assert len(segment["a"]) == len(segment["b"]) == 3
+    assert segment["pylons"] == ["V102-01", "V102-02"]
+    assert set(document["window"]) == {"window_pct", "earliest_s", "longest_route_s"}
+
+
+def test_a_plan_files_network_can_be_flown(tmp_path: Path) -> None:
+    path, content = full(tmp_path)
+    network = read_plan(path).network()
+    assert network.has_heights
+    assert [segment.label for segment in network.segments] == ["3", "7", "8", "20"]
+    assert np.allclose(network.ends_m, content.ends_m, atol=1e-6)
+
+
+def test_optional_keys_may_be_missing(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    write_plan(path, small())
+    document = json.loads(path.read_text(encoding="utf-8"))
+    for vehicle in document["vehicles"]:
+        del vehicle["consumption"], vehicle["airborne"]
+    for segment in document["segments"]:
+        del segment["elevation_m"], segment["height_m"]
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert read_plan(path) == small()
+
+
+@pytest.mark.parametrize(
+    ("change", "finding"),
+    [
+        ({"durations_s": (141.0, 0.0)}, "route of uav1: duration_s is 141, its content gives 140"),
+        ({"energies_pct": (24.0, 0.1)}, "route of uav2: energy_pct is 0.1, its content gives 0"),
+        ({"cost_value": 23.0}, "cost.value (minmax) is 23, its content gives 24"),
+        ({"cost": Cost.MINCOMB}, "cost.value (mincomb) is 24, its content gives 36"),
+        ({"plan": Plan((Route(0, (0, 2)), Route(1, ())))}, "segment 2 is neither visited nor named as uncovered"),
+        ({"window": Window(50.0, 70.0, 150.0)}, "window.longest_route_s is 150, its content gives 140"),
+        ({"window": Window(60.0, 70.0, 140.0)}, "window.window_pct is 60, its content gives 50"),
+        (
+            {"vehicles": (depot_vehicle("uav1", 20.0), depot_vehicle("uav2", 70.0))},
+            "route of uav1: spends 24.000 %, its budget is 20.000 %",
+        ),
+    ],
+)
+def test_a_figure_that_its_content_does_not_bear_out_is_told(change: dict[str, Any], finding: str) -> None:
+    assert finding in check_plan(replace(small(), **change))
+
+
+def test_places_and_lengths_are_checked() -> None:
+    content = small()
+    first, *others = content.segments
+    moved = replace(first, a_enu_m=(99.0, 0.0, 0.0))
+    findings = check_plan(replace(content, segments=(moved, *others)))
+    assert "segment 0: a and a_lat_lon_deg are 1.00 m apart" in findings
+    assert "segment 0: length_m is 100, its ends are 101 m apart" in findings
+
+
+def test_a_small_window_agrees_with_itself() -> None:
+    assert check_plan(replace(small(), window=Window(50.0, 70.0, small().durations_s[0]))) == []
+
+
+def _set(*keys: Any, value: object) -> Callable[[Any], None]:
+    def change(document: Any) -> None:
+        for key in keys[:-1]:
+            document = document[key]
+        document[keys[-1]] = value
+
+    return change
+
+
+def _delete(*keys: Any) -> Callable[[Any], None]:
+    def change(document: Any) -> None:
+        for key in keys[:-1]:
+            document = document[key]
+        del document[keys[-1]]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (_set("format", value="faultline-plan/2"), "format: expected 'faultline-plan/1', got 'faultline-plan/2'"),
+        (_delete("format"), "format: expected 'faultline-plan/1', found none"),
+        (_delete("depot"), "depot: expected an object, found none"),
+        (_set("depot", "lat_deg", value="49"), r"depot\.lat_deg: expected a finite number, got '49'"),
+        (_set("depot", "lat_deg", value=90.0), r"depot: latitude 90\.0 is out of range"),
+        (_set("segments", value={}), r"segments: expected a list of objects, got \{\}"),
+        (_set("segments", 1, "id", value=0), r"segments\[1\]\.id: expected an id of its own, got 0"),
+        (_set("segments", 1, "id", value=1.5), r"segments\[1\]\.id: expected a whole number, got 1\.5"),
+        (_set("segments", 1, "a", value=[1, 2]), r"segments\[1\]\.a: expected 3 finite numbers, got \[1, 2\]"),
+        (_set("segments", 1, "b", 0, value=float("nan")), r"segments\[1\]\.b: expected 3 finite numbers"),
+        (_set("segments", 1, "pylons", value=["p1"]), r"segments\[1\]\.pylons: expected 2 texts"),
+        (_set("segments", 1, "height_m", value=[1.0]), r"segments\[1\]\.height_m: expected 2 numbers or nulls"),
+        (_set("segments", 1, "height_m", value=[1.0, "x"]), r"segments\[1\]\.height_m: expected 2 finite numbers or"),
+        (_set("vehicles", value=[]), "vehicles: expected at least one vehicle"),
+        (_set("vehicles", 1, "name", value="uav1"), r"vehicles\[1\]\.name: expected a name that no other vehicle has"),
+        (_set("vehicles", 1, "name", value=""), r"vehicles\[1\]\.name: expected a text, got ''"),
+        (_set("vehicles", 1, "budget_pct", value=True), r"vehicles\[1\]\.budget_pct: expected a finite number"),
+        (_set("vehicles", 1, "airborne", value=1), r"vehicles\[1\]\.airborne: expected true or false, got 1"),
+        (_set("routes", 1, "vehicle", value="uav3"), "routes: expected one each for uav1, uav2, in that order"),
+        (_set("routes", 0, "visits", 1, "segment", value=9), r"routes\[0\]\.visits\[1\]\.segment: expected the id"),
+        (_delete("routes", 0, "visits", 1, "reversed"), r"routes\[0\]\.visits\[1\]\.reversed: expected true or false"),
+        (_set("routes", 0, "visits", 1, "segment", value=0), "routes: expected every segment at most once"),
+        (_set("routes", 0, "duration_s", value=None), r"routes\[0\]\.duration_s: expected a finite number, got None"),
+        (_set("uncovered", value=["2"]), r"uncovered: expected a list of whole numbers, got \['2'\]"),
+        (_set("uncovered", value=[5]), "uncovered: expected ids of segments, got unknown 5"),
+        (_set("cost", "name", value="best"), r"cost\.name: expected one of minmax, minsum, mincomb, got 'best'"),
+        (_set("travel", "transit_speed_m_s", value=0), "travel: transit_speed_m_s is 0"),
+        (_set("travel", "dynamics", value=1), r"travel\.dynamics: expected an object, got 1"),
+        (_set("window", value={"window_pct": 1}), r"window\.earliest_s: expected a finite number, found none"),
+        (
+            _set("inspection", value=dict.fromkeys(INSPECTION_KEYS, -1)),
+            r"inspection\.height_m: expected a positive number",
+        ),
+        (_delete("solver"), "solver: expected a text, found none"),
+    ],
+)  # fmt: skip
+def test_a_broken_file_is_named(tmp_path: Path, change: Callable[[Any], None], reason: str) -> None:
+    path = tmp_path / "plan.json"
+    write_plan(path, small())
+    document = json.loads(path.read_text(encoding="utf-8"))
+    change(document)
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(PlanFileError, match=reason) as caught:
+        read_plan(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b'{"format":\n', "line 2: expected JSON"),
+        (b"[]", "content: expected a JSON object"),
+        (b"\xff", "encoding: expected UTF-8 text, found other bytes at 0"),
+    ],
+)
+def test_a_file_that_is_no_plan_is_named(tmp_path: Path, content: bytes, reason: str) -> None:
+    path = tmp_path / "plan.json"
+    path.write_bytes(content)
+    with pytest.raises(PlanFileError, match=rf"plan\.json: {reason}"):
+        read_plan(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(PlanFileError, match=r"none\.json: file: expected a readable plan file: No such file"):
+        read_plan(tmp_path / "none.json")
+
+
+def test_a_figure_that_is_no_number_is_never_written(tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    with pytest.raises(PlanFileError, match=r"plan\.json: expected finite figures only"):
+        write_plan(path, replace(small(), cost_value=float("nan")))
+    assert not path.exists()
+
+
+def test_vehicles_that_make_no_problem_are_named() -> None:
+    broken = replace(small(), vehicles=(Vehicle("uav1", (float("inf"), 0.0), 80.0), depot_vehicle("uav2", 70.0)))
+    with pytest.raises(PlanFileError, match=r"^plan: .*start_m"):
+        check_plan(broken)

@@ -1,0 +1,152 @@
+"""QGroundControl's formats: as they are written, and every reason to refuse one."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions import (
+    ARDUPILOT,
+    PX4,
+    Dialect,
+    MissionFileError,
+    differences,
+    encode,
+    parse_qgc_plan,
+    parse_qgc_waypoints,
+    qgc_plan,
+    qgc_waypoints,
+    write_qgc,
+)
+from tests.missions.test_encode import PATH
+
+HOME = (49.6, 15.6, 450.0)
+
+
+@pytest.mark.parametrize(("dialect", "firmware"), [(ARDUPILOT, 3), (PX4, 12)])
+def test_a_plan_is_as_qgroundcontrol_writes_it(dialect: Dialect, firmware: int) -> None:
+    document = json.loads(qgc_plan(encode(PATH, dialect).items, dialect, HOME))
+    assert (document["fileType"], document["version"], document["mission"]["version"]) == ("Plan", 1, 2)
+    assert document["mission"]["firmwareType"] == firmware
+    assert document["mission"]["plannedHomePosition"] == [49.6, 15.6, 450.0]
+    items = document["mission"]["items"]
+    # Home is outside the items, and they count from 1.
+    assert [item["doJumpId"] for item in items] == list(range(1, 11))
+    assert items[0]["command"] == 22
+    assert items[3]["params"][4:] == [49.602, 15.6, 32.0]
+    assert items[3]["frame"] == 3
+    assert items[3]["params"][3] is None if dialect is PX4 else items[3]["params"][3] == 0.0
+
+
+def test_a_waypoints_file_is_as_mission_planner_writes_it() -> None:
+    lines = qgc_waypoints(encode(PATH, ARDUPILOT).items, ARDUPILOT, HOME).splitlines()
+    assert lines[0] == "QGC WPL 110"
+    assert lines[1].split("\t") == [
+        "0",
+        "0",
+        "0",
+        "16",
+        "0.0",
+        "0.0",
+        "0.0",
+        "0.0",
+        "49.6000000",
+        "15.6000000",
+        "450.0",
+        "1",
+    ]
+    assert lines[3].split("\t")[2:8] == ["0", "178", "1.0", "8.0", "-1.0", "0.0"]
+    assert len(lines) == 12
+
+
+@pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
+def test_the_suffix_chooses_the_format(tmp_path: Path, dialect: Dialect) -> None:
+    items = encode(PATH, dialect).items
+    write_qgc(tmp_path / "uav1.plan", items, dialect, HOME)
+    write_qgc(tmp_path / "uav1.waypoints", items, dialect, HOME)
+    plan = parse_qgc_plan((tmp_path / "uav1.plan").read_text(encoding="utf-8"))
+    assert plan.home == HOME
+    assert len(plan.items) == 10
+    lines = parse_qgc_waypoints((tmp_path / "uav1.waypoints").read_text(encoding="utf-8"))
+    assert differences(items, lines, dialect) == ()
+    with pytest.raises(MissionFileError, match=r"uav1\.kml: suffix: expected \.plan or \.waypoints, got '\.kml'"):
+        write_qgc(tmp_path / "uav1.kml", items, dialect, HOME)
+
+
+def test_the_items_of_a_survey_are_taken_as_generated() -> None:
+    document = json.loads(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    simple = document["mission"]["items"]
+    survey = {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": simple[3:6]}}
+    document["mission"]["items"] = [*simple[:3], survey, *simple[6:]]
+    whole = parse_qgc_plan(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    assert repr(parse_qgc_plan(json.dumps(document))) == repr(whole)
+
+
+def test_null_is_nan_and_a_missing_place_is_zero() -> None:
+    document = json.loads(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    document["mission"]["items"][1]["params"] = [1, 5, None, None, None, None, None]
+    item = parse_qgc_plan(json.dumps(document)).items[1]
+    assert math.isnan(item.param3)
+    assert (item.x, item.y, item.z) == (0, 0, 0.0)
+
+
+def _set(*keys: Any, value: object) -> Callable[[Any], None]:
+    def change(document: Any) -> None:
+        for key in keys[:-1]:
+            document = document[key]
+        document[keys[-1]] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (_set("fileType", value="Fence"), "fileType: expected 'Plan'"),
+        (_set("mission", value=None), r"mission\.items: expected a list"),
+        (
+            _set("mission", "plannedHomePosition", value=[1.0, 2.0]),
+            r"mission\.plannedHomePosition: expected \[latitude",
+        ),
+        (_set("mission", "items", 2, value="x"), r"mission\.items\[2\]: expected an object"),
+        (_set("mission", "items", 2, "type", value="ComplexItem"), r"mission\.items\[2\]\.type: expected a SimpleItem"),
+        (_set("mission", "items", 2, "params", value=[1.0]), r"mission\.items\[2\]\.params: expected seven numbers"),
+        (
+            _set("mission", "items", 2, "command", value="16"),
+            r"mission\.items\[2\]\.command: expected a number, got '16'",
+        ),
+        (_set("mission", "items", 2, "frame", value=True), r"mission\.items\[2\]\.frame: expected a number, got True"),
+    ],
+)
+def test_a_broken_plan_is_named(change: Callable[[Any], None], reason: str) -> None:
+    document = json.loads(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    change(document)
+    with pytest.raises(MissionFileError, match=f"^uav1.plan: {reason}") as caught:
+        parse_qgc_plan(json.dumps(document), source="uav1.plan")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_plan_that_is_no_json_is_named() -> None:
+    with pytest.raises(MissionFileError, match=r"^uav1\.plan: line 1: expected JSON"):
+        parse_qgc_plan("QGC WPL 110", source="uav1.plan")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "line 1: expected 'QGC WPL 110'"),
+        ("QGC WPL 120\n", "line 1: expected 'QGC WPL 110'"),
+        ("QGC WPL 110\n0\t0\t3\n", "line 2: expected 12 columns, got 3"),
+        ("QGC WPL 110\n0 0 3 16 0 0 0 x 49 15 30 1\n", "line 2: expected numbers in all columns"),
+        ("QGC WPL 110\n0 0 3 16 0 0 0 0 nan 15 30 1\n", "line 2: expected finite latitude, longitude and height"),
+        ("QGC WPL 110\n\n1 0 3 16 0 0 0 0 49 15 30 1\n", "line 3: index: expected 0, got 1"),
+    ],
+)
+def test_a_broken_waypoints_file_is_named(text: str, reason: str) -> None:
+    with pytest.raises(MissionFileError, match=f"^w.txt: {reason}"):
+        parse_qgc_waypoints(text, source="w.txt")

@@ -1,0 +1,145 @@
+"""Layers, and the least distance between two flights on cases worked out by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from missions import (
+    FlightPath,
+    FlightSetup,
+    HeightReference,
+    Inspection,
+    Pad,
+    SafetyError,
+    check_separation,
+    flight_setup,
+    plan_layers,
+    separation_m,
+    tracks_m,
+)
+from tests.missions.builders import FLEET, default_setup, line_east, network_of, path_through
+
+
+def test_tracks_lie_to_the_right_of_a_to_b() -> None:
+    network = network_of([(0.0, 0.0), (0.0, 100.0), (200.0, 100.0)], [(0, 1), (2, 1)])
+    north, west = tracks_m(network, 5.0)
+    assert north == pytest.approx(np.array([[5.0, 0.0], [5.0, 100.0]]), abs=1e-6)
+    assert west == pytest.approx(np.array([[200.0, 105.0], [0.0, 105.0]]), abs=1e-6)
+
+
+def test_without_heights_layers_count_from_the_depots_ground() -> None:
+    layers = plan_layers(line_east(), FLEET, height_m=20.0, layer_m=5.0, standoff_m=5.0)
+    assert layers.reference is HeightReference.DEPOT_GROUND
+    assert layers.reference.value == "the depot's ground"
+    assert layers.spacing_m == 6.0
+    assert [layers.height_m(name, 150.0, 30.0) for name in FLEET] == [20.0, 26.0, 32.0, 38.0]
+
+
+def test_with_heights_layers_count_from_the_pylon_tops() -> None:
+    network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(455.0, 30.0), (460.0, 32.0)])
+    layers = plan_layers(network, FLEET, height_m=15.0, layer_m=5.0, standoff_m=5.0)
+    assert layers.reference is HeightReference.PYLON_TOPS
+    # The depot is at 450 m: 5 + 30 + 15 and 10 + 32 + 15.
+    assert layers.track_heights_m.tolist() == [[50.0, 57.0]]
+    assert layers.height_m("uav1", 200.0, -5.0) == pytest.approx(53.5, abs=0.1)
+    assert layers.height_m("uav3", 200.0, -5.0) == pytest.approx(53.5 + 2 * layers.spacing_m, abs=0.1)
+
+
+def test_a_vehicle_without_a_layer_is_refused() -> None:
+    layers = plan_layers(line_east(), FLEET, height_m=20.0, layer_m=5.0, standoff_m=5.0)
+    with pytest.raises(SafetyError, match=r"^vehicle 'uav9': expected one of uav1, uav2, uav3, uav4$"):
+        layers.offset_m("uav9")
+
+
+@pytest.mark.parametrize(
+    ("places_b", "least"),
+    [
+        # Crossing at the same height, at mid-leg of both.
+        ([(50.0, -50.0, 20.0), (50.0, 50.0, 20.0)], 0.0),
+        # Crossing 7 m above.
+        ([(50.0, -50.0, 27.0), (50.0, 50.0, 27.0)], 7.0),
+        # Parallel, 3 m beside and 4 m above.
+        ([(20.0, 60.0, 24.0), (20.0, 3.0, 24.0), (90.0, 3.0, 24.0)], math.hypot(3.0, 4.0)),
+        # Behind the end of the leg: end to end.
+        ([(106.0, 8.0, 20.0), (200.0, 80.0, 20.0)], 10.0),
+        # Far above, but its take-off column stands 6 m beside the leg.
+        ([(50.0, 6.0, 90.0), (50.0, 200.0, 90.0)], 6.0),
+        # Climbs through: a slanted leg across.
+        ([(50.0, -40.0, 10.0), (50.0, 40.0, 30.0)], 0.0),
+    ],
+)
+def test_separation_of_constructed_paths(places_b: list[tuple[float, float, float]], least: float) -> None:
+    path_a = path_through("a", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)])
+    path_b = path_through("b", places_b)
+    assert separation_m(path_a, path_b) == pytest.approx(least, abs=1e-3)
+    assert separation_m(path_b, path_a) == pytest.approx(least, abs=1e-3)
+
+
+def test_homes_at_different_heights_count() -> None:
+    path_a = path_through("a", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)])
+    path_b = path_through("b", [(50.0, -50.0, 27.0), (50.0, 50.0, 27.0)])
+    assert separation_m(path_a, path_b, home_alt_m=(457.0, 450.0)) == pytest.approx(0.0, abs=1e-3)
+    assert separation_m(path_a, path_b, home_alt_m=(450.0, 453.0)) == pytest.approx(10.0, abs=1e-3)
+
+
+def test_a_vehicle_on_the_ground_counts_for_nothing() -> None:
+    path = path_through("a", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)])
+    assert separation_m(path, FlightPath("b", ())) == math.inf
+    assert check_separation([path, FlightPath("b", ())], 5.0) == []
+
+
+def test_conflicts_are_told_in_words() -> None:
+    paths = [
+        path_through("uav1", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)]),
+        path_through("uav2", [(50.0, -50.0, 23.0), (50.0, 50.0, 23.0)]),
+        path_through("uav3", [(0.0, 500.0, 20.0), (100.0, 500.0, 20.0)]),
+    ]
+    assert check_separation(paths, 5.0) == [
+        "uav1 on leg 1 (transit) and uav2 on leg 1 (transit) come within 3.00 m, 5 m expected"
+    ]
+    assert check_separation(paths, 3.0) == []
+    assert check_separation(paths, 5.0, home_alt_m={"uav1": 450.0, "uav2": 453.0, "uav3": 450.0}) == []
+
+
+def test_a_setup_knows_its_pads() -> None:
+    setup = default_setup()
+    assert setup.pad_of("uav2") == setup.pads[1]
+    assert setup.home_alt_m == dict.fromkeys(FLEET, 462.0)
+    assert setup.other_pads_m("uav1").tolist() == [[pad.east_m, pad.north_m] for pad in setup.pads[1:]]
+    with pytest.raises(SafetyError, match="vehicle 'uav9': expected one of uav1"):
+        setup.pad_of("uav9")
+
+
+def test_pads_may_be_given_where_the_vehicles_really_stand() -> None:
+    pads = [Pad("uav1", 0.0, 30.0, 451.0), Pad("uav2", 0.0, -30.0, 449.0)]
+    setup = flight_setup(line_east(), ["uav1", "uav2"], Inspection(), pads=pads)
+    assert setup.pads == tuple(pads)
+    with pytest.raises(SafetyError, match=r"^pads: expected one each for uav2, uav1, in that order$"):
+        flight_setup(line_east(), ["uav2", "uav1"], Inspection(), pads=pads)
+
+
+def test_lines_below_the_depot_are_refused() -> None:
+    network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(380.0, 30.0), (380.0, 30.0)])
+    with pytest.raises(SafetyError, match=r"^inspection\.height_m: .* pad of uav1, got -25\.0 m: the lines lie below"):
+        flight_setup(network, ["uav1"], Inspection(height_m=15.0))
+
+
+@pytest.mark.parametrize("key", ["height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m"])
+def test_an_inspection_figure_that_is_not_positive_is_named(key: str) -> None:
+    with pytest.raises(SafetyError, match=rf"^inspection\.{key}: expected a positive number, got -1.0$"):
+        Inspection(**{key: -1.0})
+
+
+def test_a_standoff_of_nothing_is_allowed_and_a_speed_of_nothing_is_not() -> None:
+    assert Inspection(standoff_m=0.0).standoff_m == 0.0
+    with pytest.raises(SafetyError, match="speed_m_s"):
+        Inspection(speed_m_s=0.0)
+
+
+def test_the_default_network_needs_little_more_than_the_layer() -> None:
+    setup: FlightSetup = default_setup(5.0)
+    assert setup.layers.reference is HeightReference.PYLON_TOPS
+    assert 6.0 < setup.layers.spacing_m < 9.0
