@@ -15,7 +15,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
 from executor.adapters.mavlink.link import VehicleLink, open_link
 from executor.adapters.rundir import keep_site, write_json
-from executor.adapters.solver import SolverProcess, SolverSetup
+from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
 from executor.config import Site
@@ -30,8 +30,8 @@ from executor.errors import PreflightFailed
 from executor.report import Happening, report_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from missions import FlightSetup, PlanFile, Solved, Task, encode, make_plan_file, open_task, write_plan
-from planner import Cost, Plan, Route, Vehicle
+from missions import FlightSetup, PlanFile, Solved, Task, dialect_for, encode, make_plan_file, open_task, write_plan
+from planner import Plan, Route, Vehicle
 
 LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
@@ -167,7 +167,7 @@ async def _interviews(
 ) -> Mapping[str, Facts]:
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
     tables = {table.name: table for table in order.site.vehicle}
-    dialects = {name: build.dialect_for(table.autopilot) for name, table in tables.items()}
+    dialects = {name: dialect_for(table.autopilot) for name, table in tables.items()}
     timeout_s = order.site.flight.connect_timeout_s
 
     async def one(name: str) -> Facts:
@@ -276,7 +276,7 @@ class _Keeper:
         task, plan = _replanned(ground, solve, event)
         solved = Solved(seed=self._order.plan.solved.seed, solver="search", seconds=event.solve_s)
         content = make_plan_file(
-            ground.network, task, ground.travel, plan, Cost.MINCOMB, solved, inspection=ground.inspection
+            ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
         )
         with suppress(OSError):
             write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
@@ -326,5 +326,5 @@ class _Interrupts:
 
     def _leave(self) -> None:
         self.left.append(True)
-        self._console.say(Level.WARNING, "supervision ends; the vehicles fly their missions on their own")
+        self._console.say(Level.WARNING, "supervision ends; the vehicles stay on their missions, unless a ground-station failsafe that is set on them acts")
         self._flight.leave()

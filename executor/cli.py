@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+import tempfile
 import traceback
 from collections.abc import Sequence
 from enum import Enum
@@ -24,6 +25,7 @@ from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.demo import demo_site, happenings, simulated_fleet
 from executor.errors import ExecutorError, SiteError
+from executor.simulator.errors import SimulatorError
 from missions import MissionsError, PlanFile, check_plan, dialect_for, encode, flight_path, flight_setup, qgc_plan
 from missions import qgc_waypoints, read_plan, write_plan
 from planner import Cost, PlannerError, Progress, is_reversed, segment_of, visit_of
@@ -37,6 +39,8 @@ cli = typer.Typer(
     rich_markup_mode=None,
 )
 
+OUR_ERRORS = (ExecutorError, MissionsError, PlannerError, SimulatorError)
+"""What is the input's fault, or the outside's: one line, no traceback."""
 INTERRUPTED = 1
 INTERNAL = 70
 """EX_SOFTWARE: a mistake of ours, not of the input."""
@@ -212,6 +216,9 @@ def simulate(
     seed: SeedOption = 1,
     wind: Annotated[float, typer.Option(min=0.1, max=5, metavar="FACTOR", help="What the wind makes of consumption.")] = 1.0,
     truth: Annotated[Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")] = None,
+    failsafe: Annotated[
+        bool, typer.Option("--failsafe", help="Vehicles return when the ground station falls silent; by default, as on real ones, they fly on.")
+    ] = False,
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
     from executor.simulation import run_simulation
@@ -219,7 +226,7 @@ def simulate(
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
-    run_simulation(ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth)
+    run_simulation(ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe)
 
 
 @cli.command()
@@ -328,16 +335,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; the one place where whatever is left over is caught."""
     try:
         cli(args=list(arguments) if arguments is not None else None)
-    except (ExecutorError, MissionsError, PlannerError) as error:
+    except OUR_ERRORS as error:
         _fail(str(error), 2)
     except BaseExceptionGroup as group:
-        ours, rest = group.split((ExecutorError, MissionsError, PlannerError))
+        ours, rest = group.split(OUR_ERRORS)
         if rest is None and ours is not None:
             _fail(str(_first(ours)), 2)
-        traceback.print_exception(group)
-        _fail("internal error; please report it with the lines above", INTERNAL)
+        _internal(group)
     except KeyboardInterrupt:
         _fail("interrupted", INTERRUPTED)
+    except Exception as error:  # noqa: BLE001 - the last place where it can become one line
+        _internal(error)
+
+
+def _internal(error: BaseException) -> NoReturn:
+    """Keep a mistake of ours where it can be reported, and say one line."""
+    path = Path(tempfile.gettempdir()) / "faultline-error.txt"
+    path.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    _fail(f"internal error: {type(error).__name__}: {error}; please report it with {path}", INTERNAL)
 
 
 def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:

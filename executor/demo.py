@@ -64,7 +64,7 @@ def _free_ports(count: int) -> list[int]:
 def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
     """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
     command = [sys.executable, "-m", "executor", "simulate", str(run / "site.toml"), "--seed", str(seed)]
-    command += ["--truth", str(run / TRUTHS)]
+    command += ["--truth", str(run / TRUTHS), "--failsafe"]
     for fault in faults:
         command += ["--fault", fault]
     with (run / "simulator.log").open("wb") as output:

@@ -14,10 +14,13 @@ from executor.simulator.config import AutopilotKind, SimFleet, SimVehicle
 from executor.simulator.faults import parse_fault
 from executor.simulator.fleet import run_fleet
 from executor.simulator.truth import Truth, TruthWriter
+from missions import dialect_for
 
 
-def fleet_of(ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float) -> SimFleet:
-    """Return the site's vehicles, standing on their pads.
+def fleet_of(
+    ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float, failsafe: bool
+) -> SimFleet:
+    """Return the site's vehicles, standing on their pads; with `failsafe` they come home when they lose our heartbeat.
 
     Raises:
         SimulatorError: a fault, or a connection, that cannot be simulated.
@@ -25,6 +28,7 @@ def fleet_of(ground: Ground, *, speedup: float, faults: Sequence[str], seed: int
     setup = build.setup_of(ground)
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
+        rule = dialect_for(table.autopilot).ground_station_failsafe
         pad = setup.pad_of(table.name)
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(pad.east_m, pad.north_m)
         vehicles.append(
@@ -38,6 +42,7 @@ def fleet_of(ground: Ground, *, speedup: float, faults: Sequence[str], seed: int
                 home_alt_m=pad.alt_m,
                 drone=ground.drone,
                 consumption=wind,
+                parameters={rule.action: float(rule.action_return if failsafe else 0)},
                 seed=seed * 1000 + number,
             )
         )
@@ -45,10 +50,10 @@ def fleet_of(ground: Ground, *, speedup: float, faults: Sequence[str], seed: int
 
 
 def run_simulation(
-    ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float, truth: Path | None
+    ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float, truth: Path | None, failsafe: bool
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind)
+    fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe)
     for vehicle in fleet.vehicles:
         print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
     with ExitStack() as stack:

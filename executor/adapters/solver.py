@@ -24,6 +24,10 @@ SETTLED = 4000
 """Iterations without an improvement after which a re-plan is good enough: every second is flown meanwhile."""
 
 
+REPLAN_COST = Cost.MINMAX
+"""Everybody should be home soon: a sum would leave the whole rest to one vehicle as long as its battery lasts."""
+
+
 @dataclass(frozen=True, slots=True)
 class SolverSetup:
     """What the worker must know before its first problem."""
@@ -66,7 +70,7 @@ def solve(setup: SolverSetup, problem: Solve, cancelled: Callable[[], bool]) -> 
     tails = [task.from_network(v for v in offer.tail if v >> 1 in still_open) for offer in problem.survivors]
     stop = any_of(Seconds(setup.limit_s), NoImprovement(SETTLED), Cancelled(cancelled))
     try:
-        result = replan(task.instance, warm=warm_start(task.instance, tails), cost=Cost.MINCOMB, stop=stop, seed=setup.seed)
+        result = replan(task.instance, warm=warm_start(task.instance, tails), cost=REPLAN_COST, stop=stop, seed=setup.seed)
     except PlannerError as error:
         return SolveEnded(problem.revision, None, (), 0.0, str(error))
     if cancelled():

@@ -24,10 +24,16 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 
 SLEPT_S = 2.0
 """A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
+NOTED_SLEEP_S = 5.0
+"""A pause this long is worth a line."""
 RETRIES = 3
 """How often a start that failed is tried again."""
 ORDER_AGAIN_S = 5.0
 """A vehicle that was told to return and does not is told again."""
+WARNING_SEVERITY = 4
+"""MAV_SEVERITY_WARNING: less severe texts stay in the log."""
+TEXT_AGAIN_S = 30.0
+"""A text that a vehicle repeats is shown once in this time; ArduPilot says the same for every item of an upload."""
 FRESH_S = 1.5
 """Two positions no older than this say how far two vehicles are apart."""
 
@@ -95,8 +101,11 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     folded = fold(context, before, event.message, now_s)
     state = state.put(folded.state)
     commands: list[Command] = []
-    if folded.text is not None and folded.text.severity <= 4:
-        commands.append(Say(Level.WARNING, f"{event.vehicle} says: {folded.text.text}"))
+    if folded.text is not None and folded.text.severity <= WARNING_SEVERITY:
+        heard = (folded.text.text, now_s)
+        if heard[0] != before.last_text[0] or now_s - before.last_text[1] > TEXT_AGAIN_S:
+            commands.append(Say(Level.WARNING, f"{event.vehicle} says: {heard[0]}"))
+        state = state.put(replace(folded.state, last_text=heard))
     if folded.broken:
         commands.append(Say(Level.WARNING, f"{event.vehicle}: inspection does not count: {folded.broken}"))
     if folded.inspected is not None and folded.inspected not in state.inspected:
@@ -105,7 +114,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     if isinstance(event.message, Position):
         state = _separated(context, state, folded.state, now_s)
     if before.stage is Stage.LOST:
-        state, more = _came_back(state, folded.state, now_s)
+        state, more = _came_back(state, state.vehicles[event.vehicle], now_s)
         commands.extend(more)
     return state, tuple(commands)
 
@@ -164,6 +173,8 @@ def _own_sleep(state: FleetState, now_s: float) -> Stepped:
     for vehicle in state.vehicles.values():
         if vehicle.heard_s is not None:
             state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + slept_s)))
+    if slept_s <= NOTED_SLEEP_S:
+        return state, ()
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
 
 

@@ -133,6 +133,8 @@ class VehicleState:
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
     landed_s: float | None = None
+    last_text: tuple[str, float] = ("", float("-inf"))
+    """What it said last that was worth showing, and when."""
 
     @property
     def airborne(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from dataclasses import dataclass, field
 
 from executor.core.messages import Battery, Heartbeat, Message, Position, StatusText, SystemStatus, Version
@@ -129,7 +130,7 @@ async def prepare_return(name: str, link: Link, clock: Clock, dialect: Dialect, 
     if height.value is None:
         return f"{name}: {key} does not answer, so the height of its own return is not known"
     problems = []
-    done = await procedures.set_parameter(link, clock, key, float(round(value, 2)), height.value.kind)
+    done = await procedures.set_parameter(link, clock, key, float(math.ceil(value)), height.value.kind)
     if not done.accepted:
         problems.append(done.reason)
     for other, wanted in ((rule.descend_height, height_m), (rule.cone, rule.cone_off)):

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executor.core.messages import Heartbeat, Message, SendParamSet, StatusText
+from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
 from executor.core.ports import Clock, Link
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
@@ -131,7 +131,7 @@ async def send_home(link: Link, clock: Clock, dialect: Dialect) -> Done:
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.return_home), accepted)
 
 
-async def switch_mode(link: Link, clock: Clock, command: orders.SendCommand, accepted: set[int]) -> Done:
+async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: set[int]) -> Done:
     """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'."""
     done = await order(link, clock, CommandDialogue(command, "change of mode"))
     if not done.accepted:
