@@ -85,7 +85,8 @@ def place_pads(
 def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
     """Return (w, 2) corners between two (2,) places on a shortest way that keeps ``radius_m`` from all centres.
 
-    Centres nearer to the start or to the goal than that are left out: there is no way around them.
+    Centres nearer to the start or to the goal than that are left out: there is no way around them. If the circles leave
+    no way at all, which pads that were placed here never do, the answer is the straight one.
 
     Args:
         start_m: (2,) east and north.
@@ -134,24 +135,27 @@ def _choose(tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: fl
 
 
 def _shortest(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list[int]:
-    """Return the inner nodes of a shortest way from the first to the last node (Dijkstra, visibility as needed)."""
+    """Return the inner nodes of a shortest way from the first to the last node (A*, visibility only where needed)."""
     goal = len(nodes) - 1
+    to_goal_m = _distances_m(nodes, nodes[goal])
     length_m = np.full(len(nodes), math.inf)
     before = np.full(len(nodes), -1)
+    done = np.zeros(len(nodes), dtype=np.bool_)
     length_m[0] = 0.0
-    queue = [(0.0, 0)]
+    queue = [(float(to_goal_m[0]), 0)]
     while queue:
-        so_far_m, node = heapq.heappop(queue)
+        _, node = heapq.heappop(queue)
         if node == goal:
             break
-        if so_far_m > length_m[node]:
+        if done[node]:
             continue
-        reach_m = np.where(
-            _clear(nodes[node], nodes, centres_m, radius_m), so_far_m + _distances_m(nodes, nodes[node]), math.inf
-        )
-        for other in np.flatnonzero(reach_m < length_m - 1e-9):
-            length_m[other], before[other] = reach_m[other], node
-            heapq.heappush(queue, (float(reach_m[other]), int(other)))
+        done[node] = True
+        reach_m = length_m[node] + _distances_m(nodes, nodes[node])
+        nearer = np.flatnonzero(reach_m < length_m - 1e-9)
+        seen = nearer[_clear(nodes[node], nodes[nearer], centres_m, radius_m)]
+        length_m[seen], before[seen] = reach_m[seen], node
+        for other in seen.tolist():
+            heapq.heappush(queue, (float(reach_m[other] + to_goal_m[other]), other))
     way: list[int] = []
     node = int(before[goal])
     while node > 0:

@@ -81,6 +81,12 @@ def test_a_column_around_the_goal_itself_is_no_obstacle() -> None:
     assert way_around_m(np.zeros(2), np.array([100.0, 0.0]), centres, 7.0).shape == (0, 2)
 
 
+def test_a_start_walled_in_by_columns_goes_straight() -> None:
+    angles = np.arange(6) * np.pi / 3.0
+    ring = 10.0 * np.column_stack((np.cos(angles), np.sin(angles)))
+    assert way_around_m(np.zeros(2), np.array([100.0, 0.0]), ring, 7.0).shape == (0, 2)
+
+
 def test_distances_to_a_track_count_from_its_ends_too() -> None:
     tracks = np.array([[[0.0, 0.0], [10.0, 0.0]], [[5.0, 5.0], [5.0, 5.0]]])
     distances = segment_distances_m(tracks, np.array([[13.0, 4.0], [5.0, 2.0]]))
