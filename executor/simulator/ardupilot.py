@@ -101,6 +101,7 @@ class ArduPilot(Autopilot):
         if self.mode == Mode.AUTO:
             self.mission.leave()
         self.mode = Mode(mode)
+        self.streams.soon("HEARTBEAT", self.now_s)
         if self.frame.armed:
             self._enter(Mode(mode))
         return Result.ACCEPTED

@@ -140,11 +140,11 @@ def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
             return Velocity()
         case Climb():
             east, north = _towards(goal.place, body, limits)
-            up = HEIGHT_PER_S * (goal.place.up_m - body.up_m)
+            up = _rising(goal.place.up_m, body, limits)
             return Velocity(east, north, min(max(up, -goal.speed_m_s), goal.speed_m_s))
         case Hover():
             east, north = _towards(goal.place, body, limits)
-            return Velocity(east, north, HEIGHT_PER_S * (goal.place.up_m - body.up_m))
+            return Velocity(east, north, _rising(goal.place.up_m, body, limits))
         case Sink():
             east, north = _towards(goal.place, body, limits)
             return Velocity(east, north, -goal.speed_m_s)
@@ -185,6 +185,13 @@ def _towards(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
     return east / left_m * speed, north / left_m * speed
 
 
+def _rising(up_m: float, body: Body, limits: Limits) -> float:
+    """Return the vertical velocity that ends at rest at a height."""
+    error_m = up_m - body.up_m
+    braking = math.sqrt(2 * BRAKE_MARGIN * limits.vertical_m_s2 * abs(error_m))
+    return math.copysign(min(HEIGHT_PER_S * abs(error_m), braking), error_m)
+
+
 def _stopping_speed(left_m: float, exit_m_s: float, limits: Limits) -> float:
     """Return the speed from which ``exit_m_s`` can be reached in ``left_m``."""
     braking = math.sqrt(exit_m_s**2 + 2 * BRAKE_MARGIN * limits.brake_m_s2 * max(left_m, 0.0))
@@ -206,7 +213,7 @@ def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
     length = math.hypot(east, north)
     rise = leg.target.up_m - leg.origin.up_m
     if length < 0.1:
-        return Velocity(*_towards(leg.target, body, limits), HEIGHT_PER_S * (leg.target.up_m - body.up_m))
+        return Velocity(*_towards(leg.target, body, limits), _rising(leg.target.up_m, body, limits))
     done, left = _progress(leg, body)
     speed = leg.speed_m_s if leg.entry_m_s is None or done >= leg.entry_m else leg.entry_m_s
     if leg.restarted:
@@ -223,7 +230,7 @@ def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
     most = max(speed, 1.0)
     if back > most:
         back_east, back_north = back_east * most / back, back_north * most / back
-    up = HEIGHT_PER_S * (leg.origin.up_m + rise * share - body.up_m) + (rise / length * speed if 0 < share < 1 else 0.0)
+    up = _rising(leg.origin.up_m + rise * share, body, limits) + (rise / length * speed if 0 < share < 1 else 0.0)
     return Velocity(east / length * speed + back_east, north / length * speed + back_north, up)
 
 

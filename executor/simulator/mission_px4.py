@@ -64,13 +64,18 @@ class Px4Mission:
 
     def valid(self, now_s: float) -> bool:
         """Return whether there is a mission that has passed its check."""
-        feasible = all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in self._store.items)
-        return bool(self._store.items) and feasible and now_s >= self._checked_s
+        return self.feasible and now_s >= self._checked_s
 
-    def enter(self, now_s: float) -> MissionEnd | None:
+    @property
+    def feasible(self) -> bool:
+        """Whether there is a mission that a multicopter can fly."""
+        items = self._store.items
+        return bool(items) and all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in items)
+
+    def enter(self) -> MissionEnd | None:
         """Start or resume at the index; the cruise speed is the default again."""
         self.speed_m_s = self._params["MPC_XY_CRUISE"]
-        if not self.valid(now_s):
+        if not self.feasible:
             return self.give_up()
         if self._finished:
             return self._finish(MissionEnd.LOITER)
@@ -122,7 +127,7 @@ class Px4Mission:
             self._checked_s = now_s + CHECK_S
             return None
         self._checked_s = now_s
-        if not self.valid(now_s):
+        if not self.feasible:
             return self.give_up()
         return self._start(self.index)
 

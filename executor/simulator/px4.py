@@ -11,7 +11,7 @@ from executor.simulator import telemetry
 from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
-from executor.simulator.enums import MavCommand, Result, Severity
+from executor.simulator.enums import LandedState, MavCommand, Result, Severity
 from executor.simulator.guidance import Goal
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, out
 from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
@@ -73,7 +73,7 @@ class Px4(Autopilot):
         self._action_due: tuple[float, Mode] | None = None
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
-        self._was_airborne = False
+        self._landed_state = LandedState.ON_GROUND
 
     def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
@@ -115,7 +115,7 @@ class Px4(Autopilot):
         match mode:
             case Mode.MISSION:
                 self.begin_mission()
-                self._end_mission(self.mission.enter(self.now_s))
+                self._end_mission(self.mission.enter())
             case Mode.RETURN:
                 pilot.fly(self._home_goals())
             case Mode.LAND:
@@ -237,6 +237,7 @@ class Px4(Autopilot):
     def _decide(self) -> None:
         self._end_mission(self.mission.step(self.now_s))
         self._announce()
+        self._narrate()
         self._watch_link()
         self._watch_battery()
         if self._action_due is not None and self.now_s >= self._action_due[0]:
@@ -248,6 +249,18 @@ class Px4(Autopilot):
         if self.mission.index != self._announced[0] and self.mission.running:
             self.streams.soon("MISSION_CURRENT", self.now_s)
         self._announced = (self.mission.index, self._store.mission_id)
+
+    def _narrate(self) -> None:
+        before, now = self._landed_state, self.frame.landed_state
+        self._landed_state = now
+        if now is before:
+            return
+        if before is LandedState.ON_GROUND:
+            self.voice.say(Severity.INFO, "Takeoff detected")
+        elif now is LandedState.ON_GROUND:
+            self.voice.say(Severity.INFO, "Landing detected")
+        elif now is LandedState.LANDING and self.mode == Mode.RETURN:
+            self.voice.say(Severity.INFO, "RTL: land at destination")
 
     def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
         return heartbeat.ground_station

@@ -1,0 +1,34 @@
+"""Runs simulated vehicles on real UDP for as long as a test needs them."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from executor.simulator import SimFleet, Truth, run_fleet
+
+
+def free_port() -> int:
+    """Return a UDP port that nobody uses at the moment."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    assert isinstance(port, int)
+    return port
+
+
+@asynccontextmanager
+async def flying(fleet: SimFleet) -> AsyncIterator[list[Truth]]:
+    """Fly the fleet inside the block; the truths appear in the list as they happen."""
+    stop, ready = asyncio.Event(), asyncio.Event()
+    truths: list[Truth] = []
+    async with asyncio.TaskGroup() as group:
+        group.create_task(run_fleet(fleet, stop=stop, on_truth=truths.append, ready=ready))
+        try:
+            async with asyncio.timeout(10):
+                await ready.wait()
+            yield truths
+        finally:
+            stop.set()
