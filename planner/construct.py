@@ -15,8 +15,12 @@ from planner.model import FloatArray, Instance, Plan, Route, segment_of
 
 NEAREST = 128
 """How many neighbours of a segment are listed for the removal of strings."""
-PRIZE_WEIGHT = 3.0
+PRIZE_WEIGHT = 2.0
 """What leaving a segment out costs the search, in routes of this segment alone."""
+SLACK = 0.1
+"""How far beyond budgets a soft annealing may go, as a share of them."""
+EXCESS_WEIGHT = 1.0
+"""What a percent beyond a budget costs a soft annealing besides itself."""
 POWERS = (8.0, 16.0, 32.0)
 """The p of the p-norm that stands for MinMax, early to late in an annealing: a low p sees the second largest route
 too, a high one hardly anything but the largest."""
@@ -48,9 +52,18 @@ def problem_of(instance: Instance) -> Problem:
 
 
 def guide_weights(
-    problem: Problem, cost: Cost, *, scale: float, all_vehicles: bool, power: float = POWERS[0]
+    problem: Problem, cost: Cost, *, scale: float, all_vehicles: bool, power: float = POWERS[0], soft: bool = False
 ) -> Weights:
-    """Return the objective that guides the search for a cost function; ``scale`` is about the largest load."""
+    """Return the objective that guides the search for a cost function.
+
+    Args:
+        problem: the instance.
+        cost: the cost function.
+        scale: about the largest load, for the p-norm.
+        all_vehicles: whether routes without a visit are to be avoided.
+        power: the p of the p-norm.
+        soft: whether the search may pass through routes beyond their budgets.
+    """
     return Weights(
         total=0.02 if cost is Cost.MINMAX else 1.0,
         peak=1 / len(problem.budget) if cost is Cost.MINCOMB else 0.0,
@@ -59,6 +72,8 @@ def guide_weights(
         scale=scale if scale > 0 else 1.0,
         prize=PRIZE_WEIGHT,
         empty=_empty_weight(problem) if all_vehicles else 0.0,
+        excess=EXCESS_WEIGHT,
+        slack=SLACK if soft else 0.0,
     )
 
 
@@ -72,6 +87,8 @@ def true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights
         scale=1.0,
         prize=0.0,
         empty=_empty_weight(problem) if all_vehicles else 0.0,
+        excess=0.0,
+        slack=0.0,
     )
 
 

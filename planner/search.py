@@ -1,8 +1,12 @@
 """The improvement loop around the annealing kernel: cycles, batches, the stop rule.
 
-Annealing needs to know its length beforehand and a stop rule does not tell. So it runs in cycles, each twice as long
-as the one before and starting from the best plan so far: whenever it is stopped, more than a quarter of the work has
-gone into one completed cycle or the one under way.
+Annealing needs to know its length beforehand and a stop rule does not tell. So it runs in cycles of growing length,
+each starting from the best plan so far: whenever the search is stopped, a good part of the work has gone into one
+cycle.
+
+While the best plan leaves something out, every second cycle is soft: it may pass through routes beyond their budgets.
+Where budgets just suffice that finds the complete plan five times as often; where they do not it finds nothing, so
+the hard cycles between choose what to leave out.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.bounds import why_impossible
 from planner.construct import (
     POWERS,
     copy_of,
@@ -52,6 +57,8 @@ class _Cycle:
     cooling: float
     scale: float
     """The largest load at the begin."""
+    soft: bool
+    """Whether routes may go beyond their budgets on the way."""
     done: int = 0
 
     @property
@@ -72,6 +79,7 @@ class Search:
     def __init__(
         self, instance: Instance, *, cost: Cost, seed: int, initial: Plan | None, all_vehicles: bool, watch: Stopwatch
     ) -> None:
+        self._impossible = why_impossible(instance)
         self._instance = instance
         self._cost = cost
         self._all_vehicles = all_vehicles
@@ -82,17 +90,19 @@ class Search:
         self._best: State = self._first(initial)
         self._current: State = copy_of(self._best)
         self._trial: State = copy_of(self._best)
-        self._key = np.array([left_out(self._problem, self._best)[0], objective(self._truth, self._best)])
-        self._cycle = self._next_cycle(FIRST_CYCLE)
+        self._key = np.array(
+            [left_out(self._problem, self._best)[0], objective(self._problem, self._truth, self._best)]
+        )
+        self._cycle = self._cycle_of(FIRST_CYCLE, soft=self._may_be_soft())
         self._iterations = 0
         self._improved_at = 0
         self._plan = plan_of(self._best)
         self._evaluation: Evaluation = evaluate(instance, self._plan, cost)
 
-    def run(self, stop: StopRule, *, impossible: str | None, on_progress: Callable[[Progress], None] | None) -> Result:
+    def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
         """Improve until ``stop`` says so."""
         while True:
-            progress = self._progress(impossible is not None)
+            progress = self._progress()
             if on_progress is not None:
                 on_progress(progress)
             verdict = stop(progress)
@@ -106,26 +116,36 @@ class Search:
             iterations=self._iterations,
             seconds=self._watch.seconds,
             stopped_by=verdict.reason,
-            impossible=impossible,
+            impossible=self._impossible,
         )
 
     def _first(self, initial: Plan | None) -> State:
         routes = [route.visits for route in initial.routes] if initial is not None else []
         state = state_of(self._problem, routes)
-        insert_open(self._problem, self._weights(float(self._problem.effort.max()), POWERS[0]), state)
+        insert_open(self._problem, self._weights(float(self._problem.effort.max()), POWERS[0], soft=False), state)
         return state
 
-    def _weights(self, scale: float, power: float) -> Weights:
-        return guide_weights(self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles, power=power)
+    def _weights(self, scale: float, power: float, *, soft: bool) -> Weights:
+        return guide_weights(
+            self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft
+        )
 
-    def _next_cycle(self, length: int) -> _Cycle:
+    def _next_cycle(self) -> _Cycle:
+        if self._cycle.soft:
+            return self._cycle_of(self._cycle.length, soft=False)
+        return self._cycle_of(2 * self._cycle.length, soft=self._may_be_soft())
+
+    def _may_be_soft(self) -> bool:
+        return self._impossible is None and bool((self._best.route_of < 0).any())
+
+    def _cycle_of(self, length: int, *, soft: bool) -> _Cycle:
         for route in range(len(self._best.lengths)):
             copy_route(self._best, self._current, route)
             copy_route(self._best, self._trial, route)
         self._current.route_of[:] = self._best.route_of
         self._trial.route_of[:] = self._best.route_of
         hot = np.array([HOT * self._mean_transit()])
-        return _Cycle(length, hot, (COLD / HOT) ** (1 / length), scale=float(self._best.loads.max()))
+        return _Cycle(length, hot, (COLD / HOT) ** (1 / length), scale=float(self._best.loads.max()), soft=soft)
 
     def _mean_transit(self) -> float:
         """Return the mean energy that the best plan spends from visit to visit, inspections not counted."""
@@ -143,7 +163,7 @@ class Search:
             iterations -= batch
 
     def _batch(self, iterations: int) -> None:
-        guide = self._weights(self._cycle.scale, self._cycle.power)
+        guide = self._weights(self._cycle.scale, self._cycle.power, soft=self._cycle.soft)
         improved = anneal(
             self._problem, guide, self._truth, self._current, self._trial, self._best,
             self._key, self._cycle.temperature, self._cycle.cooling, iterations, self._rng,
@@ -155,9 +175,9 @@ class Search:
         self._iterations += iterations
         self._cycle.done += iterations
         if self._cycle.done == self._cycle.length:
-            self._cycle = self._next_cycle(2 * self._cycle.length)
+            self._cycle = self._next_cycle()
 
-    def _progress(self, impossible: bool) -> Progress:
+    def _progress(self) -> Progress:
         return Progress(
             iterations=self._iterations,
             since_improvement=self._iterations - self._improved_at,
@@ -165,5 +185,5 @@ class Search:
             value=self._evaluation.value,
             uncovered=len(self._plan.uncovered),
             feasible=not self._plan.uncovered and not self._evaluation.violations,
-            impossible=impossible,
+            impossible=self._impossible is not None,
         )

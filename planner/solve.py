@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from planner.bounds import why_impossible
 from planner.costs import Cost, Travel, build_instance
 from planner.errors import PlanError
 from planner.evaluate import evaluate
@@ -49,7 +48,7 @@ def solve(
     from planner.search import Search
 
     search = Search(instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch)
-    return search.run(stop, impossible=why_impossible(instance), on_progress=on_progress)
+    return search.run(stop, on_progress)
 
 
 def warm_up() -> None:

@@ -4,9 +4,7 @@ Kernels raise nothing, hold no state and protect nobody from a wrong index; ``pl
 ``planner.construct`` are the seam. Importing one of these modules loads its kernels from the cache, or compiles them.
 """
 
-import numba
-
-from planner.kernels.cache import cache_directory
+from planner.kernels.cache import use_cache
 
 # Before the first kernel is declared: numba asks for the directory then, and only then.
-numba.config.CACHE_DIR = str(cache_directory(numba.__version__))  # type: ignore[attr-defined] # set at run time
+use_cache()

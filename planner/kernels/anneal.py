@@ -39,8 +39,18 @@ def left_out(problem: Problem, state: State) -> tuple[float, float]:
     return value, prizes
 
 
-@nb.njit(nb.float64(WEIGHTS, STATE), cache=True)
-def objective(weights: Weights, state: State) -> float:
+@nb.njit(nb.float64(PROBLEM, STATE), cache=True)
+def excess(problem: Problem, state: State) -> float:
+    """Return what routes with a visit spend beyond their budgets."""
+    total = 0.0
+    for route in range(len(state.lengths)):
+        if state.lengths[route] > 0:
+            total += max(0.0, state.loads[route] - problem.budget[route])
+    return total
+
+
+@nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE), cache=True)
+def objective(problem: Problem, weights: Weights, state: State) -> float:
     """Return the objective of the routes, without what is left out."""
     total = 0.0
     powers = 0.0
@@ -52,6 +62,8 @@ def objective(weights: Weights, state: State) -> float:
             powers += (load / weights.scale) ** weights.power
         empty += int(state.lengths[route] == 0)
     value = weights.total * total + weights.empty * empty
+    if weights.excess > 0.0:
+        value += weights.excess * excess(problem, state)
     if weights.peak > 0.0:
         value += weights.peak * peak_of(state.loads)
     if weights.norm > 0.0:
@@ -117,12 +129,14 @@ def gather_waiting(state: State, waiting: IntArray, most: int, rng: RandomState)
 
 @nb.njit(nb.boolean(PROBLEM, WEIGHTS, STATE, STATE, FLOATS), cache=True)
 def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: FloatArray) -> bool:
-    """Copy ``trial`` to ``best`` if it is better; return whether it was.
+    """Copy ``trial`` to ``best`` if it is within the budgets and better; return whether it was.
 
     Better is: less value left out, then a lower ``truth``. ``key`` (2,) holds both of the best.
     """
+    if excess(problem, trial) > 0.0:
+        return False
     value = left_out(problem, trial)[0]
-    cost = objective(truth, trial)
+    cost = objective(problem, truth, trial)
     same_value = abs(value - key[0]) <= 1e-9 * (1.0 + key[0])
     if (same_value and cost < key[1] - 1e-9 * (1.0 + abs(key[1]))) or (not same_value and value < key[0]):
         key[0] = value
@@ -170,7 +184,7 @@ def anneal(
     keys = np.empty(segments)
     touched = np.zeros(routes, dtype=np.int64)
     came_from = np.zeros((segments, 2), dtype=np.int64)
-    here = objective(weights, current) + weights.prize * left_out(problem, current)[1]
+    here = objective(problem, weights, current) + weights.prize * left_out(problem, current)[1]
     improved = 0
     for iteration in range(1, iterations + 1):
         waits = gather_waiting(trial, waiting, waiting_tried, rng)
@@ -186,7 +200,7 @@ def anneal(
             if touched[route] == 1:
                 measure(problem, trial, route)
                 orient(problem, trial, route, came_from)
-        there = objective(weights, trial) + weights.prize * left_out(problem, trial)[1]
+        there = objective(problem, weights, trial) + weights.prize * left_out(problem, trial)[1]
         if keep_best(problem, truth, trial, best, key):
             improved = iteration
         accepted = there < here - temperature[0] * math.log(1.0 - uniform(rng))

@@ -32,7 +32,7 @@ class Problem(NamedTuple):
     consumption: FloatArray
     """(k,): factor on ``move``."""
     budget: FloatArray
-    """(k,): no route gets a visit that would take it over this."""
+    """(k,): no route of the best plan that has a visit is over this."""
     value: FloatArray
     """(n,): what a plan loses by leaving a segment out; positive."""
     prize: FloatArray
@@ -60,6 +60,10 @@ class Weights(NamedTuple):
     """Of the prizes of segments left out."""
     empty: float
     """For each route without a visit; 0 unless all vehicles must fly."""
+    excess: float
+    """Of the energy beyond budgets."""
+    slack: float
+    """How far beyond its budget the search may take a route on its way, as a share of the budget."""
 
 
 class State(NamedTuple):
@@ -83,5 +87,5 @@ INTS = nb.types.Array(nb.int64, 1, "C")
 INT_TABLE = nb.types.Array(nb.int64, 2, "C")
 RANDOM = nb.types.Array(nb.uint64, 1, "C")
 PROBLEM = nb.types.NamedTuple((TABLE,) * 4 + (FLOATS,) * 6 + (INT_TABLE,), Problem)
-WEIGHTS = nb.types.NamedUniTuple(nb.float64, 7, Weights)
+WEIGHTS = nb.types.NamedUniTuple(nb.float64, 9, Weights)
 STATE = nb.types.NamedTuple((INT_TABLE, TABLE, INTS, FLOATS, INTS), State)

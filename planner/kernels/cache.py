@@ -15,6 +15,13 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numba
+
+
+def use_cache() -> None:
+    """Have numba keep the kernels that are declared from now on in ``cache_directory``."""
+    numba.config.CACHE_DIR = str(cache_directory(numba.__version__))  # type: ignore[attr-defined] # set at run time
+
 
 def sources_digest(version: str) -> str:
     """Return a short digest of the kernels' sources and numba's ``version``."""

@@ -70,11 +70,14 @@ def peak_of(loads: FloatArray) -> float:
     return peak
 
 
-@nb.njit(nb.float64(WEIGHTS, STATE, nb.int64, nb.float64, nb.float64), cache=True)
-def increase(weights: Weights, state: State, route: int, added: float, peak: float) -> float:
+@nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, nb.float64), cache=True)
+def increase(problem: Problem, weights: Weights, state: State, route: int, added: float, peak: float) -> float:
     """Return what the objective gains when a route's load grows by ``added``; ``peak`` is the largest load now."""
     load = state.loads[route]
     gain = weights.total * added
+    over = load + added - problem.budget[route]
+    if over > 0.0:
+        gain += weights.excess * min(added, over)
     if weights.peak > 0.0:
         gain += weights.peak * max(0.0, load + added - peak)
     if weights.norm > 0.0:
@@ -90,7 +93,7 @@ def increase(weights: Weights, state: State, route: int, added: float, peak: flo
 def insert_cheapest(
     problem: Problem, weights: Weights, state: State, segment: int, blink: float, rng: RandomState
 ) -> int:
-    """Insert a segment where the objective gains least and the budget holds; return the route, -1 if there is none."""
+    """Insert a segment where the objective gains least, budgets and slack permitting; return the route, or -1."""
     peak = peak_of(state.loads)
     best = np.inf
     best_route = -1
@@ -98,9 +101,9 @@ def insert_cheapest(
     best_visit = 0
     for route in range(len(state.lengths)):
         added, position, visit = cheapest_place(problem, state, route, segment, blink, rng)
-        if state.loads[route] + added > problem.budget[route]:
+        if state.loads[route] + added > problem.budget[route] * (1.0 + weights.slack):
             continue
-        gain = increase(weights, state, route, added, peak)
+        gain = increase(problem, weights, state, route, added, peak)
         if gain < best:
             best = gain
             best_route = route
@@ -134,7 +137,7 @@ def insert_by_regret(problem: Problem, weights: Weights, state: State, segments:
             for route in range(routes):
                 if state.loads[route] + added[place, route] > problem.budget[route]:
                     continue
-                gain = increase(weights, state, route, added[place, route], peak)
+                gain = increase(problem, weights, state, route, added[place, route], peak)
                 if gain < best:
                     second = best
                     best = gain

@@ -210,12 +210,15 @@ def test_c_min_sum_on_the_papers_network(radius_m: float, budget_s: float, refer
 
 
 def test_tight_budgets_are_met() -> None:
-    """Half a percent above the best MinMax known for these 18 segments, 1068.7 s."""
+    """One percent above the best MinMax known for these 48 segments, 3080 s.
+
+    Without soft cycles this seed takes 33 500 iterations.
+    """
     travel = Travel(5.0, 1.0, 1.0, 1.0)
-    instance = build_instance(nechranice_ends_m(500), (0.0, 0.0), fleet(*[1074.0] * 4), travel)
-    result = solve(instance, cost=Cost.MINSUM, stop=any_of(FirstFeasible(), Iterations(20_000)))
+    instance = build_instance(nechranice_ends_m(1000), (0.0, 0.0), fleet(*[3110.8] * 4), travel)
+    result = solve(instance, cost=Cost.MINSUM, stop=any_of(FirstFeasible(), Iterations(20_000)), seed=1)
     assert result.feasible
-    assert max(result.evaluation.energies_pct) <= 1074.0
+    assert max(result.evaluation.energies_pct) <= 3110.8 + 1e-6
 
 
 def test_impossible_is_said_where_the_fleet_has_too_little() -> None:

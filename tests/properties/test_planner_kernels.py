@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner import Cost, Instance, Plan, Route, Travel, Vehicle, build_instance, evaluate, route_energy_pct
-from planner.construct import guide_weights, plan_of, problem_of, random_state, state_of, true_weights
+from planner.construct import SLACK, guide_weights, plan_of, problem_of, random_state, state_of, true_weights
 from planner.kernels.anneal import objective
 from planner.kernels.chance import below, uniform
 from planner.kernels.insertion import cheapest_place, insert_by_regret
@@ -56,8 +56,10 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
             evaluation = evaluate(instance, plan, cost)
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
             for vehicle, route in zip(instance.vehicles, plan.routes, strict=True):
-                # What is given a visit is within its budget; one that cannot even get home is given none.
-                assert not route.visits or state.loads[route.vehicle] <= vehicle.budget_pct + 1e-6
+                # What is given a visit is within its budget; one that cannot even get home is given none. On its
+                # way the search may go beyond.
+                most = vehicle.budget_pct if state is search._best else vehicle.budget_pct * (1 + SLACK)
+                assert not route.visits or state.loads[route.vehicle] <= most + 1e-6
             accounted = [visit >> 1 for route in plan.routes for visit in route.visits] + list(plan.uncovered)
             assert sorted(accounted) == list(range(instance.segments))
 
@@ -70,7 +72,9 @@ def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost:
     truth = true_weights(problem_of(instance), cost, all_vehicles=False)
     evaluation = evaluate(instance, plan_of(search._best), cost)
     if not evaluation.violations:
-        assert objective(truth, search._best) == pytest.approx(evaluation.value, rel=1e-5, abs=1e-9)
+        assert objective(problem_of(instance), truth, search._best) == pytest.approx(
+            evaluation.value, rel=1e-5, abs=1e-9
+        )
 
 
 @settings(max_examples=60, **LOOSE)
