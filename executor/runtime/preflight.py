@@ -24,6 +24,7 @@ STREAMS_HZ = {
     orders.EXTENDED_SYS_STATE: 1.0,
 }
 """What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
+STEADY_S = 3.0
 
 
 @dataclass(slots=True)
@@ -102,9 +103,7 @@ async def interview(name: str, link: Link, clock: Clock, dialect: Dialect, ready
         await procedures.order(link, clock, CommandDialogue(orders.request_message(orders.AUTOPILOT_VERSION), "version"))
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
-                while heard.missing() or heard.heartbeat is None:
-                    heard.changed.clear()
-                    await heard.changed.wait()
+                await _steadily_ready(heard, clock)
         except TimeoutError:
             raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.missing()}") from None
         rule = dialect.ground_station_failsafe
@@ -117,6 +116,20 @@ async def interview(name: str, link: Link, clock: Clock, dialect: Dialect, ready
     version = heard.version
     text = "unknown version" if version is None else f"{version.major}.{version.minor}.{version.patch}"
     return Facts(name, heard.heartbeat, heard.position, heard.remaining, text, action, timeout_s)
+
+
+async def _steadily_ready(heard: _Heard, clock: Clock) -> None:
+    """Wait until nothing was missing for a while: ArduPilot's pre-arm checks pass for a second and fail again."""
+    since_s: float | None = None
+    while True:
+        if heard.missing() or heard.heartbeat is None:
+            since_s = None
+        elif since_s is None:
+            since_s = clock.now_s()
+        elif clock.now_s() - since_s >= STEADY_S:
+            return
+        heard.changed.clear()
+        await heard.changed.wait()
 
 
 async def prepare_return(name: str, link: Link, clock: Clock, dialect: Dialect, height_m: float) -> str:

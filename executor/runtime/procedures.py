@@ -23,6 +23,8 @@ BUSY_WAIT_S = 3.0
 SILENCE_MARGIN_S = 1.0
 """We wait this much longer than the vehicle itself before an upload is given up."""
 MODE_TIMEOUT_S = 5.0
+ARM_PATIENCE_S = 30.0
+ARM_AGAIN_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,7 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
         case StartStep.GUIDED:
             return await switch_mode(link, clock, orders.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode})
         case StartStep.ARM:
-            done = await order(link, clock, CommandDialogue(orders.arm(), "arm"))
+            done = await _arm(link, clock)
             if not done.accepted:
                 return done
             return await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
@@ -123,6 +125,16 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
         case StartStep.MISSION_MODE:
             mode = dialect.modes.mission.custom_mode
             return await switch_mode(link, clock, orders.set_mode(dialect.modes.mission), {mode})
+
+
+async def _arm(link: Link, clock: Clock) -> Done:
+    """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles."""
+    until_s = clock.now_s() + ARM_PATIENCE_S
+    while True:
+        done = await order(link, clock, CommandDialogue(orders.arm(), "arm"))
+        if done.accepted or clock.now_s() >= until_s:
+            return done
+        await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
 
 
 async def send_home(link: Link, clock: Clock, dialect: Dialect) -> Done:

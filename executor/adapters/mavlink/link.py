@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 from urllib.parse import urlsplit
 
 from executor.adapters.mavlink.codec import Codec, Received
@@ -71,9 +71,9 @@ class VehicleLink(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the endpoint (called by asyncio)."""
-        if isinstance(transport, asyncio.DatagramTransport):
-            self._transport = transport
-            self._connected = transport.get_extra_info("peername") is not None
+        # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
+        self._transport = cast(asyncio.DatagramTransport, transport)
+        self._connected = transport.get_extra_info("peername") is not None
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take a datagram (called by asyncio)."""
