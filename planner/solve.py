@@ -30,7 +30,8 @@ def solve(
     Args:
         instance: the problem.
         cost: what to minimise.
-        stop: asked at least every 500 iterations.
+        stop: asked at least every 500 iterations; its time does not include loading or compiling the kernels, which
+            the first call does unless ``warm_up`` has.
         seed: of all randomness.
         initial: a plan to begin with; visits beyond a budget are taken out of it, open segments put in.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
@@ -39,14 +40,14 @@ def solve(
     Raises:
         PlanError: ``initial`` is not a plan for this instance.
     """
-    watch = Stopwatch()
     if initial is not None:
         check_tails(instance, [route.visits for route in initial.routes])
     if instance.segments == 0:
-        return _nothing_to_do(instance, cost, watch)
+        return _nothing_to_do(instance, cost)
     # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
     from planner.search import Search
 
+    watch = Stopwatch()
     search = Search(instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch)
     return search.run(stop, on_progress)
 
@@ -79,7 +80,7 @@ def check_tails(instance: Instance, tails: Sequence[Sequence[int]]) -> None:
         raise PlanError("a segment occurs twice in the routes")
 
 
-def _nothing_to_do(instance: Instance, cost: Cost, watch: Stopwatch) -> Result:
+def _nothing_to_do(instance: Instance, cost: Cost) -> Result:
     plan = Plan(tuple(Route(vehicle, ()) for vehicle in range(len(instance.vehicles))))
     evaluation = evaluate(instance, plan, cost)
     return Result(
@@ -87,6 +88,6 @@ def _nothing_to_do(instance: Instance, cost: Cost, watch: Stopwatch) -> Result:
         evaluation=evaluation,
         feasible=not evaluation.violations,
         iterations=0,
-        seconds=watch.seconds,
+        seconds=0.0,
         stopped_by="nothing to inspect",
     )
