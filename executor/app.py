@@ -98,7 +98,7 @@ async def fly(order: Order, console: Console) -> Flown:
     solver = SolverProcess(
         SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
     )
-    async with solver, _links(order, clock) as links, asyncio.TaskGroup() as tasks:
+    async with _links(order, clock) as links, solver, asyncio.TaskGroup() as tasks:
         beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
         try:
             return await _fly(order, console, clock, solver, links, run)
