@@ -1,0 +1,51 @@
+"""The pictures of a plan and of a flight, as PNG files.
+
+Only matplotlib's objects are used, with the Agg canvas of each figure: no window, no state that threads share.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from executor.adapters.pictures.battery import battery_figure
+from executor.adapters.pictures.maps import map_figure, plan_figure
+from executor.adapters.pictures.style import DPI
+from executor.core.record import FlightRecord
+from missions import PlanFile
+
+__all__ = ["battery_figure", "draw_battery", "draw_map", "draw_plan", "map_figure", "plan_figure"]
+
+
+def draw_plan(content: PlanFile, path: Path) -> None:
+    """Write the map of a plan.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(plan_figure(content), path)
+
+
+def draw_map(record: FlightRecord, path: Path) -> None:
+    """Write the map of a flight: the first plan, and what was flown.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(map_figure(record), path)
+
+
+def draw_battery(record: FlightRecord, path: Path) -> None:
+    """Write the battery consumption of a flight over time.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(battery_figure(record), path)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    FigureCanvasAgg(figure)
+    figure.savefig(path, format="png", dpi=DPI)

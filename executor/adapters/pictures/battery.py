@@ -1,0 +1,252 @@
+"""Battery consumption over time: what was planned, what was planned anew, and what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from executor.adapters.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, cased, style_of
+from executor.core.record import FlightRecord, used, used_at_pct
+
+HEIGHT_IN = 7.0
+LEFT, RIGHT, BOTTOM, TOP = 0.055, 0.815, 0.14, 0.86
+"""Edges of the plot as shares of the figure; names of the lines stand to its right, those of moments above."""
+STRIP = 0.12
+"""Share of the plot's height for the limits, where they lie far above everything that was used."""
+FAR = 1.6
+"""Limits higher than so many times what was used get a strip of their own."""
+MARKS = 14
+"""About so many markers on a measured line."""
+LABEL_STEP = 0.035
+"""Least distance of two names, as a share of the figure's height."""
+LEAST_SPAN_PCT = 5.0
+CHARACTER = 0.0085
+"""Width of a letter above the plot, as a share of the plot's width."""
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Where a vehicle's lines end, and what is to be said of it."""
+
+    t_s: float
+    used_pct: float
+    words: str
+    colour: str
+
+
+def battery_figure(record: FlightRecord) -> Figure:
+    """Return percent used over seconds since the launch.
+
+    Plans are solid, re-plans dashed and measurements thin with markers, in each vehicle's colour. Red lines are the
+    losses, the black one is the longest route of the first plan; budgets and reserves are horizontal.
+    """
+    styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
+    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), facecolor=PAPER)
+    limits = _limits(record)
+    highest = _highest_pct(record)
+    end_s = _end_s(record)
+    far = bool(limits) and min(limits.values()) > FAR * highest
+    top = TOP - (STRIP + 0.01 if far else 0.0)
+    axes = figure.add_axes((LEFT, BOTTOM, RIGHT - LEFT, top - BOTTOM))
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylim(0.0, 1.08 * (highest if far else max([highest, *limits.values()])))
+    panels = [axes]
+    if far:
+        panels.append(_strip(figure, axes, limits, end_s))
+    _draw_limits(panels[-1], limits, end_s)
+    _draw_plans(axes, record, styles)
+    _draw_measured(axes, record, styles)
+    _draw_losses(axes, record)
+    _draw_moments(panels, record)
+    _name_lines(axes, _ends(record, styles))
+    axes.set_xlabel("time since launch (s)")
+    axes.set_ylabel("battery used (%)")
+    figure.text(0.01, 0.96, "Battery consumption: planned and measured", fontsize=14, fontweight="bold", color=INK)
+    figure.legend(handles=_handles(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
+    return figure
+
+
+def _highest_pct(record: FlightRecord) -> float:
+    planned = [used_pct for revision in record.revisions for route in revision.routes for _, used_pct in route.energy]
+    measured = [float(used(vehicle.battery)[:, 1].max()) for vehicle in record.vehicles if len(vehicle.battery)]
+    return max([LEAST_SPAN_PCT, *planned, *measured])
+
+
+def _end_s(record: FlightRecord) -> float:
+    planned = [t_s for revision in record.revisions for route in revision.routes for t_s, _ in route.energy]
+    return 1.01 * max([1.0, record.duration_s, *planned])
+
+
+def _limits(record: FlightRecord) -> Mapping[str, float]:
+    """Return budgets and reserves as percent used, by what is to be written on their lines."""
+    limits: dict[tuple[str, float], list[str]] = {}
+    for vehicle in record.vehicles:
+        full_pct = float(vehicle.battery[0, 1]) if len(vehicle.battery) else 100.0
+        budget, reserve = f"budget, {vehicle.budget_pct:g} % used", f"reserve, {vehicle.reserve_pct:g} % left"
+        limits.setdefault((budget, vehicle.budget_pct), []).append(vehicle.name)
+        limits.setdefault((reserve, full_pct - vehicle.reserve_pct), []).append(vehicle.name)
+    return {
+        words if len(names) == len(record.vehicles) else f"{words} ({', '.join(names)})": limit
+        for (words, limit), names in limits.items()
+    }
+
+
+def _strip(figure: Figure, below: Axes, limits: Mapping[str, float], end_s: float) -> Axes:
+    """Return axes above a broken scale that show the limits, far above what was used."""
+    axes = figure.add_axes((LEFT, TOP - STRIP, RIGHT - LEFT, STRIP))
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylim(min(limits.values()) - 8.0, max(limits.values()) + 8.0)
+    axes.set_yticks(sorted({round(limit, 1) for limit in limits.values()}))
+    axes.tick_params(bottom=False, labelbottom=False)
+    axes.spines["bottom"].set_visible(False)
+    below.spines["top"].set_visible(False)
+    for part, height in ((axes, 0.0), (below, 1.0)):
+        part.plot(
+            [0.0, 1.0], [height, height], transform=part.transAxes, clip_on=False,
+            ls="", marker=[(-1.0, -0.6), (1.0, 0.6)], ms=10, color=INK, mew=1.2,
+        )  # fmt: skip
+    return axes
+
+
+def _draw_limits(axes: Axes, limits: Mapping[str, float], end_s: float) -> None:
+    for name, limit in limits.items():
+        axes.axhline(limit, color=INK, lw=1.2, ls=(0, (8.0, 2.0, 1.0, 2.0)), zorder=1)
+        axes.text(0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=cased(2.0))
+
+
+def _draw_plans(axes: Axes, record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
+    for revision in record.revisions:
+        for route in revision.routes:
+            t_s, used_pct = zip(*route.energy, strict=True)
+            style = styles[route.vehicle]
+            if revision.number == 0:
+                axes.plot(t_s, used_pct, color=style.colour, lw=2.2, zorder=3)
+            else:
+                axes.plot(t_s, used_pct, color=style.colour, lw=2.2, ls=style.dashes, zorder=4)
+                axes.plot(t_s[:1], used_pct[:1], color=style.colour, marker="|", ms=12, mew=1.6, zorder=4)
+
+
+def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
+    for vehicle in record.vehicles:
+        if len(vehicle.battery) == 0:
+            continue
+        account = used(vehicle.battery)
+        style = styles[vehicle.name]
+        # Markers of different vehicles are shifted against each other: where lines lie on each other all are seen.
+        every = max(1, len(account) // MARKS)
+        first = every * (vehicle.layer % len(styles)) // len(styles)
+        axes.plot(
+            account[:, 0], account[:, 1], color=style.colour, lw=0.9, zorder=5,
+            marker=style.marker, ms=6.0, mec=PAPER, mew=0.7, markevery=(first, every),
+        )  # fmt: skip
+
+
+def _draw_losses(axes: Axes, record: FlightRecord) -> None:
+    for vehicle, fault in record.lost:
+        place = (fault.detected_s, used_at_pct(vehicle, fault.detected_s))
+        axes.plot(*place, ls="", marker="X", ms=13, mfc=LOSS, mec=PAPER, mew=1.2, zorder=6)
+
+
+def _draw_moments(panels: Sequence[Axes], record: FlightRecord) -> None:
+    moments = [(record.longest_route_s, f"longest route, {record.longest_route_s:.0f} s", INK)]
+    for vehicle, fault in record.lost:
+        moments.append((fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {fault.detected_s:.0f} s", LOSS))
+        if fault.happened_s is not None:
+            for axes in panels:
+                axes.axvline(fault.happened_s, color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), zorder=2)
+    end_s = panels[0].get_xlim()[1]
+    levels = [-np.inf] * len(moments)
+    for t_s, words, colour in sorted(moments):
+        for axes in panels:
+            axes.axvline(t_s, color=colour, lw=1.8, zorder=2)
+        # On the lowest of the lines above the plot whose last words end before these begin.
+        half = 0.5 * CHARACTER * end_s * len(words)
+        level = next(number for number, until_s in enumerate(levels) if until_s < t_s - half)
+        levels[level] = t_s + half
+        panels[-1].annotate(
+            words,
+            xy=(t_s, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0.0, 5.0 + 14.0 * level),
+            textcoords="offset points",
+            ha="center",
+            fontsize=9.5,
+            color=colour,
+        )
+
+
+def _ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[_End]:
+    ends = []
+    for vehicle in record.vehicles:
+        routes = [route for revision in record.revisions for route in revision.routes if route.vehicle == vehicle.name]
+        words = vehicle.name
+        place = None
+        if routes:
+            place = routes[-1].energy[-1]
+            words += f": planned {place[1]:.0f} %"
+        if len(vehicle.battery):
+            t_s, used_pct = used(vehicle.battery)[-1].tolist()
+            place = (t_s, used_pct)
+            words += f", used {used_pct:.0f} %"
+        if place is not None:
+            ends.append(_End(*place, words, styles[vehicle.name].colour))
+    return ends
+
+
+def _name_lines(axes: Axes, ends: Sequence[_End]) -> None:
+    """Write each vehicle's name to the right of the plot, as high as its line ends, and not onto another name."""
+    place = axes.get_position()
+    share = place.height / axes.get_ylim()[1]
+    ends = sorted(ends, key=lambda end: end.used_pct)
+    for end, height in zip(ends, spread([place.y0 + share * end.used_pct for end in ends], LABEL_STEP), strict=True):
+        axes.annotate(
+            end.words,
+            xy=(end.t_s, end.used_pct),
+            xytext=(RIGHT + 0.015, height),
+            textcoords="figure fraction",
+            fontsize=9,
+            color=INK,
+            va="center",
+            # From the text's left edge to the end of the line.
+            arrowprops={
+                "arrowstyle": "-",
+                "color": end.colour,
+                "linewidth": 1.0,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 2,
+                "shrinkB": 3,
+            },
+            annotation_clip=False,
+        )
+
+
+def spread(heights: Sequence[float], least: float) -> list[float]:
+    """Return ascending heights moved apart to a least distance, with the same mean.
+
+    >>> spread([0.0, 1.0, 1.0], 2.0)
+    [-1.3333333333333333, 0.6666666666666667, 2.6666666666666665]
+    """
+    moved: list[float] = []
+    for height in heights:
+        moved.append(max(height, moved[-1] + least) if moved else height)
+    shift = (sum(moved) - sum(heights)) / len(moved) if moved else 0.0
+    return [height - shift for height in moved]
+
+
+def _handles(record: FlightRecord) -> list[Artist]:
+    handles: list[Artist] = [Line2D([], [], color=INK, lw=2.2, label="first plan")]
+    if len(record.revisions) > 1:
+        handles.append(Line2D([], [], color=INK, lw=2.2, ls=style_of(0).dashes, label="re-plan"))
+    handles.append(Line2D([], [], color=INK, lw=0.9, marker="o", ms=6.0, mec=PAPER, label="measured"))
+    if record.lost:
+        handles.append(Line2D([], [], color=LOSS, lw=1.8, label="loss declared"))
+    if any(fault.happened_s is not None for _, fault in record.lost):
+        handles.append(Line2D([], [], color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), label="loss happened"))
+    handles.append(Line2D([], [], color=INK, lw=1.8, marker="|", ls="", ms=14, mew=1.8, label="longest route, planned"))
+    return handles

@@ -1,0 +1,68 @@
+"""How a vehicle looks in every picture: told apart by hue, by lightness and by dash or marker, so also in grey."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
+
+Dashes = tuple[float, tuple[float, ...]]
+"""Matplotlib's offset and on-off lengths, in units of the line's width."""
+
+COLOURS = (
+    "#1f3fa8",  # blue, lightness 31
+    "#e8a010",  # orange, 71
+    "#00806b",  # teal, 48
+    "#cc6fb0",  # pink, 59
+    "#38104c",  # dark purple, 14
+    "#8fd3f2",  # sky, 81
+    "#8a4a1c",  # brown, 38
+    "#a3a300",  # olive, 65
+)
+"""In CIE lightness at least 5 apart, those that come first the farthest; no red: that is the loss's."""
+MARKERS = ("o", "^", "s", "D", "v", "P", "h")
+DASHES: tuple[Dashes, ...] = (
+    (0, (4.0, 1.6)),
+    (0, (1.6, 1.2)),
+    (0, (7.0, 1.6, 1.4, 1.6)),
+    (0, (7.0, 3.0)),
+    (0, (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
+    (0, (10.0, 2.0)),
+    (0, (2.6, 2.6)),
+)
+"""As many as markers, and no common divisor with the number of colours: 56 vehicles are told apart."""
+
+LOSS = "#c81414"
+"""The red of whatever went wrong."""
+INK = "#222222"
+FAINT = "#9a9a9a"
+"""The network, and whatever else lies behind."""
+PAPER = "#ffffff"
+DPI = 150
+WIDTH_IN = 12.0
+"""1800 pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleStyle:
+    """One vehicle's look."""
+
+    colour: str
+    marker: str
+    dashes: Dashes
+    """Of its re-plans; a first plan is solid."""
+
+
+def style_of(layer: int) -> VehicleStyle:
+    """Return the look of the vehicle in a layer."""
+    return VehicleStyle(COLOURS[layer % len(COLOURS)], MARKERS[layer % len(MARKERS)], DASHES[layer % len(DASHES)])
+
+
+def cased(width_pt: float) -> list[AbstractPathEffect]:
+    """Return the effect of a white edge about a line or a text, so that it stands off what lies beneath."""
+    return [Stroke(linewidth=width_pt, foreground=PAPER), Normal()]
+
+
+def outlined(width_pt: float) -> list[AbstractPathEffect]:
+    """Return the effect of a dark edge about a line of a width."""
+    return [Stroke(linewidth=width_pt + 2.0, foreground=INK), Normal()]
