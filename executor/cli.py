@@ -10,7 +10,7 @@ import json
 import sys
 import tempfile
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -302,12 +302,6 @@ def _print_plan(content: PlanFile, *, as_json: bool) -> None:
 
 
 def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -> None:
-    from executor.adapters.pictures import draw_run
-
-    try:
-        draw_run(order.run)
-    except OSError as error:
-        print(f"faultline: the pictures could not be written: {error}", file=sys.stderr)
     report = flown.report
     if as_json:
         print(json.dumps(report))
@@ -315,8 +309,23 @@ def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -
         print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
         if report["segments_uncovered"]:
             print(f"not inspected: {report['segments_uncovered']}")
+    _show_flight(order.run, report)
     if not report["finished"]:
         raise typer.Exit(1)
+
+
+def _show_flight(run: Path, report: Mapping[str, object]) -> None:
+    from executor.adapters.page import write_page
+    from executor.adapters.pictures import draw_battery, draw_map
+    from executor.record import read_run
+
+    try:
+        record = read_run(run)
+        draw_map(record, run / "map.png")
+        draw_battery(record, run / "battery.png")
+        write_page(record, report, run / "report.html")
+    except (OSError, *OUR_ERRORS) as error:
+        print(f"faultline: the pictures could not be made: {error}", file=sys.stderr)
 
 
 def _writable(path: Path, write: object) -> None:

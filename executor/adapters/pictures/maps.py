@@ -73,14 +73,14 @@ def map_figure(record: FlightRecord) -> Figure:
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
     names = ["First plan", "As flown"]
-    sheet = make_sheet(shown, outcome(record), names, len(handles))
+    sheet = make_sheet(shown, _title(record), names, len(handles))
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
     legend(sheet, handles)
     return sheet.figure
 
 
-def outcome(record: FlightRecord) -> str:
+def _title(record: FlightRecord) -> str:
     """Return in a line what became of the flight."""
     total, missing = len(record.segments), len(record.uncovered)
     text = f"{total - missing} of {total} segments inspected"
