@@ -16,6 +16,7 @@ from missions import (
     Inspection,
     Network,
     Pad,
+    Phase,
     Task,
     default_network_path,
     dialect_for,
@@ -123,12 +124,33 @@ def paths_of(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Mappi
     return {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
 
 
-def overhead_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> float:
-    """Return what real flight paths cost relative to the planning model, at least 1: climbs, holds, ramps."""
+@dataclass(frozen=True, slots=True)
+class Overhead:
+    """What real flight paths cost beyond the planning model."""
+
+    factor: float
+    """Of everything that the planner counts, for holds and ramps; at least 1."""
+    fixed_pct: float
+    """Of the climb from the pad and the descent onto it, in percent of a full battery."""
+    landing_pct: float
+    """The descent's part of that."""
+
+
+def overhead_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Overhead:
+    """Return what the flight paths of a plan cost beyond the plan."""
     modelled = sum(route_energy_pct(task.instance, route) for route in plan.routes if route.visits)
-    paths = paths_of(setup, routes_of(ground, task, plan))
-    flown = sum(estimate(path, ground.travel, setup.motion).energy_pct for path in paths.values())
-    return max(1.0, flown / modelled) if modelled > 0 else 1.0
+    level_pct, climb_pct, landing_pct = 0.0, 0.0, 0.0
+    for path in paths_of(setup, routes_of(ground, task, plan)).values():
+        legs = estimate(path, ground.travel, setup.motion).legs
+        for waypoint, leg in zip(path.waypoints, legs, strict=True):
+            if waypoint.phase is Phase.TAKEOFF:
+                climb_pct = max(climb_pct, leg.energy_pct)
+            elif waypoint.phase is Phase.LAND:
+                landing_pct = max(landing_pct, leg.energy_pct)
+            else:
+                level_pct += leg.energy_pct
+    factor = max(1.0, level_pct / modelled) if modelled > 0 else 1.0
+    return Overhead(factor, climb_pct + landing_pct, landing_pct)
 
 
 def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Context:
@@ -146,7 +168,7 @@ def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Co
             link_timeout_s=link_timeout_s(site, dialect),
             pad_m=(pad.east_m, pad.north_m),
         )
-    highest_m = max(setup.layers.height_m(name, *vehicles[name].pad_m) for name in vehicles)
+    overhead = overhead_of(ground, setup, task, plan)
     return Context(
         setup=setup,
         vehicles=vehicles,
@@ -156,8 +178,9 @@ def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Co
         segments=len(ground.network.segments),
         corridor_m=site.inspection.corridor_m,
         inspection_speed_m_s=site.inspection.speed_m_s,
-        overhead=overhead_of(ground, setup, task, plan),
-        landing_pct=highest_m / setup.motion.descent_m_s * ground.travel.inspection_pct_per_s,
+        overhead=overhead.factor,
+        fixed_pct=overhead.fixed_pct,
+        landing_pct=overhead.landing_pct,
         fly_again=site.flight.fly_again,
         horizon_s=2.0 + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S),
     )

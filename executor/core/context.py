@@ -41,9 +41,11 @@ class Context:
     corridor_m: float
     inspection_speed_m_s: float
     overhead: float
-    """What a real flight path costs relative to the planning model: climb, holds, accelerations; at least 1."""
+    """What a real flight path costs relative to the planning model, for holds and ramps; at least 1."""
+    fixed_pct: float
+    """What the climb from the pad and the descent onto it cost, which the planning model does not know."""
     landing_pct: float
-    """What the descent onto the pad costs."""
+    """The descent's part of that."""
     fly_again: bool
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""

@@ -83,8 +83,11 @@ def _offer(
 ) -> Survivor:
     setup = context.vehicles[state.name]
     remaining = state.battery.remaining_pct or 0.0
-    left = min(remaining - setup.reserve_pct, setup.budget_pct - state.battery.used_pct)
-    budget = left - spent_pct - context.landing_pct - QUANTUM_PCT
+    # The site's budget is in the planning model's terms; in flight it stands for what such a route really costs.
+    allowed = setup.budget_pct * context.overhead + context.fixed_pct
+    left = min(remaining - setup.reserve_pct, allowed - state.battery.used_pct)
+    still_fixed = context.landing_pct if airborne else context.fixed_pct
+    budget = left - spent_pct - still_fixed - QUANTUM_PCT
     tail: tuple[int, ...] = ()
     if state.board is not None and airborne:
         ahead = {waypoint.visit for waypoint in state.board.path.waypoints[kept:]}
