@@ -1,12 +1,24 @@
-"""Download of the mission on board: here the ground station drives, and repeats its question until it is answered."""
+"""Download of the mission on board: here the ground station drives, and repeats its question until it is answered.
+
+An error is no end: it may be the late answer to a doubled item of the upload before, or another station's transfer that
+will be over soon. It is the reason if the question stays without an answer.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Self
 
-from executor.core.messages import Message, MissionAck, MissionCount, MissionItemReceived, Outgoing, SendMissionAck
-from executor.core.messages import SendMissionRequest, SendMissionRequestList
+from executor.core.messages import (
+    Message,
+    MissionAck,
+    MissionCount,
+    MissionItemReceived,
+    Outgoing,
+    SendMissionAck,
+    SendMissionRequest,
+    SendMissionRequestList,
+)
 from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
 from executor.protocols.upload import RESULT_NAMES
 from missions.items import MissionItem
@@ -25,6 +37,8 @@ class Download:
     items: tuple[MissionItem, ...] = ()
     tries: int = 0
     """How often the question that is open was asked."""
+    refusal: int | None = None
+    """The error that came since it was asked first."""
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask how many items there are."""
@@ -40,8 +54,7 @@ class Download:
             case MissionItemReceived(item) if self.count is not None and item.seq == len(self.items):
                 return replace(self, items=(*self.items, item))._ask(now_s)
             case MissionAck(result) if result != 0:
-                reason = f"download refused: {RESULT_NAMES.get(result, f'result {result}')}"
-                return self._ended(Rejected(reason)), ()
+                return replace(self, refusal=result), ()
             case _:
                 return self, ()
 
@@ -50,6 +63,9 @@ class Download:
         if self.outcome is not None:
             return self, ()
         if self.tries >= TRIES:
+            if self.refusal is not None:
+                words = RESULT_NAMES.get(self.refusal, f"result {self.refusal}")
+                return self._ended(Rejected(f"download refused: {words}")), ()
             what = "the count" if self.count is None else f"item {len(self.items)} of {self.count}"
             return self._ended(TimedOut(f"no answer when asked for {what}")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
@@ -64,7 +80,8 @@ class Download:
     def _ask(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         if len(self.items) == self.count:
             return self._ended(Accepted()), (SendMissionAck(0),)
-        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (SendMissionRequest(len(self.items)),)
+        state = replace(self, tries=1, refusal=None, deadline_s=now_s + PERIOD_S)
+        return state, (SendMissionRequest(len(self.items)),)
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))

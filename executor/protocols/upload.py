@@ -1,7 +1,7 @@
 """Upload of a mission.
 
-The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only until
-the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is repeated
+The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only
+until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is repeated
 when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
 """
 
@@ -10,8 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from executor.core.messages import Message, MissionAck, MissionRequest, Outgoing, SendMissionAck, SendMissionCount
-from executor.core.messages import SendMissionItem
+from executor.core.messages import (
+    Message,
+    MissionAck,
+    MissionRequest,
+    Outgoing,
+    SendMissionAck,
+    SendMissionCount,
+    SendMissionItem,
+)
 from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
 from missions.items import MissionItem
 
@@ -23,6 +30,7 @@ REPEAT_S = 0.1
 LAST_ITEM_PERIOD_S = 1.0
 
 RESULT_ACCEPTED = 0
+RESULT_ERROR = 1
 RESULT_CANCELLED = 15
 RESULT_NAMES = {
     1: "error, or busy with another transfer", 2: "unsupported frame", 3: "unsupported command", 4: "no space",
@@ -52,6 +60,8 @@ class Upload:
     answered_s: float = float("-inf")
     heard_s: float = 0.0
     """When the vehicle last took part."""
+    refusal: int | None = None
+    """The error that it sent since its last request."""
 
     @property
     def begun(self) -> bool:
@@ -85,6 +95,8 @@ class Upload:
             state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
             return state, (SendMissionCount(len(self.items)),)
         if now_s - self.heard_s >= self.silence_s:
+            if self.refusal is not None:
+                return self._ended(_rejected(self.refusal)), ()
             return self._ended(TimedOut(f"silence after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
         if self.furthest == len(self.items) - 1:
@@ -102,6 +114,7 @@ class Upload:
             self,
             furthest=max(self.furthest, seq),
             heard_s=now_s,
+            refusal=None,
             deadline_s=now_s + min(LAST_ITEM_PERIOD_S, self.silence_s),
         )
         if seq == self.answered and now_s - self.answered_s < REPEAT_S:
@@ -109,12 +122,20 @@ class Upload:
         return replace(state, answered=seq, answered_s=now_s), (SendMissionItem(self.items[seq]),)
 
     def _acknowledged(self, result: int) -> Self:
+        all_asked = self.furthest == len(self.items) - 1
         if result == RESULT_ACCEPTED:
             # Before the last item was asked for it can only be a late duplicate of an earlier transfer's.
-            return self._ended(Accepted()) if self.furthest == len(self.items) - 1 else self
-        if result in self.warnings:
-            return self
-        return self._ended(Rejected(f"mission refused: {RESULT_NAMES.get(result, f'result {result}')}"))
+            return self._ended(Accepted()) if all_asked else self
+        if result in self.warnings or (result == RESULT_CANCELLED and not self.begun):
+            return self  # what has not begun cannot be given up: that was an earlier transfer
+        if result == RESULT_ERROR and self.begun and not all_asked:
+            # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
+            return replace(self, refusal=result)
+        return self._ended(_rejected(result))
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))
+
+
+def _rejected(result: int) -> Rejected:
+    return Rejected(f"mission refused: {RESULT_NAMES.get(result, f'result {result}')}")

@@ -1,0 +1,135 @@
+"""A mission put on board over bad links, on autopilots that behave as the real ones do."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.messages import MissionAck, SendMissionCount, SendMissionItem, SendMissionRequestList
+from executor.runtime import procedures
+from executor.runtime.procedures import Done
+from missions import ARDUPILOT, PX4, Dialect, Inspection, MissionItem, differences, encode, flight_path, flight_setup
+from tests.fakes.clock import LoopClock
+from tests.fakes.link import CLEAN, Air, FakeLink
+from tests.fakes.vehicle import FakeAutopilot
+from tests.missions.builders import line_east
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
+
+DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
+SETUP = flight_setup(line_east(8), ["uav1", "uav2"], Inspection())
+LOSSY = Air(loss=0.2, duplicate=0.2, delay_s=(0.01, 0.4))
+"""A fifth is lost and a fifth comes twice, each way; a message may be overtaken by several that come after it."""
+
+
+def mission(dialect: Dialect, visits: tuple[int, ...] = (0, 2, 4, 6)) -> tuple[MissionItem, ...]:
+    return encode(flight_path(SETUP, "uav1", visits), dialect).items
+
+
+class Board:
+    """One vehicle, its link, and a mission to put on board."""
+
+    def __init__(self, dialect: Dialect, air: Air = CLEAN, *, seed: int = 0) -> None:
+        self.clock = LoopClock()
+        self.vehicle = FakeAutopilot(dialect, items=mission(dialect, (10, 12)))
+        self.link = FakeLink(self.vehicle, self.clock, air, seed=seed)
+        self.dialect = dialect
+        self.items = mission(dialect)
+
+    async def put(self) -> Done:
+        done = await procedures.put_on_board(self.link, self.clock, self.dialect, self.items)
+        self.link.close()
+        return done
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """How the mission in the vehicle's memory differs from the one that was sent."""
+        return differences(self.items, self.vehicle.missions.items, self.dialect)
+
+
+@DIALECTS
+async def test_a_clean_link(dialect: Dialect) -> None:
+    board = Board(dialect)
+    assert await board.put() == Done(accepted=True)
+    assert board.missing == ()
+    assert len(board.link.of_kind(SendMissionItem)) == len(board.items), "every item is sent once"
+
+
+@DIALECTS
+@pytest.mark.parametrize("seed", range(25))
+async def test_a_fifth_lost_and_a_fifth_doubled_each_way(dialect: Dialect, seed: int) -> None:
+    board = Board(dialect, LOSSY, seed=seed)
+    assert await board.put() == Done(accepted=True)
+    assert board.missing == ()
+
+
+@DIALECTS
+async def test_a_link_slower_than_the_vehicle_asks_again(dialect: Dialect) -> None:
+    board = Board(dialect, Air(delay_s=(0.45, 0.45)))
+    assert (await board.put()).accepted
+    assert board.missing == ()
+
+
+@DIALECTS
+async def test_an_old_acknowledgement_does_not_pass_for_the_present_one(dialect: Dialect) -> None:
+    board = Board(dialect, Air(delay_s=(0.05, 0.05)))
+    board.link.say(MissionAck(0))
+    board.link.say(MissionAck(15))
+    assert (await board.put()).accepted
+    assert board.missing == ()
+    assert len(board.link.of_kind(SendMissionCount)) == 1
+
+
+@DIALECTS
+async def test_a_dead_link_has_begun_nothing(dialect: Dialect) -> None:
+    board = Board(dialect)
+    board.link.cut = True
+    done = await board.put()
+    assert done == Done(accepted=False, reason="the vehicle did not ask for the first item", mixed=False)
+
+
+@DIALECTS
+async def test_a_refusal_has_begun_nothing(dialect: Dialect) -> None:
+    board = Board(dialect)
+    board.vehicle.missions.refuses = 4
+    done = await board.put()
+    assert done == Done(accepted=False, reason="mission refused: no space", mixed=False)
+    assert len(board.link.of_kind(SendMissionCount)) == procedures.UPLOAD_TRIES
+
+
+@DIALECTS
+async def test_a_vehicle_that_stops_asking_may_carry_a_mixture(dialect: Dialect) -> None:
+    """ArduPilot replaces its mission item by item; PX4 keeps the old one until the new one is whole."""
+    board = Board(dialect)
+    before = list(board.vehicle.missions.items)
+    board.vehicle.missions.stops_at = 5
+    done = await board.put()
+    assert not done.accepted
+    assert done.mixed is (dialect is ARDUPILOT)
+    assert (board.vehicle.missions.items == before) is (dialect is PX4)
+
+
+@DIALECTS
+async def test_what_reads_back_differently_is_not_flown(dialect: Dialect) -> None:
+    board = Board(dialect)
+    board.vehicle.missions.spoils = 3
+    done = await board.put()
+    assert not done.accepted
+    assert done.reason.startswith("reads back differently: item 3 ")
+
+
+@DIALECTS
+async def test_a_lost_final_acknowledgement_is_no_failure(dialect: Dialect) -> None:
+    """PX4 says it again for the last item; ArduPilot calls that an error, and the read-back decides."""
+    board = Board(dialect)
+    board.vehicle.missions.swallows_ack = True
+    assert (await board.put()).accepted
+    assert len(board.link.of_kind(SendMissionCount)) == 1
+    assert board.clock.now_s() < 3.0
+
+
+async def test_the_next_upload_waits_until_a_transfer_that_was_left_is_over() -> None:
+    """PX4 calls itself busy for five seconds after a download whose end it did not hear."""
+    board = Board(PX4)
+    board.vehicle.missions.hear(SendMissionRequestList(), 0.0)
+    assert (await board.put()).accepted
+    assert len(board.link.of_kind(SendMissionCount)) == 3

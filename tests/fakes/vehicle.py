@@ -1,0 +1,240 @@
+"""The autopilots' side of the mission, command and parameter protocols, message by message.
+
+What each of the two does is written down in docs/autopilots_measured.md and field_guide.md; nothing is shared with the
+simulated vehicles, so that a misreading there is not repeated here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from executor.core.messages import (
+    CommandAck,
+    Heartbeat,
+    Message,
+    MissionAck,
+    MissionCount,
+    MissionItemReceived,
+    MissionRequest,
+    Outgoing,
+    ParamValue,
+    SendCommand,
+    SendMissionAck,
+    SendMissionCount,
+    SendMissionItem,
+    SendMissionRequest,
+    SendMissionRequestList,
+    SendParamRequest,
+    SendParamSet,
+)
+from executor.protocols import orders
+from missions import Command, Dialect, Frame, MissionItem, ModeNumber
+
+AUTOPILOTS = {"ardupilot": 3, "px4": 12}
+ACCEPTED, ERROR, INVALID_SEQUENCE, CANCELLED = 0, 1, 13, 15
+HEARTBEAT_S = 1.0
+
+
+@dataclass(slots=True)
+class _Transfer:
+    count: int
+    heard_s: float
+    asked_s: float
+    items: list[MissionItem] = field(default_factory=list)
+
+
+class FakeMissions:
+    """A vehicle's mission memory and the protocol around it."""
+
+    def __init__(self, dialect: Dialect, items: Sequence[MissionItem] = ()) -> None:
+        """Begin with a mission on board."""
+        self.dialect = dialect
+        self.items = list(items)
+        self.refuses: int | None = None
+        """MAV_MISSION_RESULT with which every upload is refused."""
+        self.stops_at: int | None = None
+        """The item from which on it asks for nothing more."""
+        self.spoils: int | None = None
+        """The item that it stores with another height."""
+        self.swallows_ack = False
+        """Whether the next final acknowledgement gets lost."""
+        self._upload: _Transfer | None = None
+        self._reading_until_s = float("-inf")
+        self._last_count = 0
+
+    @property
+    def wake_s(self) -> float | None:
+        """When it asks again or gives up."""
+        upload = self._upload
+        if upload is None:
+            return None
+        gives_up_s = upload.heard_s + self.dialect.upload_silence_s
+        return gives_up_s if self._mute(upload) else min(gives_up_s, upload.asked_s + self.dialect.item_silence_s)
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Ask again, or give up: ArduPilot with an acknowledgement, PX4 without."""
+        upload = self._upload
+        if upload is None:
+            return []
+        if now_s >= upload.heard_s + self.dialect.upload_silence_s:
+            self._upload = None
+            return [] if self.dialect.upload_is_atomic else [MissionAck(CANCELLED)]
+        if self._mute(upload) or now_s < upload.asked_s + self.dialect.item_silence_s:
+            return []
+        return self._ask(upload, now_s)
+
+    def hear(self, message: Outgoing, now_s: float) -> list[Message]:
+        """Take part in a transfer."""
+        match message:
+            case SendMissionCount(count):
+                return self._begin(count, now_s)
+            case SendMissionItem(item):
+                return self._store(item, now_s)
+            case SendMissionRequestList():
+                return self._list(now_s)
+            case SendMissionRequest(seq):
+                return self._read(seq, now_s)
+            case SendMissionAck(result):
+                self._reading_until_s = float("-inf")
+                if self.dialect.upload_is_atomic and result == CANCELLED:
+                    self._upload = None
+        return []
+
+    def _begin(self, count: int, now_s: float) -> list[Message]:
+        if self.refuses is not None:
+            return [MissionAck(self.refuses)]
+        if self.dialect.upload_is_atomic:
+            if now_s < self._reading_until_s or (self._upload is not None and self._upload.items):
+                return [MissionAck(ERROR)]  # "Busy"; the transfer goes on
+        else:
+            del self.items[count:]  # in place: what is longer than the new list is gone at once
+        self._upload = _Transfer(count, now_s, now_s)
+        return self._ask(self._upload, now_s)
+
+    def _store(self, item: MissionItem, now_s: float) -> list[Message]:
+        upload = self._upload
+        if upload is None:
+            again = self.dialect.upload_is_atomic and item.seq == self._last_count - 1
+            return [MissionAck(ACCEPTED if again else ERROR)]
+        if item.seq != len(upload.items):
+            return [] if self.dialect.upload_is_atomic else [MissionAck(INVALID_SEQUENCE)]
+        upload.items.append(item)
+        upload.heard_s = now_s
+        stored = replace(self._stored(item), z=item.z + 1.0) if item.seq == self.spoils else self._stored(item)
+        if not self.dialect.upload_is_atomic:
+            self.items[item.seq : item.seq + 1] = [stored]
+        if len(upload.items) < upload.count:
+            return [] if self._mute(upload) else self._ask(upload, now_s)
+        self._upload, self._last_count = None, upload.count
+        if self.dialect.upload_is_atomic:
+            self.items = [replace(one, z=one.z + 1.0) if one.seq == self.spoils else one for one in upload.items]
+        if self.swallows_ack:
+            self.swallows_ack = False
+            return []
+        return [MissionAck(ACCEPTED)]
+
+    def _stored(self, item: MissionItem) -> MissionItem:
+        """What ArduPilot makes of an item: its own home, no `current`, speeds without a frame."""
+        if self.dialect.upload_is_atomic:
+            return item
+        if item.seq == 0:
+            return MissionItem(0, Frame.GLOBAL, Command.NAV_WAYPOINT, x=496000000, y=156000000, z=450.0)
+        frame = Frame.GLOBAL if item.command == Command.DO_CHANGE_SPEED else item.frame
+        return replace(item, current=False, frame=frame)
+
+    def _list(self, now_s: float) -> list[Message]:
+        if self.dialect.upload_is_atomic and self._upload is not None:
+            return [MissionAck(ERROR)]
+        self._upload = None
+        self._reading_until_s = now_s + self.dialect.upload_silence_s
+        return [MissionCount(len(self.items))]
+
+    def _read(self, seq: int, now_s: float) -> list[Message]:
+        if (self.dialect.upload_is_atomic and now_s >= self._reading_until_s) or seq >= len(self.items):
+            return [MissionAck(ERROR)]
+        self._reading_until_s = now_s + self.dialect.upload_silence_s
+        return [MissionItemReceived(self.items[seq])]
+
+    def _mute(self, upload: _Transfer) -> bool:
+        return self.stops_at is not None and len(upload.items) >= self.stops_at
+
+    def _ask(self, upload: _Transfer, now_s: float) -> list[Message]:
+        upload.asked_s = now_s
+        return [MissionRequest(len(upload.items))]
+
+
+class FakeAutopilot:
+    """A vehicle that answers what is said to it, and sends its heartbeat."""
+
+    def __init__(
+        self, dialect: Dialect, *, items: Sequence[MissionItem] = (), parameters: Mapping[str, float] | None = None
+    ) -> None:
+        """Stand on the ground, disarmed."""
+        self.dialect = dialect
+        self.missions = FakeMissions(dialect, items)
+        self.parameters = dict(parameters or {})
+        self.stubborn: set[str] = set()
+        """Parameters that stay as they are."""
+        self.results: dict[int, list[int]] = {}
+        """MAV_RESULTs for a command, one for each time that it is given; the last one stays."""
+        self.deaf: set[int] = set()
+        """Commands that are acknowledged and not obeyed."""
+        self.armed = False
+        self.mode = dialect.modes.hold
+        self.commands: list[int] = []
+        self._beat_s = 0.0
+
+    @property
+    def wake_s(self) -> float:
+        """The next heartbeat, or what the mission protocol waits for."""
+        return min(self._beat_s, self.missions.wake_s if self.missions.wake_s is not None else self._beat_s)
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Send what is due."""
+        said = self.missions.tick(now_s)
+        if now_s >= self._beat_s:
+            self._beat_s = now_s + HEARTBEAT_S
+            said.append(self.heartbeat())
+        return said
+
+    def heartbeat(self) -> Heartbeat:
+        """What it says of itself."""
+        return Heartbeat(AUTOPILOTS[self.dialect.name], self.mode.custom_mode, self.armed, 4 if self.armed else 3)
+
+    def hear(self, message: Outgoing, now_s: float) -> list[Message]:
+        """Answer."""
+        match message:
+            case SendCommand():
+                return self._command(message)
+            case SendParamRequest(name):
+                return self._value(name, 9)
+            case SendParamSet(name, value, kind):
+                if name in self.parameters and name not in self.stubborn:
+                    self.parameters[name] = value
+                return self._value(name, kind)
+            case _:
+                return self.missions.hear(message, now_s)
+
+    def _value(self, name: str, kind: int) -> list[Message]:
+        return [ParamValue(name, self.parameters[name], kind)] if name in self.parameters else []
+
+    def _command(self, message: SendCommand) -> list[Message]:
+        self.commands.append(message.command)
+        results = self.results.get(message.command, [ACCEPTED])
+        result = results.pop(0) if len(results) > 1 else results[0]
+        if result == ACCEPTED and message.command not in self.deaf:
+            self._obey(message)
+        return [CommandAck(message.command, result)]
+
+    def _obey(self, message: SendCommand) -> None:
+        modes = self.dialect.modes
+        match message.command:
+            case orders.COMPONENT_ARM_DISARM:
+                self.armed = message.params[0] == 1.0
+            case orders.MISSION_START:
+                self.mode = modes.mission
+            case orders.DO_SET_MODE:
+                known: tuple[ModeNumber, ...] = (modes.mission, modes.hold, modes.guided, modes.return_home, modes.land)
+                wanted = (message.params[1], message.params[2])
+                self.mode = next(mode for mode in known if (mode.param2, mode.param3) == wanted)
