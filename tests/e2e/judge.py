@@ -1,0 +1,90 @@
+"""An independent judge of recorded flights: reads the .tlog files with pymavlink and knows none of the program's rules.
+
+It answers one question of its own: was this segment flown from one end to the other, near the line, slowly enough?
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pymavlink import mavutil
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Segment:
+    id: int
+    a_m: Place
+    b_m: Place
+
+
+def segments_of(run: Path) -> dict[int, Segment]:
+    """The segments of the first plan, in local metres."""
+    plan = json.loads((run / "plan-000.json").read_text())
+    return {entry["id"]: Segment(entry["id"], tuple(entry["a"][:2]), tuple(entry["b"][:2])) for entry in plan["segments"]}
+
+
+def depot_of(run: Path) -> Place:
+    depot = json.loads((run / "plan-000.json").read_text())["depot"]
+    return depot["lat_deg"], depot["lon_deg"]
+
+
+def positions_of(log: Path, depot_deg: Place) -> np.ndarray:
+    """(n, 4): seconds by the vehicle's clock, east, north, height; by a flat-earth formula about the depot."""
+    reader = mavutil.mavlink_connection(str(log))
+    rows = []
+    latitude = math.radians(depot_deg[0])
+    north_m = 111132.954 - 559.822 * math.cos(2 * latitude) + 1.175 * math.cos(4 * latitude)
+    east_m = 111412.84 * math.cos(latitude) - 93.5 * math.cos(3 * latitude)
+    while (message := reader.recv_match(type="GLOBAL_POSITION_INT")) is not None:
+        rows.append((
+            message.time_boot_ms / 1e3,
+            (message.lon / 1e7 - depot_deg[1]) * east_m,
+            (message.lat / 1e7 - depot_deg[0]) * north_m,
+            message.relative_alt / 1e3,
+        ))  # fmt: skip
+    reader.close()
+    times = np.array(rows)
+    keep = np.concatenate(([True], np.diff(np.maximum.accumulate(times[:, 0])) > 0))
+    return times[keep]
+
+
+def flown(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0, speed_m_s: float = 3.0) -> bool:
+    """Whether some unbroken stretch of the positions goes along the segment, at most 1.35 times as fast as asked."""
+    a, b = np.array(segment.a_m), np.array(segment.b_m)
+    length = float(np.linalg.norm(b - a))
+    unit = (b - a) / length
+    relative = positions[:, 1:3] - a
+    along = relative @ unit
+    beside = np.abs(relative @ np.array([-unit[1], unit[0]]))
+    inside = (beside <= corridor_m) & (along >= -corridor_m) & (along <= length + corridor_m)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(int)))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        stretch, times = along[begin:end], positions[begin:end, 0]
+        if len(stretch) < 3 or np.diff(times).max() > 6.0:
+            continue
+        near = min(6.0, length / 3)
+        if stretch.min() > near or stretch.max() < length - near:
+            continue
+        middle = (stretch >= near) & (stretch <= length - near)
+        took_s = np.ptp(times[middle]) if middle.sum() > 1 else 0.0
+        if took_s >= (np.ptp(stretch[middle]) if middle.sum() > 1 else 0.0) / (1.35 * speed_m_s):
+            return True
+    return False
+
+
+def wrongly_counted(run: Path, report: dict[str, object], *, speed_m_s: float = 3.0) -> list[tuple[str, int]]:
+    """Segments that the report counts for a vehicle whose log does not show them flown."""
+    segments, depot = segments_of(run), depot_of(run)
+    wrong = []
+    for vehicle in report["vehicles"]:  # type: ignore[attr-defined]
+        if not vehicle["segments"]:
+            continue
+        positions = positions_of(run / f"{vehicle['name']}.tlog", depot)
+        wrong += [(vehicle["name"], one) for one in vehicle["segments"] if not flown(segments[one], positions, speed_m_s=speed_m_s)]
+    return wrong
