@@ -21,7 +21,7 @@ PICTURES = {
 """Files beside the page, and what they show."""
 
 FAULTS = ("vehicle", "kind", "reason", "happened (s)", "detected (s)", "delay (s)")
-DECISIONS = ("at (s)", "what")
+DECISIONS = ("at (s)", "level", "what")
 SEGMENTS = ("segment", "length (m)", "planned for", "inspected by", "at (s)")
 REPLANS = {
     "revision": "number",
@@ -129,7 +129,7 @@ def outcome(record: FlightRecord) -> str:
 
 
 def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:
-    facts = [f"{len(record.vehicles)} vehicles", f"{len(record.revisions) - 1} re-plans on board"]
+    facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
     if report.get("min_separation_m") is not None:
         facts.append(f"any two vehicles stayed at least {said(report['min_separation_m'])} m apart")
     if record.uncovered:
@@ -145,7 +145,7 @@ def _faults(record: FlightRecord) -> Iterator[Sequence[object]]:
 
 def _decisions(record: FlightRecord) -> Iterator[Sequence[object]]:
     for decision in record.decisions:
-        yield decision.t_s, decision.text
+        yield decision.t_s, decision.level.value, decision.text
 
 
 def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
@@ -200,6 +200,10 @@ def said(value: object) -> str:
             return ", ".join(map(said, value)) or "none"
         case _:
             return str(value)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _clock(seconds: float) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,11 +14,12 @@ from matplotlib.lines import Line2D
 from executor.adapters.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, cased, style_of
 from executor.core.record import FlightRecord, used, used_at_pct
 
-HEIGHT_IN = 7.0
-LEFT, RIGHT, BOTTOM, TOP = 0.055, 0.815, 0.14, 0.86
+LEFT, RIGHT = 0.055, 0.815
 """Edges of the plot as shares of the figure; names of the lines stand to its right, those of moments above."""
-STRIP = 0.12
-"""Share of the plot's height for the limits, where they lie far above everything that was used."""
+PLOT_IN, BELOW_IN, TITLE_IN, MOMENT_IN = 5.0, 1.0, 0.55, 0.2
+"""Heights of the plot, of what is below it, of the title, and of each line of words above the plot."""
+STRIP_IN = 0.85
+"""The plot's part for the limits, where they lie far above everything that was used."""
 FAR = 1.6
 """Limits higher than so many times what was used get a strip of their own."""
 MARKS = 14
@@ -40,6 +41,17 @@ class _End:
     colour: str
 
 
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """A vertical line."""
+
+    t_s: float
+    words: str
+    colour: str
+    line: int
+    """Of the words above the plot; 0 is the lowest."""
+
+
 def battery_figure(record: FlightRecord) -> Figure:
     """Return percent used over seconds since the launch.
 
@@ -47,27 +59,30 @@ def battery_figure(record: FlightRecord) -> Figure:
     losses, the black one is the longest route of the first plan; budgets and reserves are horizontal.
     """
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
-    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), facecolor=PAPER)
-    limits = _limits(record)
-    highest = _highest_pct(record)
-    end_s = _end_s(record)
+    limits, highest, end_s = _limits(record), _highest_pct(record), _end_s(record)
+    moments = _moments(record, end_s)
+    lines = 1 + max(moment.line for moment in moments)
+    height_in = BELOW_IN + PLOT_IN + MOMENT_IN * lines + TITLE_IN
+    figure = Figure(figsize=(WIDTH_IN, height_in), facecolor=PAPER)
     far = bool(limits) and min(limits.values()) > FAR * highest
-    top = TOP - (STRIP + 0.01 if far else 0.0)
-    axes = figure.add_axes((LEFT, BOTTOM, RIGHT - LEFT, top - BOTTOM))
+    lower_in = PLOT_IN - (STRIP_IN + 0.08 if far else 0.0)
+    axes = figure.add_axes((LEFT, BELOW_IN / height_in, RIGHT - LEFT, lower_in / height_in))
     axes.set_xlim(0.0, end_s)
     axes.set_ylim(0.0, 1.08 * (highest if far else max([highest, *limits.values()])))
     panels = [axes]
     if far:
-        panels.append(_strip(figure, axes, limits, end_s))
+        place = (LEFT, (BELOW_IN + PLOT_IN - STRIP_IN) / height_in, RIGHT - LEFT, STRIP_IN / height_in)
+        panels.append(_strip(figure.add_axes(place), axes, limits))
     _draw_limits(panels[-1], limits, end_s)
     _draw_plans(axes, record, styles)
     _draw_measured(axes, record, styles)
-    _draw_losses(axes, record)
-    _draw_moments(panels, record)
+    _draw_losses(panels, record)
+    _draw_moments(panels, moments)
     _name_lines(axes, _ends(record, styles))
     axes.set_xlabel("time since launch (s)")
     axes.set_ylabel("battery used (%)")
-    figure.text(0.01, 0.96, "Battery consumption: planned and measured", fontsize=14, fontweight="bold", color=INK)
+    title = "Battery consumption: planned and measured"
+    figure.text(0.01, 1.0 - 0.3 / height_in, title, fontsize=14, fontweight="bold", color=INK, va="center")
     figure.legend(handles=_handles(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
@@ -84,23 +99,30 @@ def _end_s(record: FlightRecord) -> float:
 
 
 def _limits(record: FlightRecord) -> Mapping[str, float]:
-    """Return budgets and reserves as percent used, by what is to be written on their lines."""
-    limits: dict[tuple[str, float], list[str]] = {}
+    """Return budgets and reserves as percent used, by what is to be written on their lines.
+
+    A reserve is drawn for the emptiest of the batteries that share it: 'used' counts from what was there at the launch.
+    """
+    limits: dict[str, float] = {}
+    names: dict[str, list[str]] = {}
     for vehicle in record.vehicles:
         full_pct = float(vehicle.battery[0, 1]) if len(vehicle.battery) else 100.0
-        budget, reserve = f"budget, {vehicle.budget_pct:g} % used", f"reserve, {vehicle.reserve_pct:g} % left"
-        limits.setdefault((budget, vehicle.budget_pct), []).append(vehicle.name)
-        limits.setdefault((reserve, full_pct - vehicle.reserve_pct), []).append(vehicle.name)
+        for words, limit in (
+            (f"budget, {vehicle.budget_pct:g} % used", vehicle.budget_pct),
+            (f"reserve, {vehicle.reserve_pct:g} % left", full_pct - vehicle.reserve_pct),
+        ):
+            limits[words] = min(limit, limits.get(words, limit))
+            names.setdefault(words, []).append(vehicle.name)
+    everybody = len(record.vehicles)
     return {
-        words if len(names) == len(record.vehicles) else f"{words} ({', '.join(names)})": limit
-        for (words, limit), names in limits.items()
+        words if len(names[words]) == everybody else f"{words} ({', '.join(names[words])})": limit
+        for words, limit in limits.items()
     }
 
 
-def _strip(figure: Figure, below: Axes, limits: Mapping[str, float], end_s: float) -> Axes:
-    """Return axes above a broken scale that show the limits, far above what was used."""
-    axes = figure.add_axes((LEFT, TOP - STRIP, RIGHT - LEFT, STRIP))
-    axes.set_xlim(0.0, end_s)
+def _strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
+    """Make axes the upper part of a broken scale, for limits far above what was used."""
+    axes.set_xlim(below.get_xlim())
     axes.set_ylim(min(limits.values()) - 8.0, max(limits.values()) + 8.0)
     axes.set_yticks(sorted({round(limit, 1) for limit in limits.values()}))
     axes.tick_params(bottom=False, labelbottom=False)
@@ -147,37 +169,45 @@ def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, Vehicl
         )  # fmt: skip
 
 
-def _draw_losses(axes: Axes, record: FlightRecord) -> None:
+def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
     for vehicle, fault in record.lost:
         place = (fault.detected_s, used_at_pct(vehicle, fault.detected_s))
-        axes.plot(*place, ls="", marker="X", ms=13, mfc=LOSS, mec=PAPER, mew=1.2, zorder=6)
-
-
-def _draw_moments(panels: Sequence[Axes], record: FlightRecord) -> None:
-    moments = [(record.longest_route_s, f"longest route, {record.longest_route_s:.0f} s", INK)]
-    for vehicle, fault in record.lost:
-        moments.append((fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {fault.detected_s:.0f} s", LOSS))
+        panels[0].plot(*place, ls="", marker="X", ms=13, mfc=LOSS, mec=PAPER, mew=1.2, zorder=6)
         if fault.happened_s is not None:
             for axes in panels:
                 axes.axvline(fault.happened_s, color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), zorder=2)
-    end_s = panels[0].get_xlim()[1]
-    levels = [-np.inf] * len(moments)
-    for t_s, words, colour in sorted(moments):
+
+
+def _moments(record: FlightRecord, end_s: float) -> list[_Moment]:
+    """Return the vertical lines; each with the lowest line of words above the plot that has room for its own."""
+    found = [(record.longest_route_s, f"longest route, {record.longest_route_s:.0f} s", INK)]
+    found += [
+        (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {fault.detected_s:.0f} s", LOSS)
+        for vehicle, fault in record.lost
+    ]
+    taken_s = [-math.inf] * len(found)
+    moments = []
+    for t_s, words, colour in sorted(found):
+        half_s = 0.5 * CHARACTER * end_s * len(words)
+        line = next(number for number, until_s in enumerate(taken_s) if until_s < t_s - half_s)
+        taken_s[line] = t_s + half_s
+        moments.append(_Moment(t_s, words, colour, line))
+    return moments
+
+
+def _draw_moments(panels: Sequence[Axes], moments: Sequence[_Moment]) -> None:
+    for moment in moments:
         for axes in panels:
-            axes.axvline(t_s, color=colour, lw=1.8, zorder=2)
-        # On the lowest of the lines above the plot whose last words end before these begin.
-        half = 0.5 * CHARACTER * end_s * len(words)
-        level = next(number for number, until_s in enumerate(levels) if until_s < t_s - half)
-        levels[level] = t_s + half
+            axes.axvline(moment.t_s, color=moment.colour, lw=1.8, zorder=2)
         panels[-1].annotate(
-            words,
-            xy=(t_s, 1.0),
+            moment.words,
+            xy=(moment.t_s, 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(0.0, 5.0 + 14.0 * level),
+            xytext=(0.0, 4.0 + 72.0 * MOMENT_IN * moment.line),
             textcoords="offset points",
             ha="center",
             fontsize=9.5,
-            color=colour,
+            color=moment.colour,
         )
 
 
@@ -217,7 +247,7 @@ def _name_lines(axes: Axes, ends: Sequence[_End]) -> None:
             arrowprops={
                 "arrowstyle": "-",
                 "color": end.colour,
-                "linewidth": 1.0,
+                "linewidth": 0.7,
                 "relpos": (0.0, 0.5),
                 "shrinkA": 2,
                 "shrinkB": 3,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,7 @@ from missions.tasks import DEPOT_M
 FONT_PT = 9.0
 LEFT_PT = 8.0
 """Width of the outline about what a lost vehicle left."""
+LINE_LETTERS = 20
 GAP_S = 5.0
 """Where nothing was heard for longer than this, nothing is drawn."""
 _CHAR_IN, _LINE_IN = 0.62 * FONT_PT / 72.0, 1.9 * FONT_PT / 72.0
@@ -67,7 +69,7 @@ def plan_figure(content: PlanFile) -> Figure:
 def map_figure(record: FlightRecord) -> Figure:
     """Return the first plan, and beside it what was flown and what was planned anew."""
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
-    ends = np.array([(segment.a_m, segment.b_m) for segment in record.segments]).reshape(-1, 2, 2)
+    ends = np.array(_ends(record.segments)).reshape(-1, 2, 2)
     pads = [vehicle.pad_m for vehicle in record.vehicles]
     handles = [*_vehicle_handles(styles), *_first_handles(), *_flown_handles(record), *_ground_handles(pads=True)]
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
@@ -124,11 +126,12 @@ def _draw_flown(
         axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), zorder=5)
     placer = _placer(sheet, ends_m, (vehicle.track[::4, 1:3] for vehicle in record.vehicles))
     _name_what_happened(axes, sheet, placer, record, styles)
-    inspected: dict[str, list[tuple[Place, Place]]] = {}
+    inspected: dict[str, list[SegmentRecord]] = {}
     for segment in record.segments:
         if segment.inspected_by is not None:
-            inspected.setdefault(segment.inspected_by, []).append((segment.a_m, segment.b_m))
-    _name_vehicles(axes, sheet, placer, {name: _middles(ends) for name, ends in inspected.items()}, styles)
+            inspected.setdefault(segment.inspected_by, []).append(segment)
+    middles = {name: _middles(_ends(segments)) for name, segments in inspected.items()}
+    _name_vehicles(axes, sheet, placer, middles, styles)
 
 
 def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _Look) -> None:
@@ -160,22 +163,19 @@ def _draw_taken_over(axes: Axes, segment: SegmentRecord) -> None:
 def _name_what_happened(
     axes: Axes, sheet: Sheet, placer: Placer, record: FlightRecord, styles: Mapping[str, VehicleStyle]
 ) -> None:
-    losses = []
     for vehicle, fault in record.lost:
         place_m = last_place_m(vehicle, fault.detected_s)
         if place_m is not None:
             axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
             words = f"{vehicle.name} lost: {fault.kind.value}\n{fault.detected_s:.0f} s after launch"
-            _call_out(axes, sheet, placer, place_m, words, LOSS)
-            losses.append(place_m)
+            _call_out(axes, sheet, placer, np.array([place_m]), words, LOSS)
     for left_by, by, segments in _handovers(record):
-        middles = _middles([(segment.a_m, segment.b_m) for segment in segments])
-        anchor = _place(middles[calmest(middles, np.array(losses).reshape(-1, 2))])
         words = f"{by} took over {len(segments)}\nfrom {left_by}"
-        _call_out(axes, sheet, placer, anchor, words, styles[by].colour)
-    for segment in record.uncovered:
-        anchor = _place(_middles([(segment.a_m, segment.b_m)])[0])
-        _call_out(axes, sheet, placer, anchor, f"{segment.id} not inspected", LOSS)
+        _call_out(axes, sheet, placer, _middles(_ends(segments)), words, styles[by].colour)
+    for group in connected(record.uncovered):
+        ids = ", ".join(str(segment.id) for segment in group)
+        words = "\n".join(["not inspected:", *textwrap.wrap(ids, LINE_LETTERS)])
+        _call_out(axes, sheet, placer, _middles(_ends(group)), words, LOSS)
 
 
 def _handovers(record: FlightRecord) -> list[tuple[str, str, list[SegmentRecord]]]:
@@ -186,16 +186,29 @@ def _handovers(record: FlightRecord) -> list[tuple[str, str, list[SegmentRecord]
     return [(left_by, by, segments) for (left_by, by), segments in found.items()]
 
 
-def _call_out(axes: Axes, sheet: Sheet, placer: Placer, anchor_m: Place, words: str, colour: str) -> None:
+def connected(segments: Iterable[SegmentRecord]) -> list[list[SegmentRecord]]:
+    """Return the segments in groups that hang together, each in the order given."""
+    groups: list[tuple[set[Place], list[SegmentRecord]]] = []
+    for segment in segments:
+        ends = {(round(end[0], 1), round(end[1], 1)) for end in (segment.a_m, segment.b_m)}
+        touched = [group for group in groups if group[0] & ends]
+        groups = [group for group in groups if not group[0] & ends]
+        groups.append((ends.union(*(places for places, _ in touched)), [one for _, held in touched for one in held]))
+        groups[-1][1].append(segment)
+    return [held for _, held in groups]
+
+
+def _call_out(axes: Axes, sheet: Sheet, placer: Placer, anchors_m: FloatArray, words: str, colour: str) -> None:
     lines = words.split("\n")
     size_m = (
         sheet.m_per_in * (_CHAR_IN * max(map(len, lines)) + 0.1),
         sheet.m_per_in * (_LINE_IN * len(lines)),
     )
+    anchor_m, middle_m = placer.place(anchors_m, size_m)
     axes.annotate(
         words,
         xy=anchor_m,
-        xytext=placer.place(anchor_m, size_m),
+        xytext=middle_m,
         fontsize=FONT_PT,
         color=INK,
         ha="center",
@@ -212,8 +225,8 @@ def _name_vehicles(
     """Write each vehicle's name beside the one of its places that lies the farthest from those of the others."""
     for name, places in middles.items():
         others = [other for key, other in middles.items() if key != name]
-        best = places[calmest(places, np.concatenate(others) if others else np.zeros((0, 2)))]
-        _call_out(axes, sheet, placer, _place(best), name, styles[name].colour)
+        best = calmest(places, np.concatenate(others) if others else np.zeros((0, 2)))
+        _call_out(axes, sheet, placer, places[best : best + 1], name, styles[name].colour)
 
 
 def _placer(sheet: Sheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> Placer:
@@ -231,6 +244,10 @@ def _place(point_m: FloatArray) -> Place:
 
 def _inspected_m(route: PlannedRoute) -> list[tuple[Place, Place]]:
     return list(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
+
+
+def _ends(segments: Iterable[SegmentRecord]) -> list[tuple[Place, Place]]:
+    return [(segment.a_m, segment.b_m) for segment in segments]
 
 
 def _middles(ends_m: Iterable[tuple[Place, Place]]) -> FloatArray:
