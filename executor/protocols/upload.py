@@ -1,8 +1,8 @@
 """Upload of a mission.
 
 The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only
-until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is repeated
-when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
+until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is
+repeated when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
 """
 
 from __future__ import annotations
