@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from executor.simulator.battery import Battery
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState
-from executor.simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wait
+from executor.simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wait, stopping_place
 from executor.simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
 
 AIRBORNE_M = 0.3
@@ -50,6 +50,7 @@ class Airframe:
         self.climbing_out = False
         """Whether the climb under way is a take-off."""
         self._manners = manners
+        self._climbed_to: Place | None = None
         self._falling = False
         self._airborne = False
         self._ground_s = 0.0
@@ -73,6 +74,11 @@ class Airframe:
                 return LandedState.LANDING
             case _:
                 return LandedState.IN_AIR
+
+    @property
+    def climbed_to(self) -> Place | None:
+        """Where the last take-off was to end, until another kind of flight begins; the next leg begins there."""
+        return self._climbed_to if self.climbing_out else None
 
     def step(self, now_s: float, dt_s: float) -> None:
         """Live for ``dt_s``, until ``now_s``."""
@@ -129,14 +135,15 @@ class Airframe:
     def take_off(self, up_m: float, climb_m_s: float) -> Iterator[Goal]:
         """Yield a vertical take-off to a height."""
         self.climbing_out = True
+        self._climbed_to = Place(self.body.east_m, self.body.north_m, up_m)
         if self.body.on_ground:
             yield Wait(self._manners.spool_s)
-        yield Climb(Place(self.body.east_m, self.body.north_m, up_m), climb_m_s)
+        yield Climb(self._climbed_to, climb_m_s)
 
     def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land) -> Iterator[Goal]:
         """Yield the way home: climb if need be, straight to the pad, linger, land."""
         self.climbing_out = False
-        here = self.body.place
+        here = stopping_place(self.body, self._manners.limits)
         if not self.body.on_ground:
             above = Place(here.east_m, here.north_m, max(here.up_m, up_m))
             if above.up_m > here.up_m + AIRBORNE_M:

@@ -11,7 +11,7 @@ from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import MavCommand, Result, Severity
-from executor.simulator.guidance import Sink
+from executor.simulator.guidance import Sink, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, out
 from executor.simulator.mission_ardupilot import ArduPilotMission, home_goals, land_goal
 from executor.simulator.mission_store import StoreStep
@@ -124,11 +124,11 @@ class ArduPilot(Autopilot):
             case Mode.RTL:
                 pilot.fly(home_goals(self.frame, self.params))
             case Mode.LAND:
-                pilot.fly([land_goal(self.frame.body.place, self.params)])
+                pilot.fly([land_goal(stopping_place(self.frame.body, LIMITS), self.params)])
             case Mode.GUIDED | Mode.BRAKE:
                 pilot.hold()
             case _:
-                pilot.fly([Sink(self.frame.body.place, SINK_M_S)])
+                pilot.fly([Sink(stopping_place(self.frame.body, LIMITS), SINK_M_S)])
 
     def _start_mission(self, command: Command) -> Result:
         """Follow MISSION_START: AUTO, and the mission from where it is; it does not arm."""

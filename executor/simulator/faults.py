@@ -84,7 +84,8 @@ class Fault:
     @property
     def spec(self) -> str:
         """The fault in the grammar that ``parse_fault`` reads."""
-        value = "" if self.value is None else f"={self.value:g}"
+        unit = "s" if self.kind is FaultKind.SILENT else ""
+        value = "" if self.value is None else f"={self.value:g}{unit}"
         when = f"{self.after_s:g}s" if self.after_s is not None else f"{100 * (self.share or 0.0):g}%"
         return f"{self.vehicle}:{self.kind.value}{value}@{when}"
 

@@ -33,11 +33,12 @@ class _Link(asyncio.DatagramProtocol):
         self._target = target
         self._heard_s: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None
+        self._closed = asyncio.Event()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Note the socket."""
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
-        self._transport = cast(asyncio.DatagramTransport, transport)
+        self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
         """Hear a ground station, and answer at once."""
@@ -61,10 +62,15 @@ class _Link(asyncio.DatagramProtocol):
             for datagram in datagrams:
                 self._transport.sendto(datagram, addr)
 
-    def close(self) -> None:
-        """Close the socket."""
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
+        """Note that the socket is closed."""
+        self._closed.set()
+
+    async def close(self) -> None:
+        """Close the socket, and wait until it is."""
         if self._transport is not None:
             self._transport.close()
+            await self._closed.wait()
 
 
 class _SimClock:
@@ -117,7 +123,7 @@ async def run_fleet(
         await _fly(links, fleet.speedup, stop, on_truth)
     finally:
         for link in links:
-            link.close()
+            await link.close()
 
 
 async def _fly(links: list[_Link], speedup: float, stop: asyncio.Event, on_truth: Callable[[Truth], None]) -> None:

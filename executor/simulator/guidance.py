@@ -22,6 +22,8 @@ HEIGHT_PER_S = 1.0
 STOPPED_M = 0.3
 STOPPED_M_S = 0.3
 """A stop has been made when both are undercut."""
+CLIMBED_M = 0.15
+"""Recorded: ArduPilot's take-off to 25 m is over at 24.84 m."""
 RESTART_M_S = 0.4
 RESTART_M_S2 = 0.8
 """ArduPilot's leg after a restart: measured, the speed dips from 4.9 to 1.4-1.9 m/s and is back within about 4 s; with
@@ -60,11 +62,6 @@ class Leg:
     entry_m: float = 0.0
     restarted: bool = False
     """Whether the speed builds up anew although the vehicle is moving."""
-
-    @property
-    def length_m(self) -> float:
-        """Straight distance."""
-        return distance_m(self.origin, self.target)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +158,7 @@ def finished(goal: Goal, body: Body, age_s: float) -> bool:
         case Wait() | Hover():
             return age_s >= goal.seconds
         case Climb():
-            return abs(body.up_m - goal.place.up_m) < STOPPED_M
+            return abs(body.up_m - goal.place.up_m) < CLIMBED_M
         case Sink():
             return False
         case Land():
@@ -226,10 +223,11 @@ def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
     off_east = leg.origin.east_m + east * share - body.east_m
     off_north = leg.origin.north_m + north * share - body.north_m
     back_east, back_north = CROSS_TRACK_PER_S * off_east, CROSS_TRACK_PER_S * off_north
-    back = math.hypot(back_east, back_north)
-    most = max(speed, 1.0)
+    back, most = math.hypot(back_east, back_north), max(speed, 1.0)
     if back > most:
-        back_east, back_north = back_east * most / back, back_north * most / back
+        back_east, back_north, back = back_east * most / back, back_north * most / back, most
+    # Both together are not faster than the leg allows.
+    speed = min(speed, math.sqrt(most**2 - back**2))
     up = _rising(leg.origin.up_m + rise * share, body, limits) + (rise / length * speed if 0 < share < 1 else 0.0)
     return Velocity(east / length * speed + back_east, north / length * speed + back_north, up)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from executor.simulator.airframe import Airframe
 from executor.simulator.enums import MissionState, Severity
-from executor.simulator.guidance import Goal, Hover, Land, Leg, corner_speed_m_s
+from executor.simulator.guidance import Goal, Hover, Land, Leg, corner_speed_m_s, distance_m
 from executor.simulator.messages import out
 from executor.simulator.mission_store import has_place
 from executor.simulator.params import ParamTable
@@ -29,6 +29,8 @@ NAMES = {
     Command.NAV_TAKEOFF: "Takeoff",
     Command.DO_CHANGE_SPEED: "ChangeSpeed",
 }
+PASS_S = 0.4
+"""A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
 CM = 0.01
 CONE_LEAST_M = 2.0
 """The cone of RTL never asks for less (RTL_ALT_MIN of the source)."""
@@ -196,23 +198,28 @@ class ArduPilotMission:
         frame = self._frame
         frame.climbing_out = False
         target = place_of(item, self._home, frame.body.place)
-        after = self._store.at(self._nav_seq(seq + 1) or 0)
+        after_seq = self._nav_seq(seq + 1)
+        after = None if after_seq is None else self._store.at(after_seq)
         passes = item.param1 <= 0 and after is not None and after.command == Command.NAV_WAYPOINT
         origin = self._origin or frame.body.place
-        accept_m = self._params["WPNAV_RADIUS"] * CM
-        leg = Leg(origin, target, self.speed_m_s, accept_m if passes else 0.0, stop=not passes, restarted=restarted)
+        length_m = distance_m(origin, target)
+        slows = self._passed_m_s is not None and self.speed_m_s < self._passed_m_s
+        speed_m_s = self._passed_m_s if slows and self._passed_m_s and length_m <= NEVER_SLOWS_M else self.speed_m_s
+        accept_m = min(self._params["WPNAV_RADIUS"] * CM, PASS_S * speed_m_s)
+        leg = Leg(origin, target, speed_m_s, accept_m if passes else 0.0, stop=not passes, restarted=restarted)
         if passes and after is not None:
             corner = corner_speed_m_s(leg, place_of(after, self._home, target), frame.pilot.limits, accept_m)
             leg = replace(leg, exit_m_s=corner)
-        if self._passed_m_s is not None and self.speed_m_s < self._passed_m_s:
-            late_m = LATE_SLOWDOWN_M if leg.length_m > NEVER_SLOWS_M else leg.length_m
-            leg = replace(leg, entry_m_s=self._passed_m_s, entry_m=late_m)
-        self._passed_m_s = self.speed_m_s if passes else None
+        if slows:
+            leg = replace(leg, entry_m_s=self._passed_m_s, entry_m=LATE_SLOWDOWN_M)
+        self._passed_m_s = speed_m_s if passes else None
         self._origin = target
         return [leg, Hover(target, item.param1)] if item.param1 > 0 else [leg]
 
     def _next(self, done: MissionItem) -> None:
         self._reached = self.index
+        if done.command == Command.NAV_TAKEOFF:
+            self._origin = self._frame.climbed_to
         if done.command == Command.NAV_WAYPOINT:
             self._voice.say(Severity.INFO, f"Reached command #{self.index}")
         if self.index >= self._store.count:

@@ -103,7 +103,7 @@ class Px4Mission:
         if done.command == Command.NAV_LAND:
             return None  # over when the motors have stopped
         self._reached = (seq, REACHED_REPEATS, now_s)
-        self._arrived = self._origin = place_of(done, self._home, self._frame.body.place)
+        self._arrived = self._frame.climbed_to or place_of(done, self._home, self._frame.body.place)
         end = self._start(seq + 1)
         self._repeat_reached(now_s)
         return end

@@ -12,7 +12,7 @@ from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState, MavCommand, Result, Severity
-from executor.simulator.guidance import Goal
+from executor.simulator.guidance import Goal, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, out
 from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
 from executor.simulator.mission_store import StoreStep
@@ -119,7 +119,7 @@ class Px4(Autopilot):
             case Mode.RETURN:
                 pilot.fly(self._home_goals())
             case Mode.LAND:
-                pilot.fly([land_goal(body.place, self.params)])
+                pilot.fly([land_goal(stopping_place(body, LIMITS), self.params)])
             case Mode.TAKEOFF if body.on_ground:
                 pilot.fly(self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], self.params["MPC_TKO_SPEED"]))
             case _ if body.on_ground:

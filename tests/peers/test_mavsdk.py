@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import TypeVar
 
 import pytest
@@ -52,12 +51,12 @@ def raw(item: MissionItem) -> RawItem:
 async def connected(kind: AutopilotKind, scheme: str) -> AsyncIterator[System]:
     port = free_port()
     vehicle = sim_vehicle(kind, connection=f"{scheme}://127.0.0.1:{port}", ready_after_s=1.0)
-    async with flying(SimFleet((vehicle,), speedup=SPEEDUP)):
-        async with Mavsdk(Configuration.create_manual(255, 190, True)) as mavsdk:
-            await mavsdk.add_any_connection(f"{scheme}://127.0.0.1:{port}")
-            system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
-            assert system is not None
-            yield system
+    configuration = Configuration.create_manual(255, 190, True)
+    async with flying(SimFleet((vehicle,), speedup=SPEEDUP)), Mavsdk(configuration) as mavsdk:
+        await mavsdk.add_any_connection(f"{scheme}://127.0.0.1:{port}")
+        system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
+        assert system is not None
+        yield system
 
 
 @pytest.mark.asyncio
@@ -85,6 +84,6 @@ async def test_mavsdk_reads_uploads_downloads_starts_and_pauses(kind: AutopilotK
         await action.arm()
         await mission.start_mission()
         await wait_for(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.MISSION)
-        await wait_for(telemetry.subscribe_position(), lambda value: value.relative_altitude_m > 24)
+        await wait_for(telemetry.subscribe_position(), lambda value: value.relative_altitude_m > 3)
         await mission.pause_mission()
         await wait_for(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD)

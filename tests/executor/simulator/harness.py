@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from executor.simulator.autopilot import STEP_S, Autopilot
@@ -81,9 +81,11 @@ def on_wire(item: MissionItem) -> ItemReceived:
 class Operator:
     """A ground station and the vehicle before it."""
 
-    def __init__(self, kind: AutopilotKind, *, heartbeats: bool = True, **changes: object) -> None:
+    def __init__(
+        self, kind: AutopilotKind, changes: Mapping[str, object] | None = None, *, heartbeats: bool = True
+    ) -> None:
         self.kind = kind
-        self.vehicle: Autopilot = make_autopilot(sim_vehicle(kind, **changes))
+        self.vehicle: Autopilot = make_autopilot(sim_vehicle(kind, **(changes or {})))
         self.heartbeats = heartbeats
         self.log: list[tuple[float, Outbound]] = []
         self._beat_s = 0.0
@@ -106,9 +108,12 @@ class Operator:
             self.vehicle.advance(self.now_s + STEP_S)
             self._collect()
 
-    def run_until(self, condition: object, limit_s: float = 600.0) -> float:
+    def beat(self, sender: Peer) -> None:
+        """Send one heartbeat of a ground station."""
+        self.send(Heartbeat(ground_station=True), sender)
+
+    def run_until(self, condition: Callable[[], bool], limit_s: float = 600.0) -> float:
         """Run until ``condition()`` holds and return how long it took; it must within the limit."""
-        assert callable(condition)
         began_s = self.now_s
         while not condition():
             assert self.now_s - began_s < limit_s, "it never came true"
@@ -136,7 +141,15 @@ class Operator:
 
     def upload(self, items: Sequence[MissionItem], sender: Peer = GCS, pause_s: float = 0.0) -> int:
         """Upload and return the type of the final ACK."""
-        answers = self.send(MissionCount(len(items), 0), sender)
+        return self._answer_requests(items, self.send(MissionCount(len(items), 0), sender), sender, pause_s)
+
+    def upload_rest(self, items: Sequence[MissionItem]) -> int:
+        """Go on with an upload that waits for its first item."""
+        return self._answer_requests(items, self.send(on_wire(items[0])), GCS, 0.0)
+
+    def _answer_requests(
+        self, items: Sequence[MissionItem], answers: list[Outbound], sender: Peer, pause_s: float
+    ) -> int:
         while True:
             for answer in answers:
                 if answer.name == "MISSION_ACK":

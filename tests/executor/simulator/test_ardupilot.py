@@ -1,0 +1,610 @@
+"""Simulated ArduPilot behaves as the real one was measured."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from executor.simulator.config import AutopilotKind
+from executor.simulator.enums import MavCommand
+from executor.simulator.messages import MissionCount, MissionSetCurrent, ParamSet, RequestDataStream
+from missions.items import MissionItem
+from tests.executor.simulator.harness import (
+    AUTO,
+    BRAKE,
+    GUIDED,
+    LAND,
+    LOITER,
+    OTHER,
+    RTL,
+    Operator,
+    land,
+    numbered,
+    on_wire,
+    rtl,
+    speed,
+    takeoff,
+    waypoint,
+)
+
+HOME = waypoint(0, 0, 0.0)
+
+
+def operator(*, heartbeats: bool = True, **changes: object) -> Operator:
+    return Operator(AutopilotKind.ARDUPILOT, changes, heartbeats=heartbeats)
+
+
+def mission(*items: MissionItem) -> tuple[MissionItem, ...]:
+    return numbered((HOME, takeoff(), *items))
+
+
+def cruising(*items: MissionItem, **changes: object) -> Operator:
+    """Return a vehicle on its first leg at full speed."""
+    op = Operator(AutopilotKind.ARDUPILOT, changes)
+    op.fly(mission(*items))
+    op.run_until(lambda: op.vehicle.frame.body.ground_speed_m_s > 4.9)
+    return op
+
+
+def speed_now(op: Operator) -> float:
+    return op.vehicle.frame.body.ground_speed_m_s
+
+
+# Start and reports.
+
+
+def test_unasked_it_sends_only_heartbeat_timesync_and_text() -> None:
+    op = operator()
+    op.run(20)
+    assert {message.name for _, message in op.log} <= {"HEARTBEAT", "TIMESYNC", "STATUSTEXT"}
+    assert 20 <= len(op.sent("HEARTBEAT")) <= 21
+    assert 2 <= len(op.sent("TIMESYNC")) <= 3
+
+
+def test_set_message_interval_and_data_streams_are_followed() -> None:
+    op = operator()
+    assert op.command(MavCommand.SET_MESSAGE_INTERVAL, 33, 250_000) == 0
+    op.run(10)
+    assert len(op.sent("GLOBAL_POSITION_INT")) == 40
+    assert op.command(MavCommand.SET_MESSAGE_INTERVAL, 33, -1) == 0
+    op.run(10)
+    assert len(op.sent("GLOBAL_POSITION_INT")) == 40
+    op.send(RequestDataStream(0, 2, start=True))
+    op.run(10)
+    assert len(op.sent("SYS_STATUS")) == 20
+    assert len(op.sent("MISSION_CURRENT")) == 20
+
+
+def test_guided_arm_mission_start_works_and_arming_in_auto_is_refused() -> None:
+    op = operator()
+    op.run(4)
+    op.upload(mission(waypoint(100, 0)))
+    assert op.mode(AUTO) == 0
+    assert op.arm() == 4
+    assert op.texts()[-1] == "Arm: Mode not armable"
+    assert op.mode(GUIDED) == 0
+    assert op.arm() == 0
+    assert op.command(MavCommand.MISSION_START) == 0
+    assert op.vehicle.mode == AUTO
+    op.run(15)
+    assert op.vehicle.frame.body.up_m > 20
+
+
+def test_it_cannot_be_armed_before_it_is_ready() -> None:
+    op = operator(ready_after_s=42.0)
+    op.run(41)
+    op.mode(GUIDED)
+    assert op.arm() == 4
+    op.run(2)
+    assert op.arm() == 0
+
+
+def test_mission_start_does_not_arm_and_denies_parameters() -> None:
+    op = operator()
+    op.run(4)
+    op.upload(mission(waypoint(100, 0)))
+    assert op.command(MavCommand.MISSION_START, 1.0) == 2
+    assert op.command(MavCommand.MISSION_START) == 0
+    assert not op.vehicle.frame.armed
+
+
+def test_auto_from_the_ground_needs_a_takeoff() -> None:
+    op = operator()
+    op.run(4)
+    op.upload(numbered((HOME, waypoint(100, 0), rtl())))
+    op.mode(GUIDED)
+    op.arm()
+    assert op.command(MavCommand.MISSION_START) == 4
+    assert op.texts()[-1] == "Auto: Missing Takeoff Cmd"
+
+
+def test_auto_without_a_mission_is_refused() -> None:
+    op = operator()
+    op.run(4)
+    assert op.mode(AUTO) == 4
+
+
+def test_the_first_seconds_after_boot_have_no_battery() -> None:
+    op = operator()
+    status = op.telemetry("SYS_STATUS", 1)
+    assert (status["voltage_battery"], status["current_battery"], status["battery_remaining"]) == (0, -1, -1)
+    op.run(3)
+    status = op.telemetry("SYS_STATUS", 1)
+    assert status["battery_remaining"] == 100
+
+
+def test_a_do_item_overwrites_the_reached_waypoint() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(60, 0), speed(2), waypoint(60, 40), waypoint(60, 80), rtl()))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    assert [fields["seq"] for fields in op.sent("MISSION_ITEM_REACHED")] == [2, 4, 5, 6, 7]
+
+
+def test_total_leaves_home_out_and_the_end_is_index_0_state_5_auto_disarmed() -> None:
+    op = operator()
+    op.fly(mission(waypoint(60, 0), rtl()))
+    current = op.mission_current()
+    assert (current["seq"], current["total"], current["mission_state"], current["mission_mode"]) == (1, 3, 3, 1)
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    op.run(1)
+    current = op.mission_current()
+    assert (current["seq"], current["total"], current["mission_state"], current["mission_mode"]) == (0, 3, 5, 1)
+    assert op.vehicle.mode == AUTO
+    assert op.happenings() == ["armed", "mission_started", "took_off", "landed", "disarmed"]
+
+
+def test_leaving_auto_is_not_started_and_never_paused() -> None:
+    op = cruising(speed(5), waypoint(300, 0))
+    op.mode(BRAKE)
+    current = op.mission_current()
+    assert (current["seq"], current["mission_state"], current["mission_mode"]) == (3, 2, 0)
+
+
+# A new mission while it flies in AUTO.
+
+
+def test_each_stored_item_restarts_the_leg() -> None:
+    op = cruising(speed(5), waypoint(400, 0), waypoint(400, 400))
+    began_s = op.now_s
+    renewed = mission(speed(5), waypoint(400, 0), *(waypoint(400, 20 * number) for number in range(1, 7)))
+    assert len(renewed) == 10
+    assert op.upload(renewed) == 0
+    texts = op.texts(began_s)
+    assert texts.count("Auto mission changed, restarted command") == 9
+    assert texts.count("Mission: 3 WP") == 9
+    assert op.mission_current()["seq"] == 3
+
+
+def test_an_upload_dips_the_speed_and_it_recovers() -> None:
+    op = cruising(speed(5), waypoint(400, 0), waypoint(400, 400))
+    op.upload(mission(speed(5), waypoint(400, 0), waypoint(400, 300)))
+    lowest = 5.0
+    for _ in range(60):
+        op.run(0.05)
+        lowest = min(lowest, speed_now(op))
+    assert 1.4 <= lowest <= 1.9
+    op.run(4)
+    assert speed_now(op) > 4.5
+
+
+def test_a_slow_upload_makes_it_crawl() -> None:
+    op = cruising(speed(5), waypoint(400, 0), waypoint(400, 400))
+    assert (
+        op.upload(mission(speed(5), waypoint(400, 0), *(waypoint(400, 9.0 * n) for n in range(1, 7))), pause_s=1) == 0
+    )
+    assert speed_now(op) == pytest.approx(0.8, abs=0.45)
+
+
+def test_it_flies_to_the_old_waypoint_until_the_item_at_the_index_is_replaced() -> None:
+    op = cruising(speed(5), waypoint(400, 0), waypoint(400, 400))
+    renewed = mission(speed(5), waypoint(0, 400), waypoint(100, 400))
+    op.send(MissionCount(len(renewed), 0))
+    for item in renewed[:3]:
+        op.send(on_wire(item))
+    op.run(4)
+    assert op.vehicle.frame.body.v_north_m_s > 1
+    op.send(on_wire(renewed[3]))
+    op.run(6)
+    assert op.vehicle.frame.body.v_east_m_s > 1
+
+
+def test_an_abandoned_upload_leaves_a_mixture_that_is_being_flown() -> None:
+    op = cruising(speed(5), waypoint(200, 0), waypoint(200, 200), waypoint(0, 200))
+    op.send(MissionCount(6, 0))
+    renewed = mission(speed(5), waypoint(150, 0), waypoint(150, 150))
+    for item in renewed[:4]:
+        op.send(on_wire(item))
+    op.run(10)
+    assert "Mission upload timeout" in op.texts()
+    op.run_until(lambda: op.vehicle.frame.body.north_m > 198, 200)  # the old item 4 after the new item 3
+    assert op.vehicle.frame.body.east_m > 100
+
+
+def test_a_mission_shorter_than_the_index_ends_with_the_stale_next_leg() -> None:
+    op = cruising(speed(5), waypoint(10, 0), waypoint(200, 0), waypoint(200, 100), waypoint(200, 200))
+    op.run_until(lambda: op.mission_current()["seq"] == 4)
+    assert op.upload(numbered((HOME, takeoff()))) == 0
+    assert op.mission_current()["seq"] == 4
+    op.run_until(lambda: op.mission_current()["mission_state"] == 5, 200)
+    assert op.vehicle.frame.body.north_m == pytest.approx(200, abs=5)
+    op.run(60)
+    place = op.vehicle.frame.body.place
+    assert (place.north_m, place.east_m) == pytest.approx((200, 100), abs=1)
+    assert op.vehicle.mode == AUTO
+
+
+def test_rtl_at_the_index_returns_at_once() -> None:
+    op = cruising(speed(5), waypoint(300, 0), waypoint(300, 300))
+    op.run(20)
+    assert op.upload(mission(speed(5), rtl())) == 0
+    op.run(8)
+    assert op.vehicle.frame.body.v_north_m_s < -2
+    assert op.mission_current()["seq"] == 3
+
+
+def test_an_upload_during_takeoff_has_no_effect_on_it() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(100, 0)))
+    op.run(6)
+    began_s = op.now_s
+    assert op.upload(mission(speed(5), waypoint(0, 100))) == 0
+    assert "Auto mission changed, restarted command" not in op.texts(began_s)
+    op.run_until(lambda: speed_now(op) > 3)
+    assert op.vehicle.frame.body.v_east_m_s > 2.9
+
+
+def test_an_upload_during_rtl_has_no_effect() -> None:
+    op = cruising(speed(5), waypoint(300, 0))
+    op.mode(RTL)
+    op.upload(mission(speed(5), waypoint(0, 100)))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    assert math.hypot(op.vehicle.frame.body.north_m, op.vehicle.frame.body.east_m) < 0.5
+
+
+@pytest.mark.parametrize("by_message", [True, False])
+def test_set_current_acts_at_once(by_message: bool) -> None:
+    op = cruising(speed(5), waypoint(300, 0), waypoint(0, 300))
+    if by_message:
+        op.send(MissionSetCurrent(4))
+    else:
+        assert op.command(MavCommand.DO_SET_MISSION_CURRENT, 4) == 0
+    assert op.mission_current()["seq"] == 4
+    op.run(8)
+    assert op.vehicle.frame.body.v_east_m_s > 2
+
+
+def test_a_bad_index_is_denied_by_command_and_silent_by_message() -> None:
+    op = cruising(speed(5), waypoint(300, 0))
+    assert op.command(MavCommand.DO_SET_MISSION_CURRENT, 99) == 2
+    assert op.send(MissionSetCurrent(99)) == []
+    assert op.mission_current()["seq"] == 3
+
+
+def test_setting_a_waypoint_skips_the_speed_before_it_and_setting_the_do_item_does_not() -> None:
+    op = cruising(speed(5), waypoint(300, 0), speed(2), waypoint(300, 300))
+    op.command(MavCommand.DO_SET_MISSION_CURRENT, 5)
+    op.run(10)
+    assert speed_now(op) == pytest.approx(5, abs=0.1)
+    op.command(MavCommand.DO_SET_MISSION_CURRENT, 4)
+    assert op.mission_current()["seq"] == 5
+    op.run(10)
+    assert speed_now(op) == pytest.approx(2, abs=0.1)
+
+
+def test_index_0_acts_as_1_and_a_takeoff_in_the_air_finishes_at_once() -> None:
+    op = cruising(speed(5), waypoint(100, 0), waypoint(100, 300))
+    op.run_until(lambda: op.mission_current()["seq"] == 4)
+    op.run(10)
+    op.command(MavCommand.DO_SET_MISSION_CURRENT, 0)
+    op.run(0.2)
+    assert op.mission_current()["seq"] == 3
+
+
+def test_after_a_completed_mission_only_mission_start_flies_again() -> None:
+    op = cruising(speed(5), waypoint(30, 0))
+    op.run_until(lambda: op.mission_current()["mission_state"] == 5)
+    op.upload(numbered((HOME, waypoint(0, 200))))
+    op.command(MavCommand.DO_SET_MISSION_CURRENT, 1)
+    assert op.mode(AUTO) == 0
+    op.run(5)
+    assert speed_now(op) < 0.3
+    assert op.command(MavCommand.MISSION_START) == 0
+    op.run(5)
+    assert op.vehicle.frame.body.v_east_m_s > 2
+
+
+def test_way_a_brake_clear_upload_auto_starts_at_item_1() -> None:
+    op = cruising(speed(5), waypoint(300, 0), waypoint(300, 300))
+    op.mode(BRAKE)
+    op.run(4)
+    assert speed_now(op) < 0.2
+    op.upload(numbered((HOME, speed(3), waypoint(0, 300))))
+    op.command(MavCommand.DO_SET_MISSION_CURRENT, 1)
+    assert op.mode(AUTO) == 0
+    op.run(10)
+    assert op.vehicle.frame.body.v_east_m_s == pytest.approx(3 * math.sin(math.atan2(300, 70)), abs=0.3)
+
+
+def test_way_b_stay_in_auto_upload_and_set_index_1() -> None:
+    op = cruising(speed(5), waypoint(300, 0), waypoint(300, 300))
+    op.upload(numbered((HOME, speed(3), waypoint(0, 300))))
+    assert op.command(MavCommand.DO_SET_MISSION_CURRENT, 1) == 0
+    op.run(12)
+    assert speed_now(op) == pytest.approx(3, abs=0.1)
+    assert op.vehicle.frame.body.v_east_m_s > 2
+
+
+def test_loiter_is_no_pause_it_sinks_at_2_5_m_s() -> None:
+    op = cruising(speed(5), waypoint(300, 0))
+    op.mode(LOITER)
+    op.run(4)
+    height_m = op.vehicle.frame.body.up_m
+    op.run(2)
+    assert height_m - op.vehicle.frame.body.up_m == pytest.approx(5, abs=0.1)
+
+
+def test_brake_stops_and_keeps_its_height() -> None:
+    op = cruising(speed(5), waypoint(300, 0))
+    op.mode(BRAKE)
+    op.run(10)
+    assert speed_now(op) < 0.05
+    assert op.vehicle.frame.body.up_m == pytest.approx(25, abs=0.1)
+
+
+# Speed.
+
+
+def test_the_speed_is_lost_at_every_mode_change() -> None:
+    op = cruising(speed(5), waypoint(600, 0))
+    op.mode(BRAKE)
+    op.run(4)
+    op.mode(AUTO)
+    op.run(10)
+    assert speed_now(op) == pytest.approx(10, abs=0.1)
+    assert op.command(MavCommand.DO_CHANGE_SPEED, 1, 3) == 0
+
+
+def leg_time_s(op: Operator, index: int) -> float:
+    op.run_until(lambda: op.mission_current()["seq"] == index)
+    return op.run_until(lambda: op.mission_current()["seq"] != index)
+
+
+@pytest.mark.parametrize(("length_m", "measured_s"), [(40, 9.6), (60, 42.0), (100, 82.0)])
+def test_a_slow_down_at_a_pass_through_corner_comes_late_or_never(length_m: float, measured_s: float) -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(100, 0), speed(1), waypoint(100, length_m), waypoint(100, 500)))
+    assert leg_time_s(op, 5) == pytest.approx(measured_s, rel=0.2)
+
+
+def test_with_a_hold_before_it_the_slow_leg_is_exact() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(100, 0, hold_s=1), speed(1), waypoint(100, 60), waypoint(100, 500)))
+    assert 60 / leg_time_s(op, 5) == pytest.approx(0.97, abs=0.04)
+
+
+def test_a_hold_is_waited_for() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(100, 0, hold_s=7), waypoint(100, 60)))
+    op.run_until(lambda: op.vehicle.frame.body.north_m > 99.5)
+    assert op.run_until(lambda: op.mission_current()["seq"] != 3) > 6.9
+
+
+# Battery.
+
+
+def test_battery_status_is_filled_as_measured() -> None:
+    op = cruising(speed(5), waypoint(600, 0))
+    op.run(60)
+    status = op.telemetry("BATTERY_STATUS", 147)
+    voltages = status["voltages"]
+    assert isinstance(voltages, tuple)
+    assert voltages[1:] == (65535,) * 9
+    assert 15000 < voltages[0] < 16800
+    assert (status["temperature"], status["time_remaining"], status["charge_state"]) == (32767, 0, 1)
+    consumed, current, percent = status["current_consumed"], status["current_battery"], status["battery_remaining"]
+    assert isinstance(consumed, int)
+    assert isinstance(current, int)
+    assert consumed > 50
+    assert current > 300
+    # A coulomb counter, cut off to whole percent.
+    assert percent == int(100 * (5000 - consumed) / 5000)
+
+
+def test_without_a_current_sensor_current_consumed_and_remaining_are_unknown() -> None:
+    op = operator(current_sensor=False)
+    op.run(5)
+    status = op.telemetry("BATTERY_STATUS", 147)
+    assert (status["current_battery"], status["current_consumed"], status["battery_remaining"]) == (-1, -1, -1)
+
+
+def test_capacity_0_makes_the_percentage_unknown() -> None:
+    op = operator()
+    op.run(5)
+    op.send(ParamSet("BATT_CAPACITY", 0.0, 6))
+    assert op.telemetry("SYS_STATUS", 1)["battery_remaining"] == -1
+
+
+LOW_VOLT = {"BATT_LOW_VOLT": 16.0, "BATT_FS_LOW_ACT": 2.0}
+
+
+def test_low_voltage_must_last_ten_seconds_then_it_returns() -> None:
+    op = cruising(speed(5), waypoint(600, 0), parameters=LOW_VOLT)
+    op.vehicle.frame.battery.lose(40)
+    op.run(9.5)
+    assert op.vehicle.mode == AUTO
+    op.run(1)
+    assert op.vehicle.mode == RTL
+    assert any(text.startswith("Battery 1 is low 1") and text.endswith("mAh") for text in op.texts())
+    assert "Battery Failsafe" in op.texts()
+    assert op.sent("HEARTBEAT", op.now_s - 1.1)[-1]["system_status"] == 5
+    assert op.telemetry("BATTERY_STATUS", 147)["charge_state"] == 2
+    health = op.telemetry("SYS_STATUS", 1)["onboard_control_sensors_health"]
+    assert isinstance(health, int)
+    assert health & 0x02000000 == 0
+
+
+def test_a_low_charge_acts_at_once_and_critical_lands() -> None:
+    op = cruising(speed(5), waypoint(600, 0), parameters={"BATT_CRT_MAH": 2500.0, "BATT_FS_CRT_ACT": 1.0})
+    op.vehicle.frame.battery.lose(60)
+    op.run(0.2)
+    assert op.vehicle.mode == LAND
+    assert any("Battery 1 is critical" in text for text in op.texts())
+    assert op.telemetry("BATTERY_STATUS", 147)["charge_state"] == 3
+
+
+def test_with_action_0_the_texts_come_and_the_mode_stays() -> None:
+    op = cruising(speed(5), waypoint(600, 0), parameters={"BATT_LOW_VOLT": 16.0})
+    op.vehicle.frame.battery.lose(40)
+    op.run(11)
+    assert "Battery Failsafe" in op.texts()
+    assert op.vehicle.mode == AUTO
+
+
+def test_the_battery_failsafe_is_latched_and_auto_overrides_even_out_of_land() -> None:
+    op = cruising(speed(5), waypoint(600, 0), parameters={"BATT_CRT_MAH": 2500.0, "BATT_FS_CRT_ACT": 1.0})
+    op.vehicle.frame.battery.lose(60)
+    op.run(3)
+    op.vehicle.frame.battery.charge_pct = 100.0
+    assert op.mode(AUTO) == 0
+    op.run(5)
+    assert op.vehicle.mode == AUTO
+    assert op.telemetry("BATTERY_STATUS", 147)["charge_state"] == 3
+
+
+def test_an_empty_battery_is_a_crash() -> None:
+    op = cruising(speed(5), waypoint(600, 0))
+    op.vehicle.frame.battery.lose(100)
+    op.run(10)
+    assert "crash" in op.happenings()
+
+
+# Silence of the ground station.
+
+
+def test_the_gcs_failsafe_returns_after_5_s_and_stays_in_rtl_when_it_clears() -> None:
+    op = cruising(speed(5), waypoint(600, 0))
+    op.heartbeats = False
+    op.run(4.0)
+    assert op.vehicle.mode == AUTO
+    op.run(1.5)
+    assert op.vehicle.mode == RTL
+    assert op.texts()[-1] == "GCS Failsafe"
+    assert op.sent("HEARTBEAT", op.now_s - 1.1)[-1]["system_status"] == 5
+    op.heartbeats = True
+    op.run(3)
+    assert "GCS Failsafe Cleared" in op.texts()
+    assert op.vehicle.mode == RTL
+    seq = op.mission_current()["seq"]
+    assert op.mode(AUTO) == 0
+    assert op.mission_current()["seq"] == seq
+    op.run(12)
+    assert speed_now(op) == pytest.approx(10, abs=0.2)
+
+
+def test_only_the_configured_ground_station_holds_the_failsafe() -> None:
+    op = cruising(speed(5), waypoint(600, 0))
+    op.heartbeats = False
+    for _ in range(7):
+        op.run(1)
+        op.beat(OTHER)
+    assert op.vehicle.mode == RTL
+
+
+def test_without_the_failsafe_the_mission_goes_on_and_nothing_is_said() -> None:
+    op = cruising(speed(5), waypoint(600, 0), parameters={"FS_GCS_ENABLE": 0.0})
+    op.heartbeats = False
+    op.run(30)
+    assert op.vehicle.mode == AUTO
+    assert not any("GCS" in text for text in op.texts())
+
+
+def test_a_ground_station_that_was_never_seen_is_not_missed() -> None:
+    op = operator(heartbeats=False)
+    op.fly(mission(speed(5), waypoint(300, 0)))
+    op.run(30)
+    assert op.vehicle.mode == AUTO
+
+
+# The way home.
+
+
+def test_rtl_goes_home_at_rtl_alt_or_higher_and_lands_on_its_pad() -> None:
+    op = cruising(speed(5), waypoint(300, 0), parameters={"RTL_ALT": 4000.0})
+    op.run(20)
+    op.mode(RTL)
+    highest_m, flown_home = 0.0, []
+    while op.vehicle.frame.armed:
+        op.run(0.5)
+        body = op.vehicle.frame.body
+        highest_m = max(highest_m, body.up_m)
+        if math.hypot(body.north_m, body.east_m) > 1 and body.v_north_m_s < -1:
+            flown_home.append(body.up_m)
+    assert highest_m == pytest.approx(40, abs=0.2)
+    assert min(flown_home) > 39.5
+    assert math.hypot(op.vehicle.frame.body.north_m, op.vehicle.frame.body.east_m) < 0.3
+
+
+def test_rtl_from_above_keeps_its_height() -> None:
+    op = cruising(speed(5), waypoint(300, 0), parameters={"RTL_ALT": 1500.0})
+    op.run(20)
+    op.mode(RTL)
+    op.run(12)
+    assert op.vehicle.frame.body.up_m == pytest.approx(25, abs=0.2)
+
+
+def test_it_lands_slowly_below_ten_metres() -> None:
+    op = cruising(speed(5), waypoint(300, 0))
+    op.mode(LAND)
+    op.run_until(lambda: op.vehicle.frame.body.up_m < 15)
+    assert op.vehicle.frame.body.v_up_m_s == pytest.approx(-1.5, abs=0.05)
+    op.run_until(lambda: op.vehicle.frame.body.up_m < 8)
+    assert op.vehicle.frame.body.v_up_m_s == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_land_item_lands_at_its_place() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(60, 0), land(30, 30)))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    body = op.vehicle.frame.body
+    assert (body.north_m, body.east_m) == pytest.approx((30, 30), abs=0.5)
+    assert op.mission_current()["mission_state"] == 5
+
+
+def test_a_landed_vehicle_flies_again_from_the_beginning() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(60, 0), rtl()))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    op.mode(GUIDED)
+    assert op.arm() == 0
+    assert op.command(MavCommand.MISSION_START) == 0
+    op.run_until(lambda: op.vehicle.frame.body.north_m > 50)
+
+
+def test_armed_on_the_ground_it_disarms_by_itself() -> None:
+    op = operator()
+    op.run(4)
+    op.mode(GUIDED)
+    op.arm()
+    op.run(9.5)
+    assert op.vehicle.frame.armed
+    op.run(1)
+    assert not op.vehicle.frame.armed
+
+
+def test_pause_and_continue_in_auto() -> None:
+    op = cruising(speed(5), waypoint(600, 0))
+    assert op.command(MavCommand.DO_PAUSE_CONTINUE, 0) == 0
+    op.run(5)
+    assert speed_now(op) < 0.1
+    assert op.command(MavCommand.DO_PAUSE_CONTINUE, 1) == 0
+    op.run(5)
+    assert speed_now(op) > 4
+
+
+def test_unknown_modes_and_commands_are_refused() -> None:
+    op = operator()
+    assert op.mode(99) == 4
+    assert op.command(31000) == 3
+    assert op.command(MavCommand.DO_SET_MODE, float("nan"), float("nan")) == 4
+    assert op.command(MavCommand.REQUEST_MESSAGE, 300) == 3

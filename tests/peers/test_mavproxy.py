@@ -1,0 +1,54 @@
+"""MAVProxy's command line, in a process of its own, reads a mission from the simulated vehicles."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from asyncio.subprocess import PIPE, STDOUT, Process
+from pathlib import Path
+
+import pytest
+
+from executor.simulator import AutopilotKind, SimFleet
+from missions.items import Command
+from tests.executor.simulator.flying import flying, free_port
+from tests.executor.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
+from tests.executor.simulator.station import Station
+
+PATIENCE_S = 60
+LISTING = "mission.txt"
+ROUTE = (takeoff(), speed(5.0), waypoint(120, 0), waypoint(120, 60), rtl())
+
+
+async def said(process: Process, words: bytes) -> None:
+    """Read what MAVProxy prints until it says these words."""
+    assert process.stdout is not None
+    async with asyncio.timeout(PATIENCE_S):
+        while words not in (line := await process.stdout.readline()):
+            assert line, f"MAVProxy ended before it said {words!r}"
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("kind", list(AutopilotKind))
+async def test_mavproxy_lists_the_mission(kind: AutopilotKind, tmp_path: Path) -> None:
+    items = numbered((waypoint(0, 0, 0.0), *ROUTE) if kind is AutopilotKind.ARDUPILOT else ROUTE, current=0)
+    port = free_port()
+    async with flying(SimFleet((sim_vehicle(kind, connection=f"udpout://127.0.0.1:{port}"),), speedup=1.0)):
+        async with Station.calling(port) as station:
+            assert await station.upload([on_wire(item) for item in items]) == 0
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-u", str(Path(sys.executable).with_name("mavproxy.py")),
+            f"--master=udpout:127.0.0.1:{port}", "--default-modules=wp", "--state-basedir=.",
+            cwd=tmp_path, stdin=PIPE, stdout=PIPE, stderr=STDOUT,
+        )  # fmt: skip
+        try:
+            await said(process, b"online system 11")
+            assert process.stdin is not None
+            process.stdin.write(f"wp save {LISTING}\n".encode())
+            await said(process, b"Saved")
+        finally:
+            process.kill()
+            await process.communicate()
+    rows = [row.split("\t") for row in (tmp_path / LISTING).read_text().splitlines()[1:]]
+    assert [int(row[3]) for row in rows] == [int(item.command) for item in items]
+    assert int(rows[-1][3]) == Command.NAV_RETURN_TO_LAUNCH
