@@ -31,6 +31,8 @@ from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, tra
 LINK_MARGIN_S = 3.0
 """Beyond the time in which a vehicle's own failsafe has acted."""
 LEAST_LINK_TIMEOUT_S = 10.0
+STALL_REAL_S = 0.75
+"""A busy computer may keep a process waiting this long; faster than real time that is many seconds of flight."""
 UPLOAD_ALLOWANCE_S = 1.0
 """Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
 DEFAULT_NETWORK = "default"
@@ -95,11 +97,18 @@ def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
     return flight_setup(ground.network, ground.names, ground.inspection, pads=pads)
 
 
+def stall_s(speedup: float) -> float:
+    """Return the shortest silence, in the vehicles' time, that a simulation can tell from a busy computer."""
+    return STALL_REAL_S * speedup if speedup > 1 else 0.0
+
+
 def link_timeout_s(site: Site, dialect: Dialect) -> float:
     """Return the silence after which a vehicle is lost: the site's, or when its own failsafe must have acted."""
     if site.faults.link_timeout_s is not None:
         return site.faults.link_timeout_s
-    return max(LEAST_LINK_TIMEOUT_S, dialect.ground_station_failsafe.returns_after_s + LINK_MARGIN_S)
+    rule = dialect.ground_station_failsafe
+    acts_s = max(rule.returns_after_s, stall_s(site.flight.speedup) + rule.returns_after_s - rule.reacts_after_s)
+    return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
 
 
 def limits_of(site: Site) -> Limits:

@@ -97,7 +97,7 @@ def demo(
     network: Annotated[Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file.")] = None,
     radius: Annotated[float, typer.Option(min=1, metavar="M", help="Segments within M metres of the depot.")] = 700.0,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="How many vehicles fly.")] = 4,
-    speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 20.0,
+    speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 10.0,
     seed: SeedOption = 1,
     fault: FaultOption = None,
     autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,

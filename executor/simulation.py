@@ -42,7 +42,10 @@ def fleet_of(
                 home_alt_m=pad.alt_m,
                 drone=ground.drone,
                 consumption=wind,
-                parameters={rule.action: float(rule.action_return if failsafe else 0)},
+                parameters={
+                    rule.action: float(rule.action_return if failsafe else 0),
+                    rule.timeout: max(rule.timeout_s, build.stall_s(speedup)),
+                },
                 seed=seed * 1000 + number,
             )
         )

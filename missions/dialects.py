@@ -94,6 +94,8 @@ class GroundStationFailsafe:
     """Its value for a return home."""
     timeout: str
     """Parameter: seconds of silence."""
+    timeout_s: float
+    """Its default."""
     reacts_after_s: float
     """Silence from the last heartbeat to the first reaction with the default timeout, in the vehicle's time."""
     returns_after_s: float
@@ -222,7 +224,8 @@ ARDUPILOT = Dialect(
     ground_station_failsafe=GroundStationFailsafe(
         action="FS_GCS_ENABLE",
         action_return=1,  # measured: RTL
-        timeout="FS_GCS_TIMEOUT",  # 5 s by default (recorded parameters)
+        timeout="FS_GCS_TIMEOUT",
+        timeout_s=5.0,  # recorded parameters
         reacts_after_s=5.0,  # measured
         returns_after_s=5.0,  # measured
         station_sysid="MAV_GCS_SYSID",  # measured: heartbeats of that system only; 255 by default
@@ -277,7 +280,8 @@ PX4 = Dialect(
     ground_station_failsafe=GroundStationFailsafe(
         action="NAV_DLL_ACT",
         action_return=2,  # measured: AUTO.LOITER, then RTL
-        timeout="COM_DL_LOSS_T",  # 10 s by default
+        timeout="COM_DL_LOSS_T",
+        timeout_s=10.0,  # commander_params.c
         reacts_after_s=12.0,  # measured: AUTO.LOITER
         returns_after_s=17.0,  # measured: RTL, not cancelled when heartbeats return
         station_sysid=None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,6 +19,8 @@ from executor.runtime.dialogue import converse
 from missions import Dialect, MissionItem, StartStep, differences
 
 UPLOAD_TRIES = 3
+UPLOAD_PATIENCE_S = 60.0
+"""An upload is tried again at least for this long: what is on board meanwhile, even a mixture, is in the own layer."""
 BUSY_WAIT_S = 3.0
 """Before an upload is tried again; ArduPilot frees another station's transfer after 8 s, PX4 after 5."""
 SILENCE_MARGIN_S = 1.0
@@ -49,11 +52,13 @@ def reason_of(outcome: Outcome | None) -> str:
 
 
 async def put_on_board(
-    link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...], *, tries: int = UPLOAD_TRIES
+    link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]
 ) -> Done:
-    """Upload a mission and read it back until both are the same, a few times at most."""
-    reason, mixed = "", False
-    for attempt in range(tries):
+    """Upload a mission and read it back until both are the same, with patience but not for ever."""
+    reason, mixed, began_s = "", False, clock.now_s()
+    for attempt in itertools.count():
+        if attempt >= UPLOAD_TRIES and clock.now_s() - began_s > UPLOAD_PATIENCE_S:
+            break
         if attempt:
             await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
         upload = await upload_once(link, clock, dialect, items)
