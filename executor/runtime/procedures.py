@@ -20,7 +20,7 @@ from missions import Dialect, MissionItem, StartStep, differences
 
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
-"""An upload is tried again at least for this long: what is on board meanwhile, even a mixture, is in the own layer."""
+"""An upload that has begun is tried again for this long: the mixture on board meanwhile is flown in the own layer."""
 BUSY_WAIT_S = 3.0
 """Before an upload is tried again; ArduPilot frees another station's transfer after 8 s, PX4 after 5."""
 SILENCE_MARGIN_S = 1.0
@@ -57,7 +57,8 @@ async def put_on_board(
     """Upload a mission and read it back until both are the same, with patience but not for ever."""
     reason, mixed, began_s = "", False, clock.now_s()
     for attempt in itertools.count():
-        if attempt >= UPLOAD_TRIES and clock.now_s() - began_s > UPLOAD_PATIENCE_S:
+        # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
+        if attempt >= UPLOAD_TRIES and (not mixed or clock.now_s() - began_s > UPLOAD_PATIENCE_S):
             break
         if attempt:
             await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
