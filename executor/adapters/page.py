@@ -82,7 +82,9 @@ def write_page(record: FlightRecord, report: Mapping[str, object], path: Path) -
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
-    path.write_text(page(record, report, _pictures(path.parent)), encoding="utf-8")
+    text = page(record, report, _pictures(path.parent))
+    # A vehicle's words may hold half a surrogate pair; that must not cost the page.
+    path.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def page(record: FlightRecord, report: Mapping[str, object], pictures: Mapping[str, bytes]) -> str:
@@ -125,7 +127,8 @@ def outcome(record: FlightRecord) -> str:
         others = f"; the others took over {handed} of them" if handed else ""
         return f"{done}, although {lost} {'was' if len(record.lost) == 1 else 'were'} lost{others}."
     reason = f" after {lost} {'was' if len(record.lost) == 1 else 'were'} lost" if lost else ""
-    return f"{missing} of {total} segments were not inspected{reason}; the flight took {_clock(record.duration_s)}."
+    were = "was" if missing == 1 else "were"
+    return f"{missing} of {total} segments {were} not inspected{reason}; the flight took {_clock(record.duration_s)}."
 
 
 def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:

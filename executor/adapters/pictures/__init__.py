@@ -1,13 +1,12 @@
 """The pictures of a plan and of a flight, as PNG files.
 
-Only matplotlib's objects are used, with the Agg canvas of each figure: no window, no state that threads share.
+Only matplotlib's objects are used, and each figure's own Agg canvas: no window, no state that threads share.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from executor.adapters.pictures.battery import battery_figure
@@ -47,5 +46,4 @@ def draw_battery(record: FlightRecord, path: Path) -> None:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    FigureCanvasAgg(figure)
     figure.savefig(path, format="png", dpi=DPI)

@@ -259,8 +259,8 @@ def _name_lines(axes: Axes, ends: Sequence[_End]) -> None:
 def spread(heights: Sequence[float], least: float) -> list[float]:
     """Return ascending heights moved apart to a least distance, with the same mean.
 
-    >>> spread([0.0, 1.0, 1.0], 2.0)
-    [-1.3333333333333333, 0.6666666666666667, 2.6666666666666665]
+    >>> spread([0.0, 1.0], 2.0)
+    [-0.5, 1.5]
     """
     moved: list[float] = []
     for height in heights:
