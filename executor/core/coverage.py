@@ -17,6 +17,8 @@ GAP_S = 5.0
 """A longer silence between two positions proves nothing about what was flown between them."""
 SPEED_WINDOW_S = 2.0
 """The speed is a mean over at least this time, so that the noise of two fixes is no overspeed."""
+NOISE_M = 1.0
+"""What two fixes may add to a run that is over before `SPEED_WINDOW_S`: a segment of a few metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +105,7 @@ def follow(run: Run | None, track: Track, sample: Sample, *, corridor_m: float, 
         return Step(None, broken=f"flown at {speed:.1f} m/s")
     furthest = max(run.furthest_m, along)
     if along >= track.length_m - tolerance:
-        if elapsed_s < SPEED_WINDOW_S and (along - recent[0][1]) > SPEED_FACTOR * speed_m_s * SPEED_WINDOW_S:
+        if along - recent[0][1] > SPEED_FACTOR * speed_m_s * elapsed_s + NOISE_M:
             return Step(None, broken="flown too fast")
         return Step(None, done=True)
     return Step(Run(furthest, recent))

@@ -1,0 +1,70 @@
+"""A small line to fly, and what the executor makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from executor import build
+from executor.build import Ground
+from executor.config import Site, check_site
+from executor.core.context import Context
+from executor.core.vehicle import OnBoard, VehicleState, aboard
+from missions import Inspection, Network, flight_path
+from planner import Plan, Route, travel_for
+from tests.missions.builders import line_east
+
+Routes = Mapping[str, tuple[int, ...]]
+
+THREE: Routes = {"uav1": (0, 2), "uav2": (4, 6), "uav3": (8, 10)}
+"""Two segments of 100 m each, all flown eastward, on a line of six."""
+
+
+def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", **tables: Mapping[str, object]) -> Site:
+    """Return a site for a fleet on made-up ports."""
+    vehicles = [
+        {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number, "autopilot": autopilot}
+        for number, name in enumerate(names, start=1)
+    ]
+    return check_site({"network": {"file": "line"}, "vehicle": vehicles, **tables}, "test")
+
+
+def ground_for(site: Site, network: Network) -> Ground:
+    """Return what is known before any vehicle answers."""
+    table, drone = site.inspection, build.drone_of(site)
+    inspection = Inspection(
+        height_m=table.height_m,
+        standoff_m=table.standoff_m,
+        speed_m_s=table.speed_m_s,
+        transit_speed_m_s=table.transit_speed_m_s,
+        layer_m=table.layer_m,
+    )
+    return Ground(site, network, inspection, drone, travel_for(drone, table.transit_speed_m_s, table.speed_m_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """A flight that is ready to begin."""
+
+    context: Context
+    boards: dict[str, OnBoard | None]
+
+
+def fleet_of(
+    routes: Routes = THREE, *, pylons: int = 7, autopilot: str = "ardupilot", **tables: Mapping[str, object]
+) -> Fleet:
+    """Return a fleet over a line due east of the depot, pylons every 100 m; an empty route stays on the ground."""
+    ground = ground_for(site_of(tuple(routes), autopilot, **tables), line_east(pylons))
+    setup, task = build.setup_of(ground), build.task_of(ground)
+    plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(routes.values())), ())
+    context = build.context_of(ground, setup, task, plan)
+    boards = {
+        name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
+        for name, visits in routes.items()
+    }
+    return Fleet(context, boards)
+
+
+def vehicle(fleet: Fleet, name: str = "uav1", **changes: object) -> VehicleState:
+    """Return one vehicle with its mission on board."""
+    return replace(VehicleState(name, board=fleet.boards[name]), **changes)  # type: ignore[arg-type]
