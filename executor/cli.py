@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
+from typer.exceptions import TyperException
 
 from executor import app as flying
 from executor import build, planning
@@ -342,8 +343,9 @@ def _fail(text: str, code: int) -> NoReturn:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; the one place where whatever is left over is caught."""
+    given = list(arguments) if arguments is not None else sys.argv[1:]
     try:
-        cli(args=list(arguments) if arguments is not None else None)
+        code = cli(args=given or ["--help"], standalone_mode=False)
     except OUR_ERRORS as error:
         _fail(str(error), 2)
     except BaseExceptionGroup as group:
@@ -351,10 +353,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if rest is None and ours is not None:
             _fail(str(_first(ours)), 2)
         _internal(group)
-    except KeyboardInterrupt:
+    except TyperException as error:
+        # What a command line can be wrong about; the base class does not promise the method that all of them have.
+        said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
+        _fail(f"{said} See --help.", 2)
+    except (KeyboardInterrupt, typer.Abort):
         _fail("interrupted", INTERRUPTED)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
         _internal(error)
+    raise SystemExit(code or 0)
 
 
 def _internal(error: BaseException) -> NoReturn:
