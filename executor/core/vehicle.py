@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from executor.core import battery
 from executor.core.battery import BatteryState
 from executor.core.context import Context
 from executor.core.coverage import Run, Sample, Track, follow
-from executor.core.messages import Battery, FlightMessage, Heartbeat, LandedState, MissionCurrent, Position
-from executor.core.messages import StatusText, SystemStatus
+from executor.core.messages import (
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    LandedState,
+    MissionCurrent,
+    Position,
+    StatusText,
+    SystemStatus,
+)
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
 from planner import segment_of
 
@@ -114,7 +122,7 @@ class VehicleState:
     anchor: Fix | None = None
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
     on_ground: bool | None = None
-    battery: BatteryState = BatteryState()
+    battery: BatteryState = field(default_factory=BatteryState)
     board: OnBoard | None = None
     waypoint: int = 0
     """The waypoint at the end of the leg under way, by the vehicle's own word."""
@@ -212,7 +220,7 @@ def fold(context: Context, state: VehicleState, message: FlightMessage, now_s: f
             return _positioned(context, state, message, now_s)
         case Battery(remaining_pct=remaining) if remaining is not None:
             return Folded(replace(state, battery=_charged(state.battery, remaining, message.charge_state, now_s)))
-        case SystemStatus(remaining_pct=remaining) if remaining is not None and not state.battery.history:
+        case SystemStatus(remaining_pct=remaining) if remaining is not None and _unreported(context, state, now_s):
             return Folded(replace(state, battery=_charged(state.battery, remaining, 0, now_s)))
         case MissionCurrent(seq):
             return Folded(_at_item(state, seq))
@@ -222,6 +230,11 @@ def fold(context: Context, state: VehicleState, message: FlightMessage, now_s: f
             return Folded(state, text=message)
         case _:
             return Folded(state)
+
+
+def _unreported(context: Context, state: VehicleState, now_s: float) -> bool:
+    # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
+    return now_s - state.battery.reported_s > context.limits.battery_stale_s
 
 
 def _charged(state: BatteryState, remaining_pct: float, charge_state: int, now_s: float) -> BatteryState:

@@ -65,6 +65,6 @@ def fleet_of(
     return Fleet(context, boards)
 
 
-def vehicle(fleet: Fleet, name: str = "uav1", **changes: object) -> VehicleState:
+def vehicle(fleet: Fleet, name: str = "uav1", /, **changes: object) -> VehicleState:
     """Return one vehicle with its mission on board."""
     return replace(VehicleState(name, board=fleet.boards[name]), **changes)  # type: ignore[arg-type]

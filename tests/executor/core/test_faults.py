@@ -1,0 +1,261 @@
+"""The table of watchpoints: each raises, persists, clears by its own threshold, and knows when it does not know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import pytest
+
+from executor.core import battery, faults
+from executor.core.battery import BatteryState
+from executor.core.faults import TABLE, Verdict, View, Watchpoint, judge
+from executor.core.messages import Heartbeat
+from executor.core.vehicle import Fix, Stage, VehicleState
+from missions import Phase
+from tests.executor.builders import fleet_of, vehicle
+
+FLEET = fleet_of()
+CONTEXT, SETUP = FLEET.context, FLEET.context.vehicles["uav1"]
+LIMITS = CONTEXT.limits
+NOW_S = 1000.0
+AUTO, LOITER, RTL = 3, 5, 6
+PAD_E, PAD_N = SETUP.pad_m
+
+Change = Callable[[VehicleState], VehicleState]
+
+
+def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> Fix:
+    heard_s = NOW_S - age_s
+    return Fix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
+
+
+def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_state: int = 1) -> BatteryState:
+    """Return a battery with these reports, the last one `age_s` ago; the model expects hardly anything."""
+    state = BatteryState()
+    for index, percent in enumerate(percents):
+        reported_s = NOW_S - age_s - (len(percents) - 1 - index) * apart_s
+        state = battery.reported(battery.drawn(state, 0.036 * apart_s), percent, charge_state, reported_s)
+    return state
+
+
+def flying(**changes: object) -> VehicleState:
+    """Return a vehicle in the midst of its mission, with nothing wrong."""
+    healthy: dict[str, object] = {
+        "stage": Stage.FLYING,
+        "heard_s": NOW_S,
+        "heartbeat": Heartbeat(3, AUTO, True, 4),
+        "armed_once": True,
+        "fix": at(),
+        "anchor": at(),
+        "battery": pack(90.0, 90.0),
+        "waypoint": 2,
+    }
+    return vehicle(FLEET, "uav1", **(healthy | changes))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One watchpoint: states in which it is fine, fails, still fails after having failed, and cannot know."""
+
+    name: str
+    fails: VehicleState
+    evidence: str
+    unknown: VehicleState | None = None
+    hangs: VehicleState | None = None
+    """Between the clear and the raise threshold: fine by itself, a failure for one that already fails."""
+
+
+ROWS = [
+    Row(
+        "off-pad",
+        flying(heartbeat=Heartbeat(3, AUTO, False, 3)),
+        "disarmed 300 m from its pad, 20 m high",
+        unknown=flying(fix=None),
+    ),
+    Row("falling", flying(fix=at(climbs_m_s=-6.0)), "falls at 6.0 m/s", flying(fix=at(climbs_m_s=-6.0, age_s=3.5))),
+    Row("link", flying(heard_s=NOW_S - 10.0), "silent for 10.0 s, time-out 10 s", flying(heard_s=None)),
+    Row(
+        "battery-step",
+        flying(battery=pack(90.0, 90.0, 60.0)),
+        "lost 30 % at once where the flight costs 0.1 %",
+        unknown=flying(battery=pack(90.0, 60.0, age_s=7.5)),
+        hangs=flying(battery=pack(90.0, *(60.0,) * 15)),
+    ),
+    Row(
+        "battery-critical",
+        flying(battery=pack(20.0, charge_state=3)),
+        "the autopilot calls its battery critical",
+        unknown=flying(battery=pack(20.0, charge_state=3, age_s=7.5)),
+    ),
+    Row(
+        "battery-drain",
+        flying(battery=pack(90.0, 88.0, 86.0, 84.0, apart_s=20.0)),
+        "used 6 % in 90 s where 2.2 % was expected",
+        unknown=flying(battery=pack(90.0, 84.0, apart_s=20.0, age_s=7.5)),
+        hangs=flying(battery=pack(90.0, 88.0, 86.0, 85.0, apart_s=20.0)),
+    ),
+    Row(
+        "reserve",
+        flying(battery=pack(15.0, 15.0)),
+        "would land with 11 % of its battery, reserve 15 %",
+        unknown=flying(battery=pack(15.0, age_s=7.5)),
+        hangs=flying(battery=pack(19.0, 19.0)),
+    ),
+    Row(
+        "mode",
+        flying(heartbeat=Heartbeat(3, LOITER, True, 4)),
+        "went to mode LOITER by itself",
+        unknown=flying(heartbeat=None),
+    ),
+    Row(
+        "stall",
+        flying(anchor=at(age_s=91.0)),
+        "has not moved for 91 s",
+        unknown=flying(anchor=at(age_s=91.0), fix=at(age_s=3.5)),
+    ),
+]
+
+
+def point(name: str) -> Watchpoint:
+    return next(watchpoint for watchpoint in TABLE if watchpoint.name == name)
+
+
+def verdict(name: str, state: VehicleState, *, failing: bool = False) -> Verdict:
+    return point(name).judge(View(CONTEXT, SETUP, state, failing, NOW_S)).verdict
+
+
+def names(rows: list[Row]) -> list[str]:
+    return [row.name for row in rows]
+
+
+def test_every_watchpoint_has_its_row() -> None:
+    assert names(ROWS) == [watchpoint.name for watchpoint in TABLE]
+
+
+@pytest.mark.parametrize("watchpoint", TABLE, ids=lambda one: str(one.name))
+def test_a_healthy_vehicle_is_fine(watchpoint: Watchpoint) -> None:
+    assert verdict(watchpoint.name, flying()) is Verdict.OK
+
+
+@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
+def test_it_fails_with_its_evidence(row: Row) -> None:
+    finding = point(row.name).judge(View(CONTEXT, SETUP, row.fails, False, NOW_S))
+    assert (finding.verdict, finding.evidence) == (Verdict.FAIL, row.evidence)
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.hangs], ids=lambda row: str(row.name))
+def test_it_clears_by_a_threshold_of_its_own(row: Row) -> None:
+    assert row.hangs is not None
+    assert verdict(row.name, row.hangs) is Verdict.OK
+    assert verdict(row.name, row.hangs, failing=True) is Verdict.FAIL
+    assert verdict(row.name, flying(), failing=True) is Verdict.OK
+
+
+def raised(state: VehicleState, now_s: float) -> tuple[list[str], VehicleState]:
+    """Look at every watchpoint; return what is raised, and the vehicle that remembers it."""
+    judgement = judge(CONTEXT, SETUP, state, now_s)
+    return [watchpoint.name for watchpoint, _ in judgement.raised], replace(state, watches=judgement.watches)
+
+
+def later(state: VehicleState, by_s: float) -> VehicleState:
+    """Return the same vehicle as if everything had been heard later."""
+    fresh = state
+    if state.fix is not None:
+        fresh = replace(fresh, fix=replace(state.fix, at_s=state.fix.at_s + by_s))
+    if state.anchor is not None:
+        fresh = replace(fresh, anchor=replace(state.anchor, at_s=state.anchor.at_s + by_s))
+    heard_s = None if state.heard_s is None else state.heard_s + by_s
+    history = tuple(replace(sample, at_s=sample.at_s + by_s) for sample in state.battery.history)
+    moved = replace(state.battery, history=history, reported_s=state.battery.reported_s + by_s)
+    return replace(fresh, heard_s=heard_s, battery=moved)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
+def test_it_is_raised_once_it_has_lasted(row: Row) -> None:
+    wait_s = point(row.name).raise_after_s
+    found, state = raised(row.fails, NOW_S)
+    assert (row.name in found) is (wait_s == 0.0)
+    almost_s = max(0.0, wait_s - 0.1)
+    found, state = raised(later(state, almost_s), NOW_S + almost_s)
+    assert (row.name in found) is (wait_s == 0.0)
+    found, _ = raised(later(state, 0.2), NOW_S + almost_s + 0.2)
+    assert row.name in found
+
+
+@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
+def test_a_moment_of_health_begins_the_wait_anew(row: Row) -> None:
+    wait_s = point(row.name).raise_after_s
+    _, state = raised(row.fails, NOW_S)
+    _, state = raised(replace(flying(), watches=state.watches), NOW_S)
+    assert row.name not in dict(state.watches)
+    found, _ = raised(later(replace(row.fails, watches=state.watches), wait_s), NOW_S + wait_s)
+    assert (row.name in found) is (wait_s == 0.0)
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.unknown], ids=lambda row: str(row.name))
+def test_not_knowing_neither_raises_nor_clears(row: Row) -> None:
+    assert row.unknown is not None
+    assert verdict(row.name, row.unknown) is Verdict.STALE
+    found, state = raised(row.unknown, NOW_S)
+    assert row.name not in found
+    assert row.name not in dict(state.watches), "what is not known begins nothing"
+    _, state = raised(row.fails, NOW_S)
+    begun = dict(state.watches).get(row.name)
+    assert begun is not None
+    found, state = raised(replace(row.unknown, watches=state.watches), NOW_S)
+    assert row.name not in found
+    assert dict(state.watches)[row.name] == begun, "what is not known ends nothing"
+
+
+@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
+def test_it_is_looked_at_in_its_stages_only(row: Row) -> None:
+    for stage in Stage:
+        found, _ = raised(later(raised(replace(row.fails, stage=stage), NOW_S)[1], 9.0), NOW_S + 9.0)
+        assert (row.name in found) is (stage in point(row.name).stages)
+
+
+def test_the_most_important_reason_comes_first() -> None:
+    state = flying(heartbeat=Heartbeat(3, LOITER, False, 3), heard_s=NOW_S - 30.0)
+    judgement = judge(CONTEXT, SETUP, state, NOW_S)
+    assert [watchpoint.name for watchpoint, _ in judgement.raised] == ["off-pad", "link"]
+
+
+def test_a_landing_on_the_pad_is_no_fault() -> None:
+    assert (
+        verdict("off-pad", flying(heartbeat=Heartbeat(3, AUTO, False, 3), fix=at(east_m=5.0, up_m=0.0))) is Verdict.OK
+    )
+
+
+def test_a_vehicle_that_never_armed_is_not_down() -> None:
+    assert verdict("off-pad", flying(heartbeat=Heartbeat(3, AUTO, False, 3), armed_once=False)) is Verdict.OK
+
+
+def test_a_mode_that_we_ordered_is_no_fault() -> None:
+    ordered = flying(heartbeat=Heartbeat(3, RTL, True, 4), ordered_mode_s=NOW_S - LIMITS.mode_grace_s + 0.1)
+    assert verdict("mode", ordered) is Verdict.OK
+    assert verdict("mode", replace(ordered, ordered_mode_s=NOW_S - LIMITS.mode_grace_s - 0.1)) is Verdict.FAIL
+
+
+def test_px4_leaves_the_mission_when_it_lands() -> None:
+    state = flying(heartbeat=Heartbeat(3, 4 << 16 | 3 << 24, True, 4))
+    assert state.board is not None
+    landing = next(n for n, way in enumerate(state.board.path.waypoints) if way.phase is Phase.LAND)
+    assert verdict("mode", replace(state, waypoint=landing)) is Verdict.OK
+
+
+def test_a_silent_vehicles_last_report_raises_nothing_but_the_link() -> None:
+    state = flying(
+        battery=pack(90.0, 60.0), fix=at(climbs_m_s=-1.0), anchor=at(age_s=80.0), heard_s=NOW_S
+    )  # fmt: skip
+    found, state = raised(state, NOW_S)
+    assert found == []
+    for second in range(1, 200):
+        found, state = raised(state, NOW_S + second)
+        assert set(found) <= ({"link"} if second > LIMITS.battery_stale_s else {"battery-step", "battery-drain"})
+    assert found == ["link"]
+
+
+def test_the_modes_words() -> None:
+    finding = faults.left_mission(View(CONTEXT, SETUP, flying(heartbeat=Heartbeat(3, 77, True, 4)), False, NOW_S))
+    assert finding.evidence == "went to mode number 77 by itself"
