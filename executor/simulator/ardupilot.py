@@ -79,7 +79,7 @@ class ArduPilot(Autopilot):
             MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer(1)),
             MavCommand.MISSION_START: self._start_mission,
             MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
-                Result.ACCEPTED if self._set_current(command.integer(0)) else Result.DENIED
+                Result.ACCEPTED if self.select_item(command.integer(0)) else Result.DENIED
             ),
             MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
             MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),

@@ -159,6 +159,14 @@ class Autopilot(ABC):
             self._odometer_m = self.frame.body.flown_m
             self.frame.happened("mission_started")
 
+    def select_item(self, seq: int) -> bool:
+        """Make an item the current one and tell everybody; False when there is none."""
+        selected = self._set_current(seq)
+        message = self._build("MISSION_CURRENT") if selected else None
+        if message is not None:
+            self.voice.send([message])
+        return selected
+
     def arm(self) -> bool:
         """Arm, unless something speaks against it; then say what."""
         if self.frame.armed:
@@ -270,7 +278,7 @@ class Autopilot(ABC):
             case SetMode():
                 self.set_mode(body.custom_mode)
             case MissionSetCurrent():
-                self._set_current(body.seq)
+                self.select_item(body.seq)
             case ParamRequestList() | ParamRequestRead() | ParamSet():
                 self.voice.send(self.params.answer(body))
             case RequestDataStream():

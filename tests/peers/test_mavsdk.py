@@ -70,6 +70,8 @@ async def test_mavsdk_reads_uploads_downloads_starts_and_pauses(kind: AutopilotK
         if kind is AutopilotKind.ARDUPILOT:
             await telemetry.set_rate_position(4.0)
             await telemetry.set_rate_battery(1.0)
+            await telemetry.set_rate_home(1.0)
+            await telemetry.set_rate_gps_info(1.0)
         place = await wait_for(telemetry.subscribe_position(), lambda _: True)
         assert (place.latitude_deg, place.longitude_deg) == pytest.approx((LAT_DEG, LON_DEG), abs=1e-6)
         battery = await wait_for(telemetry.subscribe_battery(), lambda value: value.remaining_percent > 0)
@@ -81,6 +83,7 @@ async def test_mavsdk_reads_uploads_downloads_starts_and_pauses(kind: AutopilotK
             (item.seq, item.command, item.x, item.y) for item in items[1:]
         ]
 
+        await wait_for(telemetry.subscribe_health_all_ok(), bool)
         await action.arm()
         await mission.start_mission()
         await wait_for(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.MISSION)
