@@ -37,6 +37,11 @@ LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
 
 
+LEFT = (
+    "supervision ends; the vehicles stay on their missions, unless a ground-station failsafe that is set on them acts"
+)
+
+
 class Console(Protocol):
     """Where the operator looks."""
 
@@ -101,15 +106,20 @@ async def fly(order: Order, console: Console) -> Flown:
     async with _links(order, clock) as links, solver, asyncio.TaskGroup() as tasks:
         beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
         try:
-            return await _fly(order, console, clock, solver, links, run)
+            return await _fly(order, console, clock, solver, links)
         finally:
             beat.cancel()
 
 
 async def _fly(
-    order: Order, console: Console, clock: SystemClock, solver: SolverProcess, links: Mapping[str, VehicleLink], run: Path
+    order: Order,
+    console: Console,
+    clock: SystemClock,
+    solver: SolverProcess,
+    links: Mapping[str, VehicleLink],
+    run: Path,
 ) -> Flown:
-    ground = order.ground
+    ground, run = order.ground, order.run
     facts = await _interviews(order, links, clock, console)
     setup = _setup(ground, facts)
     task, plan = order.plan.task(), order.plan.plan
@@ -174,7 +184,9 @@ async def _interviews(
         table = tables[name]
         await asking.answer(name, table.connection, table.sysid, links[name], timeout_s, clock)
         facts = await asking.interview(name, links[name], clock, dialects[name], order.site.flight.ready_timeout_s)
-        console.say(Level.INFO, f"{name}: ready, {dialects[name].name} {facts.version}, battery {facts.remaining_pct:.0f} %")
+        console.say(
+            Level.INFO, f"{name}: ready, {dialects[name].name} {facts.version}, battery {facts.remaining_pct:.0f} %"
+        )
         return facts
 
     asked = {name: asyncio.ensure_future(one(name)) for name in links}
@@ -248,9 +260,7 @@ async def _load(
 class _Keeper:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
-    def __init__(
-        self, order: Order, context: Context, console: Console, log: EventLog, clock: SystemClock
-    ) -> None:
+    def __init__(self, order: Order, context: Context, console: Console, log: EventLog, clock: SystemClock) -> None:
         self._order = order
         self._context = context
         self._console = console
@@ -326,5 +336,5 @@ class _Interrupts:
 
     def _leave(self) -> None:
         self.left.append(True)
-        self._console.say(Level.WARNING, "supervision ends; the vehicles stay on their missions, unless a ground-station failsafe that is set on them acts")
+        self._console.say(Level.WARNING, LEFT)
         self._flight.leave()

@@ -10,8 +10,8 @@ import json
 import sys
 import tempfile
 import traceback
-from collections.abc import Mapping, Sequence
-from enum import Enum
+from collections.abc import Callable, Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -21,15 +21,26 @@ from typer.exceptions import TyperException
 from executor import app as flying
 from executor import build, planning
 from executor.adapters.rundir import new_run_directory
-from executor.config import Site, check_site, read_site
+from executor.config import check_site, read_site
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.demo import demo_site, happenings, simulated_fleet
 from executor.errors import ExecutorError, SiteError
 from executor.simulator.errors import SimulatorError
-from missions import MissionsError, PlanFile, check_plan, dialect_for, encode, flight_path, flight_setup, qgc_plan
-from missions import qgc_waypoints, read_plan, write_plan
-from planner import Cost, PlannerError, Progress, is_reversed, segment_of, visit_of
+from missions import (
+    MissionsError,
+    PlanFile,
+    check_plan,
+    dialect_for,
+    encode,
+    flight_path,
+    flight_setup,
+    qgc_plan,
+    qgc_waypoints,
+    read_plan,
+    write_plan,
+)
+from planner import Cost, PlannerError, Progress, is_reversed, segment_of
 
 cli = typer.Typer(
     name="faultline",
@@ -47,7 +58,7 @@ INTERNAL = 70
 """EX_SOFTWARE: a mistake of ours, not of the input."""
 
 
-class CostName(str, Enum):
+class CostName(StrEnum):
     """What a plan is chosen by."""
 
     MINMAX = "minmax"
@@ -55,20 +66,20 @@ class CostName(str, Enum):
     MINCOMB = "mincomb"
 
 
-class SolverName(str, Enum):
+class SolverName(StrEnum):
     """Who plans."""
 
     SEARCH = "search"
 
 
-class FormatName(str, Enum):
+class FormatName(StrEnum):
     """What other ground stations read."""
 
     QGC = "qgc"
     WAYPOINTS = "waypoints"
 
 
-class AutopilotName(str, Enum):
+class AutopilotName(StrEnum):
     """Whose behaviour the simulated vehicles have."""
 
     ARDUPILOT = "ardupilot"
@@ -107,9 +118,7 @@ def demo(
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
     directory = new_run_directory(run)
-    content = demo_site(
-        network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value
-    )
+    content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
     site = check_site(content, "demo")
     ground = build.ground_of(site, Path())
     console = TerminalConsole(quiet=as_json, yes=True)
@@ -215,10 +224,18 @@ def simulate(
     speedup: Annotated[float | None, typer.Option(min=0.1, max=100, metavar="X", help="Instead of the site's.")] = None,
     fault: FaultOption = None,
     seed: SeedOption = 1,
-    wind: Annotated[float, typer.Option(min=0.1, max=5, metavar="FACTOR", help="What the wind makes of consumption.")] = 1.0,
-    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")] = None,
+    wind: Annotated[
+        float, typer.Option(min=0.1, max=5, metavar="FACTOR", help="What the wind makes of consumption.")
+    ] = 1.0,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")
+    ] = None,
     failsafe: Annotated[
-        bool, typer.Option("--failsafe", help="Vehicles return when the ground station falls silent; by default, as on real ones, they fly on.")
+        bool,
+        typer.Option(
+            "--failsafe",
+            help="Return when the ground station falls silent; else they fly on.",
+        ),
     ] = False,
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
@@ -260,10 +277,14 @@ def _first_plan(
     ground: build.Ground, console: TerminalConsole, cost: Cost, seconds: float, seed: int, *, all_vehicles: bool
 ) -> PlanFile:
     segments, vehicles = len(ground.network.segments), len(ground.names)
-    console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({cost.value}, {seconds:g} s at most)")
+    console.say(
+        Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({cost.value}, {seconds:g} s at most)"
+    )
 
     def progressed(progress: Progress) -> None:
-        console.progress(f"{progress.iterations} iterations, {cost.value} {progress.value:.2f}, left out {progress.uncovered}")
+        console.progress(
+            f"{progress.iterations} iterations, {cost.value} {progress.value:.2f}, left out {progress.uncovered}"
+        )
 
     content = planning.first_plan(
         ground, cost=cost, seconds=seconds, seed=seed, all_vehicles=all_vehicles, on_progress=progressed
@@ -329,9 +350,9 @@ def _show_flight(run: Path, report: Mapping[str, object]) -> None:
         print(f"faultline: the pictures could not be made: {error}", file=sys.stderr)
 
 
-def _writable(path: Path, write: object) -> None:
+def _writable(path: Path, write: Callable[[], object]) -> None:
     try:
-        write()  # type: ignore[operator]
+        write()
     except OSError as error:
         raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
 

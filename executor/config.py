@@ -101,9 +101,7 @@ class VehicleTable(_Table):
         except ValueError:
             good = False
         if not good:
-            raise ValueError(
-                f"connection: expected udpin://HOST:PORT or udpout://HOST:PORT, got '{self.connection}'"
-            )
+            raise ValueError(f"connection: expected udpin://HOST:PORT or udpout://HOST:PORT, got '{self.connection}'")
         return self
 
 

@@ -20,7 +20,11 @@ from executor.core.vehicle import VehicleState
 DRAWS_PER_S = 4.0
 _STYLES = {Level.INFO: "", Level.WARNING: "yellow", Level.FAULT: "bold red"}
 _MARKS = {Level.INFO: " ", Level.WARNING: "!", Level.FAULT: "X"}
-_CHECK_MARKS = {Severity.OK: ("ok  ", "green"), Severity.WARNING: ("warn", "yellow"), Severity.STOP: ("STOP", "bold red")}
+_CHECK_MARKS = {
+    Severity.OK: ("ok  ", "green"),
+    Severity.WARNING: ("warn", "yellow"),
+    Severity.STOP: ("STOP", "bold red"),
+}
 
 
 class TerminalConsole:

@@ -29,9 +29,7 @@ def first_plan(
     stop = any_of(Seconds(seconds), NoImprovement(SETTLED))
     result = solve(task.instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, on_progress=on_progress)
     solved = Solved(solver=SOLVER, seed=seed, seconds=result.seconds)
-    return make_plan_file(
-        ground.network, task, ground.travel, result.plan, cost, solved, inspection=ground.inspection
-    )
+    return make_plan_file(ground.network, task, ground.travel, result.plan, cost, solved, inspection=ground.inspection)
 
 
 def fits(plan: PlanFile, ground: Ground, source: str) -> None:
@@ -58,9 +56,7 @@ class WhatIf:
     feasible: bool
 
 
-def after_loss(
-    plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int
-) -> WhatIf:
+def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int) -> WhatIf:
     """Re-plan a plan file for the loss of one vehicle at a time.
 
     Raises:

@@ -21,7 +21,9 @@ class Happening:
     """In the ground station's time."""
 
 
-def report_of(context: Context, state: FleetState, ended_s: float, truths: Sequence[Happening] = ()) -> dict[str, object]:
+def report_of(
+    context: Context, state: FleetState, ended_s: float, truths: Sequence[Happening] = ()
+) -> dict[str, object]:
     """Return the content of report.json.
 
     Args:

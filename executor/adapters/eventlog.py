@@ -114,5 +114,3 @@ def read_events(path: Path) -> Iterator[tuple[float, Event]]:
                     yield content["t_s"], from_plain(content["event"])
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-
-

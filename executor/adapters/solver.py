@@ -15,8 +15,19 @@ from typing import Self
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
 from missions import Network, open_task
-from planner import Cancelled, Cost, NoImprovement, PlannerError, Seconds, Travel, Vehicle, any_of, replan, warm_start
-from planner import warm_up
+from planner import (
+    Cancelled,
+    Cost,
+    NoImprovement,
+    PlannerError,
+    Seconds,
+    Travel,
+    Vehicle,
+    any_of,
+    replan,
+    warm_start,
+    warm_up,
+)
 
 GIVE_UP_S = 10.0
 """Real seconds beyond its deadline after which a solver that says nothing is taken for dead."""
@@ -70,7 +81,9 @@ def solve(setup: SolverSetup, problem: Solve, cancelled: Callable[[], bool]) -> 
     tails = [task.from_network(v for v in offer.tail if v >> 1 in still_open) for offer in problem.survivors]
     stop = any_of(Seconds(setup.limit_s), NoImprovement(SETTLED), Cancelled(cancelled))
     try:
-        result = replan(task.instance, warm=warm_start(task.instance, tails), cost=REPLAN_COST, stop=stop, seed=setup.seed)
+        result = replan(
+            task.instance, warm=warm_start(task.instance, tails), cost=REPLAN_COST, stop=stop, seed=setup.seed
+        )
     except PlannerError as error:
         return SolveEnded(problem.revision, None, (), 0.0, str(error))
     if cancelled():

@@ -71,7 +71,9 @@ class Step:
     """Why a run ended before the other pylon."""
 
 
-def follow(run: Run | None, track: Track, sample: Sample, *, corridor_m: float, speed_m_s: float) -> Step:
+def follow(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
+    run: Run | None, track: Track, sample: Sample, *, corridor_m: float, speed_m_s: float
+) -> Step:
     """Carry a run on by one position.
 
     Args:

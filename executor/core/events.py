@@ -1,4 +1,7 @@
-"""All that can happen. Each event is logged before it is applied; the log fed to `fleet.step` gives the same commands."""
+"""All that can happen.
+
+Each event is logged before it is applied; the log fed to `fleet.step` again gives the same commands.
+"""
 
 from __future__ import annotations
 
@@ -82,13 +85,4 @@ class ReturnAllOrdered:
     """The operator sends everybody home."""
 
 
-Event = (
-    Heard
-    | Tick
-    | LaunchOrdered
-    | UploadEnded
-    | StartEnded
-    | ReturnEnded
-    | SolveEnded
-    | ReturnAllOrdered
-)
+Event = Heard | Tick | LaunchOrdered | UploadEnded | StartEnded | ReturnEnded | SolveEnded | ReturnAllOrdered

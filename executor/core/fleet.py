@@ -13,8 +13,17 @@ from types import MappingProxyType
 from executor.core import faults, replanning
 from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Start
 from executor.core.context import Context
-from executor.core.events import Event, Heard, LaunchOrdered, ReturnAllOrdered, ReturnEnded, SolveEnded
-from executor.core.events import StartEnded, Tick, UploadEnded
+from executor.core.events import (
+    Event,
+    Heard,
+    LaunchOrdered,
+    ReturnAllOrdered,
+    ReturnEnded,
+    SolveEnded,
+    StartEnded,
+    Tick,
+    UploadEnded,
+)
 from executor.core.messages import Position
 from executor.core.modes import is_home_mode
 from executor.core.state import FleetState, Separation
@@ -40,9 +49,7 @@ FRESH_S = 1.5
 
 def initial(boards: dict[str, OnBoard | None]) -> FleetState:
     """Return the state before the launch, with the missions that are on board."""
-    return FleetState(
-        MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()})
-    )
+    return FleetState(MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()}))
 
 
 def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:

@@ -25,7 +25,7 @@ class Limits:
     battery_stale_s: float = 7.0
     """PX4 reports its battery every 2 s: three reports may be lost before the last one is old."""
     fall_m_s: float = 5.0
-    """No autopilot descends this fast on its own (ArduPilot's PILOT_SPEED_DN and PX4's MPC_Z_VEL_MAX_DN are below 3)."""
+    """No autopilot descends this fast on its own (ArduPilot's WPNAV_SPEED_DN and PX4's MPC_Z_VEL_MAX_DN are 1.5)."""
     off_pad_m: float = 15.0
     """A vehicle that disarms farther than this from its pad did not land where it should."""
     airborne_m: float = 2.0

@@ -168,9 +168,7 @@ FlightMessage = (
 )
 """What the core follows in flight; it is logged and replayed."""
 
-DialogueMessage = (
-    MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version
-)
+DialogueMessage = MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage

@@ -86,7 +86,11 @@ def failsafe(facts: Facts, dialect: Dialect, link_timeout_s: float) -> Check:
             "would be given away while it still flies them"
         )
         return Check(Severity.WARNING, facts.name, text)
-    return Check(Severity.OK, facts.name, f"acts by itself after {acts_s:g} s without us ({rule.action} {facts.failsafe_action:g})")
+    return Check(
+        Severity.OK,
+        facts.name,
+        f"acts by itself after {acts_s:g} s without us ({rule.action} {facts.failsafe_action:g})",
+    )
 
 
 def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
@@ -107,6 +111,7 @@ def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: 
 
 def separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
-    found = [Check(Severity.STOP, "separation", text) for text in check_separation(paths, layer_m, home_alt_m=home_alt_m)]
+    found = [
+        Check(Severity.STOP, "separation", text) for text in check_separation(paths, layer_m, home_alt_m=home_alt_m)
+    ]
     return found or [Check(Severity.OK, "separation", f"any two vehicles stay at least {layer_m:g} m apart")]
-

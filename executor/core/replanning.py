@@ -170,7 +170,8 @@ def solved(
         commands.append(Upload(offer.vehicle, event.revision, path, offer.airborne))
         vehicle = replace(state.vehicles[offer.vehicle], pending=event.revision)
         state = state.put(vehicle)
-    text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {', '.join(sorted(pending)) or 'nobody'}"
+    names = ", ".join(sorted(pending)) or "nobody"
+    text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
     if event.uncovered:
         what = f"the budgets that are left do not cover {_listed(event.uncovered)}"
@@ -206,9 +207,7 @@ def new_visits(vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) 
     return (*stay, *visits)
 
 
-def new_path(
-    context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]
-) -> FlightPath:
+def new_path(context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> FlightPath:
     """Return the whole flight path of a survivor with its new visits.
 
     In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
@@ -243,4 +242,3 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
 def _listed(segments: frozenset[int] | tuple[int, ...]) -> str:
     names = ", ".join(str(segment) for segment in sorted(segments))
     return f"segment{'s' if len(segments) != 1 else ''} {names}"
-

@@ -7,7 +7,7 @@ will be over soon. It is the reason if the question stays without an answer.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, TypeVar
 
 from executor.core.messages import (
     Message,
@@ -50,9 +50,9 @@ class Download:
             return self, ()
         match message:
             case MissionCount(count) if self.count is None:
-                return replace(self, count=count)._ask(now_s)
+                return _ask(replace(self, count=count), now_s)
             case MissionItemReceived(item) if self.count is not None and item.seq == len(self.items):
-                return replace(self, items=(*self.items, item))._ask(now_s)
+                return _ask(replace(self, items=(*self.items, item)), now_s)
             case MissionAck(result) if result != 0:
                 return replace(self, refusal=result), ()
             case _:
@@ -77,11 +77,16 @@ class Download:
             return self, ()
         return self._ended(Cancelled()), (SendMissionAck(15),)
 
-    def _ask(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        if len(self.items) == self.count:
-            return self._ended(Accepted()), (SendMissionAck(0),)
-        state = replace(self, tries=1, refusal=None, deadline_s=now_s + PERIOD_S)
-        return state, (SendMissionRequest(len(self.items)),)
-
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))
+
+
+D = TypeVar("D", bound=Download)
+
+
+def _ask(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
+    """Ask for the next item, or say that all have come."""
+    if len(state.items) == state.count:
+        return replace(state, outcome=Accepted(), deadline_s=float("inf")), (SendMissionAck(0),)
+    asked = replace(state, tries=1, refusal=None, deadline_s=now_s + PERIOD_S)
+    return asked, (SendMissionRequest(len(state.items)),)

@@ -36,7 +36,7 @@ class Parameter:
             case ParamValue(name, value) if name == self.name:
                 state = replace(self, value=message)
                 if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
-                    return state._ended(Accepted()), ()
+                    return replace(state, outcome=Accepted(), deadline_s=float("inf")), ()
                 return state, ()
             case _:
                 return self, ()

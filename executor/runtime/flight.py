@@ -123,7 +123,7 @@ class Flight:
         return self._tasks.create_task(work, name=name)
 
     def _job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
-        """Give a vehicle something to do; what it was given before is cancelled, for only one dialogue runs at a time."""
+        """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time."""
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()

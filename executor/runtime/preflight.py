@@ -100,7 +100,9 @@ async def interview(name: str, link: Link, clock: Clock, dialect: Dialect, ready
     try:
         for message, rate_hz in STREAMS_HZ.items():
             await procedures.order(link, clock, CommandDialogue(orders.message_interval(message, rate_hz), "stream"))
-        await procedures.order(link, clock, CommandDialogue(orders.request_message(orders.AUTOPILOT_VERSION), "version"))
+        await procedures.order(
+            link, clock, CommandDialogue(orders.request_message(orders.AUTOPILOT_VERSION), "version")
+        )
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
                 await _steadily_ready(heard, clock)
@@ -113,8 +115,8 @@ async def interview(name: str, link: Link, clock: Clock, dialect: Dialect, ready
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
         raise PreflightFailed(f"{name}: fell silent while it was asked")
-    version = heard.version
-    text = "unknown version" if version is None else f"{version.major}.{version.minor}.{version.patch}"
+    said = heard.version
+    text = "unknown version" if said is None else f"{said.major}.{said.minor}.{said.patch}"
     return Facts(name, heard.heartbeat, heard.position, heard.remaining, text, action, timeout_s)
 
 

@@ -51,9 +51,7 @@ def reason_of(outcome: Outcome | None) -> str:
             return "cancelled"
 
 
-async def put_on_board(
-    link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]
-) -> Done:
+async def put_on_board(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> Done:
     """Upload a mission and read it back until both are the same, with patience but not for ever."""
     reason, mixed, began_s = "", False, clock.now_s()
     for attempt in itertools.count():
@@ -116,7 +114,9 @@ async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
 async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartStep) -> Done:
     match step:
         case StartStep.GUIDED:
-            return await switch_mode(link, clock, orders.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode})
+            return await switch_mode(
+                link, clock, orders.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode}
+            )
         case StartStep.ARM:
             done = await _arm(link, clock)
             if not done.accepted:
@@ -158,7 +158,9 @@ async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: 
 
 
 async def _confirmed(link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str) -> Done:
-    seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), MODE_TIMEOUT_S)
+    seen = await wait_for(
+        link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), MODE_TIMEOUT_S
+    )
     return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise)
 
 
@@ -185,4 +187,3 @@ async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind:
     """Set a parameter and see the new value."""
     ended = await converse(Parameter(name, SendParamSet(name, value, kind)), link, clock)
     return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
-

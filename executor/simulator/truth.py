@@ -15,8 +15,8 @@ class Truth:
 
     vehicle: str
     what: str
-    """``armed``, ``mission_started``, ``took_off``, ``landed``, ``disarmed``, ``crash``, or ``fault SPEC`` at the moment
-    when a fault was injected."""
+    """``armed``, ``mission_started``, ``took_off``, ``landed``, ``disarmed``, ``crash``, or ``fault SPEC`` when a fault
+    was injected."""
     t_s: float
     """Simulated seconds since the simulation began."""
     unix_s: float

@@ -26,7 +26,9 @@ class Segment:
 def segments_of(run: Path) -> dict[int, Segment]:
     """The segments of the first plan, in local metres."""
     plan = json.loads((run / "plan-000.json").read_text())
-    return {entry["id"]: Segment(entry["id"], tuple(entry["a"][:2]), tuple(entry["b"][:2])) for entry in plan["segments"]}
+    return {
+        entry["id"]: Segment(entry["id"], tuple(entry["a"][:2]), tuple(entry["b"][:2])) for entry in plan["segments"]
+    }
 
 
 def depot_of(run: Path) -> Place:
@@ -86,5 +88,9 @@ def wrongly_counted(run: Path, report: dict[str, object], *, speed_m_s: float = 
         if not vehicle["segments"]:
             continue
         positions = positions_of(run / f"{vehicle['name']}.tlog", depot)
-        wrong += [(vehicle["name"], one) for one in vehicle["segments"] if not flown(segments[one], positions, speed_m_s=speed_m_s)]
+        wrong += [
+            (vehicle["name"], one)
+            for one in vehicle["segments"]
+            if not flown(segments[one], positions, speed_m_s=speed_m_s)
+        ]
     return wrong

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,7 +87,7 @@ class Codec:
             self.garbage += 1
             return
         for frame in frames or ():
-            if frame.get_type() in {"BAD_DATA"} or frame.get_type().startswith("UNKNOWN"):
+            if frame.get_type() == "BAD_DATA" or frame.get_type().startswith("UNKNOWN"):
                 self.garbage += 1
                 continue
             yield Received(
@@ -196,7 +196,7 @@ def _item(frame: Any) -> MissionItemReceived | None:  # noqa: ANN401
     )
 
 
-def _of_mission(build: type[Message], field: str) -> Any:  # noqa: ANN401
+def _of_mission(build: Callable[[int], Message], field: str) -> Any:  # noqa: ANN401
     def read(frame: Any) -> Message | None:  # noqa: ANN401
         if frame.mission_type != MISSION_TYPE_MISSION:
             return None
@@ -242,7 +242,7 @@ def _param_to_wire(value: float, kind: int, autopilot: int | None) -> float:
     return value
 
 
-def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, C901, PLR0911
+def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
     match message:
         case SendHeartbeat():
             return mav.MAVLink_heartbeat_message(

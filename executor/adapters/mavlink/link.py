@@ -72,7 +72,7 @@ class VehicleLink(asyncio.DatagramProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the endpoint (called by asyncio)."""
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
-        self._transport = cast(asyncio.DatagramTransport, transport)
+        self._transport = cast("asyncio.DatagramTransport", transport)
         self._connected = transport.get_extra_info("peername") is not None
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
