@@ -97,8 +97,7 @@ async def fly(order: Order, console: Console) -> Flown:
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
-    ground, run = order.ground, order.run
-
+    ground = order.ground
     clock = SystemClock(order.site.flight.speedup)
     solver = SolverProcess(
         SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
@@ -117,7 +116,6 @@ async def _fly(
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, VehicleLink],
-    run: Path,
 ) -> Flown:
     ground, run = order.ground, order.run
     facts = await _interviews(order, links, clock, console)

@@ -12,6 +12,7 @@ import tempfile
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -214,7 +215,7 @@ def export(
         home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
         path = output / f"{name}.{suffix}"
         text = write(items, dialect, home)
-        _writable(path, lambda path=path, text=text: path.write_text(text, encoding="utf-8"))
+        _writable(path, partial(path.write_text, text, encoding="utf-8"))
         print(path)
 
 
