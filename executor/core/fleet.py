@@ -177,12 +177,18 @@ def _own_sleep(state: FleetState, now_s: float) -> Stepped:
     state = replace(state, tick_s=now_s)
     if slept_s <= SLEPT_S:
         return state, ()
-    for vehicle in state.vehicles.values():
-        if vehicle.heard_s is not None:
-            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + slept_s)))
+    state = _excused(state, slept_s, now_s)
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
+
+
+def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
+    """Count a time in which nobody could be heard against no vehicle."""
+    for vehicle in state.vehicles.values():
+        if vehicle.heard_s is not None:
+            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
+    return state
 
 
 def _silence(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -191,10 +197,14 @@ def _silence(context: Context, state: FleetState, now_s: float) -> Stepped:
     if not expected or state.launched_s is None:
         return replace(state, silent_since_s=None), ()
     latest = max(vehicle.heard_s if vehicle.heard_s is not None else float("-inf") for vehicle in expected)
-    if now_s - latest < context.limits.link_stale_s or not state.flying():
+    if now_s - latest < context.limits.link_stale_s:
         if state.silent_since_s is None:
             return state, ()
+        # The first one is heard before the others, whose time begins anew.
+        state = _excused(state, latest - state.silent_since_s, now_s)
         return replace(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
+    if not state.flying():
+        return replace(state, silent_since_s=None), ()
     if state.silent_since_s is not None:
         return state, ()
     text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
@@ -279,7 +289,7 @@ def _declare(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str
     commands: list[Command] = []
     if kind is FaultKind.LINK:
         stage, then = Stage.LOST, "its segments are given to the others"
-    elif down or vehicle.stage is Stage.STARTING:
+    elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, "its segments are given to the others"
     else:
         stage, then = Stage.RETURNING, "it is told to return, its segments are given to the others"
@@ -326,7 +336,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         commands.append(Say(Level.WARNING, text))
         state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
     state = replace(state, replan=plan)
-    if event.mixed and not event.accepted:
+    if event.mixed and not event.accepted and offer.airborne:
         state, more = _declare(
             state, state.vehicles[vehicle.name], FaultKind.INTERRUPTION, "its mission is a mixture of two", now_s
         )

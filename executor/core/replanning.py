@@ -152,11 +152,11 @@ def solved(
     if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
         return state, ()  # made stale by a newer fault
     if event.routes is None:
-        state = replace(state, replan=None, urgent=True, wait_until_s=now_s + RETRY_S)
+        state = replace(_wanted_again(state, plan), wait_until_s=now_s + RETRY_S)
         return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
     late = [offer.vehicle for offer in plan.solve.survivors if not _still_fits(state.vehicles[offer.vehicle], offer)]
     if late:
-        state = replace(state, replan=None, urgent=True)
+        state = _wanted_again(state, plan)
         return state, (Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning anew"),)
     routes = {route.vehicle: route.visits for route in event.routes}
     commands: list[Command] = []
@@ -188,6 +188,11 @@ def solved(
     state = replace(state, replan=plan, given_up=given_up)
     state, ended = ended_if_done(state, now_s)
     return state, (*lines, *commands, *ended)
+
+
+def _wanted_again(state: FleetState, plan: Replan) -> FleetState:
+    """Give a re-plan up; the next one has the same reason and is as old."""
+    return replace(state, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
 
 
 def _still_fits(vehicle: VehicleState, offer: Survivor) -> bool:

@@ -51,6 +51,8 @@ class Craft:
     """The leg that it reported last: at every change, and once a second."""
     mute: bool = False
     """It is not heard, nor does it hear."""
+    stubborn: bool = False
+    """It acknowledges a return and goes on."""
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     path: FlightPath | None = None
     goals_m: list[tuple[float, float, float]] = field(default_factory=list)
@@ -326,7 +328,7 @@ class Story:
         craft = self.crafts[name]
         if craft.mute:
             return ReturnEnded(name, accepted=False, reason="no acknowledgement")
-        if craft.armed:
+        if craft.armed and not craft.stubborn:
             craft.go_home()
         return ReturnEnded(name, accepted=True, reason="")
 
