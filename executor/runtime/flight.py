@@ -14,7 +14,7 @@ from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.state import FleetState
 from executor.runtime import procedures
-from missions import encode, flag_current
+from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
@@ -55,10 +55,24 @@ class Flight:
         self._jobs: dict[str, asyncio.Task[None]] = {}
         self._tasks: asyncio.TaskGroup | None = None
         self._over = asyncio.Event()
+        self._mistakes: set[str] = set()
 
     def apply(self, event: Event) -> None:
-        """Write an event down, apply it, and carry out what was decided."""
+        """Write an event down, apply it, and carry out what was decided.
+
+        A mistake of ours in one decision must not end the supervision of everybody: the event then changes nothing,
+        because states are values, and the operator is told.
+        """
         now_s = self._clock.now_s()
+        try:
+            self._apply(event, now_s)
+        except Exception as error:  # noqa: BLE001 - the boundary between one event and the flight
+            text = f"internal mistake at {type(event).__name__}: {type(error).__name__}: {error}"
+            if text not in self._mistakes:
+                self._mistakes.add(text)
+                self._observer.said(commands.Say(commands.Level.FAULT, text), now_s)
+
+    def _apply(self, event: Event, now_s: float) -> None:
         self._sink.write(event, now_s)
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
         self._observer.applied(event, self.state, now_s)
@@ -133,7 +147,11 @@ class Flight:
 
     async def _upload(self, command: commands.Upload) -> None:
         dialect = self.context.vehicles[command.vehicle].dialect
-        mission = encode(command.path, dialect)
+        try:
+            mission = encode(command.path, dialect)
+        except EncodeError as error:
+            self.apply(events.UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason=str(error)))
+            return
         if command.airborne:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
             mission = flag_current(mission, None)
