@@ -34,6 +34,8 @@ SENSORS_IDLE = (0x5371FC2F, 0x53619C2F, 0x57719C2F)
 SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
 """From the recorded flights: (present, enabled, healthy)."""
 BATTERY_BIT = 0x02000000
+EKF_READY, EKF_BOOT = 831, 1024
+"""Flags of EKF_STATUS_REPORT: as recorded in flight, and 'uninitialised'."""
 LOW, CRITICAL = 1, 2
 
 
@@ -307,6 +309,8 @@ class ArduPilot(Autopilot):
                     energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
                 )  # fmt: skip
+            case "EKF_STATUS_REPORT":
+                return telemetry.ekf_status(EKF_READY if self.ready else EKF_BOOT)
             case "GPS_RAW_INT":
                 return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=6 if self.ready else 1)
             case "MISSION_CURRENT":

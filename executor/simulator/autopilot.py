@@ -325,7 +325,7 @@ class Autopilot(ABC):
 
     def _interval_command(self, command: Command) -> Result:
         name = MESSAGE_NAMES.get(command.integer(0))
-        if name is None:
+        if name is None or self._build(name) is None:
             return Result.FAILED
         self.streams.set_interval(name, command.params[1], self.now_s)
         return Result.ACCEPTED

@@ -73,17 +73,17 @@ class _Link(asyncio.DatagramProtocol):
             await self._closed.wait()
 
 
-class _SimClock:
-    """Simulated time that follows the monotonic clock and never jumps over a long stall."""
+class SimClock:
+    """Simulated time that follows a monotonic clock and never jumps over a long stall."""
 
-    def __init__(self, speedup: float) -> None:
+    def __init__(self, speedup: float, *, monotonic_s: float, unix_s: float) -> None:
         self._speedup = speedup
-        self._origin_s = time.monotonic()
-        self._unix_s = time.time()
+        self._origin_s = monotonic_s
+        self._unix_s = unix_s
 
-    def now_s(self, lived_s: float) -> float:
+    def now_s(self, lived_s: float, monotonic_s: float) -> float:
         """Return the simulated time that the fleet should have lived to, given how far it has."""
-        due_s = (time.monotonic() - self._origin_s) * self._speedup
+        due_s = (monotonic_s - self._origin_s) * self._speedup
         excess_s = due_s - lived_s - MAX_LAG_S * self._speedup
         if excess_s > 0:
             self._origin_s += excess_s / self._speedup
@@ -127,11 +127,11 @@ async def run_fleet(
 
 
 async def _fly(links: list[_Link], speedup: float, stop: asyncio.Event, on_truth: Callable[[Truth], None]) -> None:
-    clock = _SimClock(speedup)
+    clock = SimClock(speedup, monotonic_s=time.monotonic(), unix_s=time.time())
     tick_s = min(max(STEP_S / speedup, TICK_S[0]), TICK_S[1])
     lived_s = 0.0
     while not stop.is_set():
-        due_s = clock.now_s(lived_s)
+        due_s = clock.now_s(lived_s, time.monotonic())
         behind = due_s - lived_s > CHUNK_STEPS * STEP_S
         lived_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
         for link in links:

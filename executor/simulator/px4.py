@@ -28,6 +28,8 @@ CAPABILITIES = 1 << 0 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
 SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
 SENSORS = (0x300402F, 0x301402F, 0x1320C83F)
 """From the recorded flights: (present, enabled, healthy)."""
+PREARM_BIT = 0x10000000
+"""Healthy when nothing speaks against arming."""
 LOSS_MARGIN_S = 2.0
 """Measured: AUTO.LOITER about 12 s after the last heartbeat, with COM_DL_LOSS_T at 10."""
 CONE_CLOSE_M = 2.0
@@ -322,7 +324,7 @@ class Px4(Autopilot):
                 )  # fmt: skip
             case "SYS_STATUS":
                 return telemetry.sys_status(
-                    SENSORS if self.ready else SENSORS_BOOT, voltage_v=battery.voltage_v, current_ca=self._current_ca(),
+                    self._sensors(), voltage_v=battery.voltage_v, current_ca=self._current_ca(),
                     remaining_pct=math.ceil(battery.charge_pct - 1e-9),
                 )  # fmt: skip
             case "BATTERY_STATUS":
@@ -347,6 +349,13 @@ class Px4(Autopilot):
                 )
             case _:
                 return None
+
+    def _sensors(self) -> tuple[int, int, int]:
+        if not self.ready:
+            return SENSORS_BOOT
+        present, enabled, healthy = SENSORS
+        armable = self.frame.armed or self._refuse_arming() is None
+        return present, enabled, healthy if armable else healthy & ~PREARM_BIT
 
     def _system_status(self) -> int:
         if not self.ready:

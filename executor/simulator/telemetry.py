@@ -116,6 +116,14 @@ def sys_status(sensors: tuple[int, int, int], *, voltage_v: float, current_ca: i
     )  # fmt: skip
 
 
+def ekf_status(flags: int) -> Outbound:
+    """Return EKF_STATUS_REPORT with the variances of a good estimate."""
+    return out(
+        "EKF_STATUS_REPORT", flags=flags, velocity_variance=0.005, pos_horiz_variance=0.005, pos_vert_variance=0.001,
+        compass_variance=0.01, terrain_alt_variance=0.0,
+    )  # fmt: skip
+
+
 def heartbeat(*, autopilot: int, base_mode: int, custom_mode: int, system_status: int) -> Outbound:
     """Return HEARTBEAT of a quadrotor."""
     return out(

@@ -70,8 +70,7 @@ async def test_mavsdk_reads_uploads_downloads_starts_and_pauses(kind: AutopilotK
         if kind is AutopilotKind.ARDUPILOT:
             await telemetry.set_rate_position(4.0)
             await telemetry.set_rate_battery(1.0)
-            await telemetry.set_rate_home(1.0)
-            await telemetry.set_rate_gps_info(1.0)
+            await telemetry.set_rate_health(2.0)
         place = await wait_for(telemetry.subscribe_position(), lambda _: True)
         assert (place.latitude_deg, place.longitude_deg) == pytest.approx((LAT_DEG, LON_DEG), abs=1e-6)
         battery = await wait_for(telemetry.subscribe_battery(), lambda value: value.remaining_percent > 0)

@@ -12,7 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from executor.simulator import AutopilotKind, SimFleet, parse_fault, run_fleet
-from executor.simulator.fleet import MAX_LAG_S, _SimClock
+from executor.simulator.fleet import MAX_LAG_S, SimClock
 from tests.executor.simulator.flying import flying, free_port
 from tests.executor.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
 from tests.executor.simulator.station import Station
@@ -126,13 +126,10 @@ async def test_twenty_vehicles_at_speed_1_keep_up() -> None:
                 await station.wait_for("HEARTBEAT", good=partial(is_from, sysid))
 
 
-def test_the_clock_makes_up_for_a_short_stall_and_not_for_a_long_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = {"s": 100.0}
-    monkeypatch.setattr(time, "monotonic", lambda: now["s"])
-    clock = _SimClock(speedup=10)
-    now["s"] += 1.0
-    assert clock.now_s(0.0) == pytest.approx(10)
-    now["s"] += 60.0
-    assert clock.now_s(10.0) == pytest.approx(10 + MAX_LAG_S * 10)
-    now["s"] += 0.5
-    assert clock.now_s(30.0) == pytest.approx(35)
+def test_the_clock_makes_up_for_a_short_stall_and_not_for_a_long_one() -> None:
+    clock = SimClock(10, monotonic_s=100.0, unix_s=1.7e9)
+    assert clock.now_s(0.0, 101.0) == pytest.approx(10)
+    assert clock.now_s(10.0, 161.0) == pytest.approx(10 + MAX_LAG_S * 10)
+    assert clock.now_s(30.0, 161.5) == pytest.approx(35)
+    # The time of day goes on, so what happens later is dated rightly.
+    assert clock.unix_s(35.0) == pytest.approx(1.7e9 + 61.5)
