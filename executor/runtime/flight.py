@@ -150,7 +150,8 @@ class Flight:
         try:
             mission = encode(command.path, dialect)
         except EncodeError as error:
-            self.apply(events.UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason=str(error)))
+            why = str(error)
+            self.apply(events.UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason=why))
             return
         if command.airborne:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
