@@ -23,7 +23,7 @@ from missions import FlightPath, Phase, encode
 from tests.fakes.solver import Answer, share_out
 from tests.fakes.vehicle import AUTOPILOTS
 
-STEP_S = 0.2
+STEP_S = 0.4
 HOLD_S = 1.0
 
 
