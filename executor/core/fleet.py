@@ -315,18 +315,16 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     plan = state.replan
     if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
         return state, ()
-    offer = next(offer for offer in plan.solve.survivors if offer.vehicle == event.vehicle)
-    visits = next((route.visits for route in plan.routes if route.vehicle == event.vehicle), ())
+    mission = plan.missions[event.vehicle]
     vehicle = replace(vehicle, pending=None)
     commands: list[Command] = []
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
-        path = replanning.new_path(context, vehicle, offer, visits)
-        everything = replanning.new_visits(vehicle, offer, visits)
-        board = aboard(context, vehicle.name, event.revision, path, everything)
+        board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
         state = state.put(replace(vehicle, board=board))
-        commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {len(visits)} segments to go"))
-        if not offer.airborne:
+        to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
+        commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {to_go} segments to go"))
+        if mission.fresh:
             state, start = _start(state, state.vehicles[vehicle.name], now_s)
             commands.append(start)
     else:
@@ -336,7 +334,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         commands.append(Say(Level.WARNING, text))
         state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
     state = replace(state, replan=plan)
-    if event.mixed and not event.accepted and offer.airborne:
+    if event.mixed and not event.accepted and not mission.fresh:
         state, more = _declare(
             state, state.vehicles[vehicle.name], FaultKind.INTERRUPTION, "its mission is a mixture of two", now_s
         )

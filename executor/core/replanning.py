@@ -9,9 +9,9 @@ from executor.core import battery, energy
 from executor.core.commands import Command, Level, Say, Solve, Survivor, Upload
 from executor.core.context import Context
 from executor.core.events import SolveEnded
-from executor.core.state import FleetState, Replan, ReplanRecord
+from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
-from missions import FlightPath, Phase, continue_path, flight_path
+from missions import Phase, continue_path, flight_path
 from planner import segment_of
 
 PROOF_GRACE_S = 5.0
@@ -160,17 +160,17 @@ def solved(
         return state, (Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning anew"),)
     routes = {route.vehicle: route.visits for route in event.routes}
     commands: list[Command] = []
-    pending: set[str] = set()
+    missions: dict[str, NewMission] = {}
     for offer in plan.solve.survivors:
         visits = routes.get(offer.vehicle, ())
         if visits == offer.tail:
             continue
-        path = new_path(context, state.vehicles[offer.vehicle], offer, visits)
-        pending.add(offer.vehicle)
-        commands.append(Upload(offer.vehicle, event.revision, path, offer.airborne))
+        mission = _new_mission(context, state.vehicles[offer.vehicle], offer, visits)
+        missions[offer.vehicle] = mission
+        commands.append(Upload(offer.vehicle, event.revision, mission.path, offer.airborne))
         vehicle = replace(state.vehicles[offer.vehicle], pending=event.revision)
         state = state.put(vehicle)
-    names = ", ".join(sorted(pending)) or "nobody"
+    names = ", ".join(sorted(missions)) or "nobody"
     text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
     if event.uncovered:
@@ -181,8 +181,8 @@ def solved(
         solve_s=event.solve_s,
         solved_s=now_s,
         uncovered=event.uncovered,
-        routes=event.routes,
-        pending=frozenset(pending),
+        missions=MappingProxyType(missions),
+        pending=frozenset(missions),
     )
     given_up = state.given_up | set(event.uncovered)
     state = replace(state, replan=plan, given_up=given_up)
@@ -203,23 +203,17 @@ def _still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
     return vehicle.stage in {Stage.FLYING, Stage.STARTING} and vehicle.waypoint <= offer.kept
 
 
-def new_visits(vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> tuple[int, ...]:
-    """Return all visits of a vehicle's new path: those that stay, then the new ones."""
-    if not offer.airborne or vehicle.board is None:
-        return visits
-    kept = {waypoint.visit for waypoint in vehicle.board.path.waypoints[: offer.kept]}
-    stay = tuple(visit for index, visit in enumerate(vehicle.board.visits) if index in kept)
-    return (*stay, *visits)
-
-
-def new_path(context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> FlightPath:
-    """Return the whole flight path of a survivor with its new visits.
+def _new_mission(context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> NewMission:
+    """Return a survivor's whole new mission.
 
     In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
     """
     if not offer.airborne or vehicle.board is None:
-        return flight_path(context.setup, vehicle.name, visits)
-    return continue_path(context.setup, vehicle.board.path, offer.kept, visits)
+        return NewMission(flight_path(context.setup, vehicle.name, visits), visits, fresh=True)
+    kept = {waypoint.visit for waypoint in vehicle.board.path.waypoints[: offer.kept]}
+    stay = tuple(visit for index, visit in enumerate(vehicle.board.visits) if index in kept)
+    path = continue_path(context.setup, vehicle.board.path, offer.kept, visits)
+    return NewMission(path, (*stay, *visits), fresh=False)
 
 
 def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:

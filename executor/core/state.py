@@ -7,8 +7,19 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.commands import Solve
-from executor.core.events import NewRoute
 from executor.core.vehicle import Stage, VehicleState
+from missions import FlightPath
+
+
+@dataclass(frozen=True, slots=True)
+class NewMission:
+    """What a re-plan puts on board one vehicle."""
+
+    path: FlightPath
+    visits: tuple[int, ...]
+    """All visits of the path: those that stay, then the new ones."""
+    fresh: bool
+    """Whether it begins on the ground, with a take-off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +33,8 @@ class Replan:
     """Real seconds that the solver took; None while it works."""
     solved_s: float = 0.0
     uncovered: tuple[int, ...] = ()
-    routes: tuple[NewRoute, ...] = ()
+    missions: Mapping[str, NewMission] = field(default_factory=lambda: MappingProxyType({}))
+    """What goes on board whom."""
     pending: frozenset[str] = frozenset()
     """Vehicles whose new mission is not on board yet."""
     failed: tuple[str, ...] = ()
