@@ -100,9 +100,13 @@ class Codec:
 
     def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
-        return bytes(_to_mavlink(message, sysid, compid, self.autopilot).pack(self._mav))
+        frame = bytes(_to_mavlink(message, sysid, compid, self.autopilot).pack(self._mav))
+        self._mav.seq = (self._mav.seq + 1) % 256  # pack leaves it as it is
+        return frame
 
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
+        if not _for_us(frame):
+            return None
         if frame.get_type() == "STATUSTEXT":
             return self._text(frame)
         if frame.get_type() == "PARAM_VALUE":
@@ -118,10 +122,17 @@ class Codec:
         chunks = self._chunks.setdefault(key, {})
         chunks[frame.chunk_seq] = frame.text
         # A chunk that is not filled to its 50 characters ends the text.
-        if len(frame.text) >= 50 or set(chunks) != set(range(len(chunks))):
+        last = max(chunks)
+        if len(chunks[last]) >= 50 or len(chunks) <= last:
             return None
         del self._chunks[key]
         return StatusText(frame.severity, "".join(chunks[index] for index in sorted(chunks)).strip())
+
+
+def _for_us(frame: Any) -> bool:  # noqa: ANN401
+    """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
+    ours = zip(("target_system", "target_component"), GROUND_STATION, strict=True)
+    return all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
 
 def _known(value: float, *, unknown_below: float = 0.0) -> float | None:

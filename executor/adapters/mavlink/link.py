@@ -49,6 +49,8 @@ class VehicleLink(asyncio.DatagramProtocol):
         self._connected = False
         self._listeners: list[Callable[[Message], None]] = []
         self._last_seq: int | None = None
+        self._absent: set[int] = set()
+        """Sequence numbers that were passed over, as long as they may still come."""
 
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
         """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
@@ -104,10 +106,14 @@ class VehicleLink(asyncio.DatagramProtocol):
             return
         if self._last_seq is not None:
             gap = (received.seq - self._last_seq) % 256
-            # A frame that was overtaken counts as neither lost nor a jump of 255.
             if gap == 0 or gap > 128:
+                # A duplicate, or a frame that was overtaken on the way: then it is not missing after all.
+                self.counts.missing -= received.seq in self._absent
+                self._absent.discard(received.seq)
                 return
             self.counts.missing += gap - 1
+            self._absent |= {(self._last_seq + step) % 256 for step in range(1, gap)}
+            self._absent.discard(received.seq)
         self._last_seq = received.seq
 
 
