@@ -110,7 +110,24 @@ def read_events(path: Path) -> Iterator[tuple[float, Event]]:
                     content = json.loads(line)
                 except json.JSONDecodeError as error:
                     raise LogError(f"{path}: line {number}: not JSON: {error}") from error
-                if "event" in content:
-                    yield content["t_s"], from_plain(content["event"])
+                try:
+                    timed = _timed(content)
+                except LogError as error:
+                    raise LogError(f"{path}: line {number}: {error}") from error
+                if timed is not None:
+                    yield timed
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path}: not a log: {error}") from error
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _timed(content: object) -> tuple[float, Event] | None:
+    """Return the event of a line with its time; None for a line that has none."""
+    if not isinstance(content, dict):
+        raise LogError("expected an object")
+    if "event" not in content:
+        return None
+    if not isinstance(content.get("t_s"), int | float):
+        raise LogError("no time t_s")
+    return content["t_s"], from_plain(content["event"])
