@@ -242,9 +242,13 @@ async def _load(
 ) -> None:
     async def one(name: str, board: OnBoard | None) -> None:
         dialect, link = context.vehicles[name].dialect, links[name]
-        problem = await asking.prepare_return(name, link, clock, dialect, context.return_height_m(name))
+        rule = dialect.return_parameters
+        height_m = context.return_height_m(name)
+        problem = await asking.prepare_return(name, link, clock, dialect, height_m)
         if problem:
             console.say(Level.WARNING, problem)
+        else:
+            console.say(Level.INFO, f"{name}: its own return is set to {height_m:.0f} m ({rule.height})")
         if board is not None:
             mission = encode(board.path, dialect)
             await asking.load(name, link, clock, dialect, mission)
