@@ -31,7 +31,7 @@ pytestmark = [
 def test_the_flight_ends_well(radius_m: int, autopilot: str, fault: str, share_pct: int, tmp_path: Path) -> None:
     run = tmp_path / "run"
     command = [
-        sys.executable, "-m", "executor", "demo", "--json", "--run", str(run), "--speedup", "30",
+        sys.executable, "-m", "executor", "demo", "--json", "--run", str(run), "--speedup", "20",
         "--network", str(NETWORK), "--radius", str(radius_m), "--autopilot", autopilot,
         "--fault", f"uav2:{fault}@{share_pct}%",
     ]  # fmt: skip
