@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
+import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -56,7 +58,16 @@ _worker: tuple[SolverSetup, Synchronized[int]] | None = None
 def _prepare(setup: SolverSetup, cancelled: Synchronized[int]) -> None:
     global _worker  # noqa: PLW0603 - a worker process holds exactly one setup, given when it starts
     _worker = (setup, cancelled)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     warm_up()
+
+
+def _end_with_parent() -> None:
+    """End the worker when the ground station is gone, however it died: nobody would ask or stop it any more."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _ready() -> bool:

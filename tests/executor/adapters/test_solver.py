@@ -6,8 +6,10 @@ import asyncio
 import itertools
 import os
 import signal
+import sys
 from collections.abc import AsyncIterator
 from multiprocessing import active_children
+from pathlib import Path
 
 import pytest
 import pytest_asyncio
@@ -19,7 +21,8 @@ from planner import PRESETS, travel_for
 from tests.missions.builders import line_east
 
 SETUP = SolverSetup(line_east(7), travel_for(PRESETS["mavic3"], 8.0, 3.0), 0.5, 1)
-PATIENCE_S = 60.0
+PATIENCE_S = 15.0
+SOURCE = Path(__file__).parents[3]
 
 
 def survivor(name: str, *, budget_pct: float = 60.0, airborne: bool = True, tail: tuple[int, ...] = ()) -> Survivor:
@@ -94,3 +97,30 @@ async def test_the_worker_solves_is_cancelled_and_is_replaced_when_it_dies(proce
     assert segments(await asked(process, problem(5))) == [1, 2, 3, 4, 5]
     [other] = active_children()
     assert other.pid != worker.pid
+
+
+ABANDONED = """
+import asyncio, os, signal
+from tests.executor.adapters.test_solver import SETUP
+from executor.adapters.solver import SolverProcess
+
+async def main():
+    async with SolverProcess(SETUP):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+if __name__ == "__main__":
+    asyncio.run(main())
+"""
+
+
+@pytest.mark.asyncio
+async def test_a_killed_ground_station_leaves_no_worker_behind(tmp_path: Path) -> None:
+    """The worker shares its standard output, which therefore ends only with the worker."""
+    script = tmp_path / "abandoned.py"
+    script.write_text(ABANDONED, encoding="utf-8")
+    station = await asyncio.create_subprocess_exec(
+        sys.executable, script, stdout=asyncio.subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(SOURCE)}
+    )
+    async with asyncio.timeout(PATIENCE_S):
+        await station.communicate()
+    assert station.returncode == -signal.SIGKILL
