@@ -1,0 +1,174 @@
+"""Whole flights over UDP: what is lost is found, what is left is finished, and the operator can leave."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import common as mav
+
+from executor.simulator.truth import read_truths
+from tests.e2e.flights import (
+    PATIENCE_S,
+    Flown,
+    began_unix_s,
+    called,
+    demo,
+    ended,
+    graph_file,
+    interrupt,
+    log_lines,
+    notes,
+    said_in,
+    site_file,
+)
+
+pytestmark = pytest.mark.asyncio
+
+LEAST_APART_M = 5.0
+ARDUPILOT_AUTO = 3
+
+
+def finished(flown: Flown) -> None:
+    """Check what every flight that ends well has in common."""
+    report = flown.report
+    assert flown.code == 0
+    assert report["finished"]
+    assert report["segments_inspected"] == report["segments_total"] > 0
+    assert report["segments_uncovered"] == []
+    assert report["min_separation_m"] >= LEAST_APART_M
+    assert not any("internal mistake" in line for line in flown.said)
+
+
+def lost(flown: Flown) -> list[tuple[str, str]]:
+    return [(fault["vehicle"], fault["kind"]) for fault in flown.report["faults"]]
+
+
+async def test_a_silent_link(tmp_path: Path) -> None:
+    flown = await demo(tmp_path / "run", "uav2:silent@40%")
+    finished(flown)
+    assert lost(flown) == [("uav2", "link")]
+    [fault], [replan] = flown.report["faults"], flown.report["replans"]
+    assert replan["feasible"]
+    assert replan["trigger"].startswith("uav2: link, silent for ")
+    assert fault["detected_s"] - fault["happened_s"] >= 10.0
+    assert all(one["landed"] for one in flown.report["vehicles"] if one["name"] != "uav2")
+    assert min(one["min_reserve_pct"] for one in flown.report["vehicles"]) >= 15.0
+    written = {path.name for path in flown.run.iterdir()}
+    assert {"site.toml", "events.jsonl", "plan-000.json", "plan-001.json", "report.json", "uav1.tlog"} <= written
+
+
+async def test_a_battery_step_on_px4(tmp_path: Path) -> None:
+    flown = await demo(tmp_path / "run", "uav3:battery-step=30@50%", autopilot="px4")
+    finished(flown)
+    assert lost(flown) == [("uav3", "battery")]
+    [fault] = flown.report["faults"]
+    assert fault["detected_s"] - fault["happened_s"] < 30.0
+    assert flown.vehicle("uav3")["landed"]
+    assert len(flown.report["replans"]) == 1
+
+
+async def test_a_fast_drain(tmp_path: Path) -> None:
+    flown = await demo(tmp_path / "run", "uav1:drain=3@20%")
+    finished(flown)
+    assert lost(flown) == [("uav1", "battery")]
+    assert flown.vehicle("uav1")["landed"]
+
+
+async def test_a_fifth_of_everything_lost(tmp_path: Path) -> None:
+    flown = await demo(tmp_path / "run", "all:loss=0.2@0s", "uav2:silent@40%")
+    finished(flown)
+    assert lost(flown) == [("uav2", "link")]
+    assert not any("could not be given" in line for line in flown.said)
+
+
+async def test_a_survivor_that_refuses_its_new_mission(tmp_path: Path) -> None:
+    flown = await demo(tmp_path / "run", "uav2:silent@30%", "uav3:refuse-upload@10%")
+    finished(flown)
+    assert lost(flown) == [("uav2", "link")]
+    assert any(line.startswith("uav3: could not be given its new mission") for line in flown.said)
+    assert len(flown.report["replans"]) == 2
+    assert flown.vehicle("uav3")["segments"]
+    assert flown.vehicle("uav3")["landed"]
+
+
+async def test_at_the_speed_of_life(tmp_path: Path) -> None:
+    """A silent link is declared within its time-out and half a second; two seconds later the re-plan is on board."""
+    run, network = tmp_path / "run", graph_file(tmp_path, 5)
+    arguments = ["demo", "--network", str(network), "--vehicles", "2", "--speedup", "1", "--run", str(run)]
+    async with called(*arguments, "--fault", "uav2:silent@15s") as process:
+        await said_in(process.stderr, "re-plan 1 is on board")
+    timeout_s = 10.0
+    [silent_unix_s] = [one.unix_s for one in read_truths(run / "truth.jsonl") if one.what.startswith("fault ")]
+    silent_s = silent_unix_s - began_unix_s(run)
+    declared_s = next(note["t_s"] for note in notes(run) if note["said"].startswith("uav2: link, silent for "))
+    on_board_s = next(note["t_s"] for note in notes(run) if note["said"].startswith("re-plan 1 is on board"))
+    heard = [line["t_s"] for line in log_lines(run) if line.get("event", {}).get("vehicle") == "uav2"]
+    last_heard_s = max(at_s for at_s in heard if at_s <= declared_s)
+    assert timeout_s <= declared_s - last_heard_s <= timeout_s + 0.5
+    assert declared_s - silent_s <= timeout_s + 0.5
+    assert on_board_s - declared_s <= 2.0
+
+
+async def started(folder: Path, speedup: float) -> tuple[list[str], list[str], list[int], Path]:
+    """Return the calls of a simulation and of a flight over it, the ports between them, and the truth's file."""
+    site, ports = site_file(folder, pylons=8, vehicles=2, speedup=speedup)
+    truth = folder / "truth.jsonl"
+    simulate = ["simulate", str(site), "--truth", str(truth)]
+    return simulate, ["fly", str(site), "--yes", "--run", str(folder / "run")], ports, truth
+
+
+async def heartbeat_on(port: int) -> Any:
+    """Return the next heartbeat that a vehicle sends to a port."""
+    parser = mav.MAVLink(None)
+    parser.robust_parsing = True
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+        plug.bind(("127.0.0.1", port))
+        plug.setblocking(False)
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                data = await asyncio.get_running_loop().sock_recv(plug, 4096)
+                for message in parser.parse_buffer(data) or []:
+                    if message.get_type() == "HEARTBEAT":
+                        return message
+
+
+async def test_ctrl_c_once_leaves_the_vehicles_on_their_missions(tmp_path: Path) -> None:
+    simulate, fly, ports, truth = await started(tmp_path, speedup=5.0)
+    async with called(*simulate) as simulation:
+        async with called(*fly) as flight:
+            await said_in(flight.stderr, "uav1: flies its mission", "uav2: flies its mission")
+            interrupt(flight)
+            await said_in(flight.stderr, "Ctrl-C: the vehicles stay on their missions")
+            _, err = await ended(flight)
+            assert flight.returncode == 1
+            assert "supervision ends; the vehicles stay on their missions" in err
+        for port in ports:
+            beat = await heartbeat_on(port)
+            assert beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED
+            assert beat.custom_mode == ARDUPILOT_AUTO
+        assert simulation.returncode is None
+    assert "landed" not in {one.what for one in read_truths(truth)}
+
+
+async def test_ctrl_c_twice_sends_them_home(tmp_path: Path) -> None:
+    simulate, fly, _, truth = await started(tmp_path, speedup=20.0)
+    async with called(*simulate) as simulation, called(*fly) as flight:
+        await said_in(simulation.stdout, "uav1: took_off", "uav2: took_off")
+        interrupt(flight)
+        await said_in(flight.stderr, "Ctrl-C: the vehicles stay on their missions")
+        interrupt(flight)
+        await said_in(flight.stderr, "the operator sends everybody home")
+        out, _ = await ended(flight)
+        assert flight.returncode == 1
+        assert "not inspected: " in out
+    whats = [(one.vehicle, one.what) for one in read_truths(truth)]
+    assert {("uav1", "landed"), ("uav2", "landed")} <= set(whats)
+    assert "crash" not in {what for _, what in whats}
+    report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
+    assert [one["landed"] for one in report["vehicles"]] == [True, True]
+    assert report["segments_inspected"] < report["segments_total"]
