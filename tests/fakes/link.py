@@ -53,6 +53,8 @@ class FakeLink:
         self.air = air
         self.sent: list[tuple[float, Outgoing]] = []
         """What was handed to the link, lost or not."""
+        self.spoken_to = asyncio.Event()
+        """Something was handed to the link."""
         self.cut = False
         """Nothing passes any more."""
         self._clock = clock
@@ -64,6 +66,7 @@ class FakeLink:
     def send(self, message: Outgoing) -> None:
         """Send towards the vehicle."""
         self.sent.append((self._clock.now_s(), message))
+        self.spoken_to.set()
         self._pass(lambda: self._reached_vehicle(message))
 
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:

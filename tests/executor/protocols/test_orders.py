@@ -1,0 +1,41 @@
+"""The commands as the autopilots want them."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.messages import SendCommand
+from executor.protocols import orders
+from missions import ARDUPILOT, PX4, ModeNumber
+
+ZEROS = (0.0,) * 7
+
+
+@pytest.mark.parametrize(
+    ("mode", "main", "sub"),
+    [
+        (ARDUPILOT.modes.guided, 4.0, 0.0),
+        (ARDUPILOT.modes.return_home, 6.0, 0.0),
+        (PX4.modes.mission, 4.0, 4.0),
+        (PX4.modes.return_home, 4.0, 5.0),
+    ],
+)
+def test_a_mode_is_given_in_the_autopilots_own_numbers(mode: ModeNumber, main: float, sub: float) -> None:
+    assert orders.set_mode(mode) == SendCommand(176, (1.0, main, sub, 0.0, 0.0, 0.0, 0.0))
+
+
+def test_arming_is_not_forced() -> None:
+    assert orders.arm() == SendCommand(400, (1.0, *ZEROS[1:]))
+
+
+def test_ardupilot_denies_a_mission_start_with_anything_but_zeros() -> None:
+    assert orders.start_mission() == SendCommand(300, ZEROS)
+
+
+@pytest.mark.parametrize(("hz", "interval_us"), [(1.0, 1e6), (5.0, 200_000.0), (0.5, 2e6)])
+def test_an_interval_is_in_microseconds(hz: float, interval_us: float) -> None:
+    assert orders.message_interval(33, hz) == SendCommand(511, (33.0, interval_us, *ZEROS[2:]))
+
+
+def test_a_message_is_asked_for_by_its_number() -> None:
+    assert orders.request_message(148) == SendCommand(512, (148.0, *ZEROS[1:]))

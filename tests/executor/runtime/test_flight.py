@@ -1,0 +1,198 @@
+"""The flight loop over links in memory, with autopilots that fly what was uploaded to them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+
+from executor.core import fleet
+from executor.core.commands import Level, Say
+from executor.core.events import Event, Heard, ReturnAllOrdered
+from executor.core.messages import Heartbeat, SendHeartbeat, SendMissionCount
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage
+from executor.runtime import procedures
+from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from missions import encode
+from tests.executor.builders import THREE, Fleet, fleet_of
+from tests.fakes.clock import LoopClock
+from tests.fakes.flyer import Flyer
+from tests.fakes.link import CLEAN, Air, FakeLink
+from tests.fakes.solver import FakeSolver
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
+
+LOSSY = Air(loss=0.2, duplicate=0.1, delay_s=(0.01, 0.2))
+PATIENCE_S = 1500.0
+
+
+class Sky:
+    """A fleet in the air, and the loop that supervises it."""
+
+    def __init__(self, ready: Fleet, air: Air) -> None:
+        context = ready.context
+        self.ready, self.clock, self.solver = ready, LoopClock(), FakeSolver()
+        self.flyers = {
+            name: Flyer(setup.dialect, context.frame, setup.pad_m, context.setup.pad_of(name).alt_m)
+            for name, setup in context.vehicles.items()
+        }
+        self.links = {
+            name: FakeLink(flyer, self.clock, air, seed=seed) for seed, (name, flyer) in enumerate(self.flyers.items())
+        }
+        self.said: list[Say] = []
+        self.written: list[Event] = []
+        self.applied = 0
+        self._news = asyncio.Event()
+        self.flight = Flight(
+            context, fleet.initial(dict(ready.boards)), self.links, self.clock, self, self.solver,
+            Observer(lambda line, _: self.said.append(line), self._applied),
+        )  # fmt: skip
+
+    def write(self, event: Event, now_s: float) -> None:
+        """Note that an event is written before it is applied."""
+        assert len(self.written) == self.applied, "an event is written when the one before it has been applied"
+        self.written.append(event)
+
+    def _applied(self, event: Event, state: FleetState, now_s: float) -> None:
+        assert self.written[-1] is event
+        self.applied += 1
+        self._news.set()
+
+    async def load(self) -> None:
+        """Put the first missions on board."""
+        for name, board in self.ready.boards.items():
+            if board is not None:
+                dialect = self.ready.context.vehicles[name].dialect
+                done = await procedures.put_on_board(
+                    self.links[name], self.clock, dialect, encode(board.path, dialect).items
+                )
+                assert done.accepted
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Wait until something holds, looked at after every event."""
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                self._news.clear()
+                await self._news.wait()
+
+    @property
+    def state(self) -> FleetState:
+        """The flight as it is known."""
+        return self.flight.state
+
+    def faults(self) -> list[str]:
+        """The lines that announce a fault."""
+        return [line.text for line in self.said if line.level is Level.FAULT]
+
+
+@asynccontextmanager
+async def flying(ready: Fleet, air: Air = CLEAN) -> AsyncIterator[tuple[Sky, asyncio.Task[None]]]:
+    """Fly; the flight's task ends inside the block, or is left."""
+    sky = Sky(ready, air)
+    beat = asyncio.create_task(keep_heartbeat(sky.links, sky.clock))
+    await sky.load()
+    task = asyncio.create_task(sky.flight.run())
+    try:
+        yield sky, task
+        async with asyncio.timeout(PATIENCE_S):
+            await task
+    finally:
+        beat.cancel()
+        task.cancel()
+        for link in sky.links.values():
+            link.close()
+
+
+@pytest.mark.parametrize("air", [CLEAN, LOSSY], ids=["clean", "lossy"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
+    async with flying(fleet_of(autopilot=autopilot), air) as (sky, _):
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        sky.links["uav2"].cut = True
+    assert set(sky.state.inspected) == set(range(6))
+    assert len(sky.faults()) == 1
+    assert sky.faults()[0].startswith("uav2: link, silent for ")
+    assert not sky.flyers["uav1"].armed
+    assert not sky.flyers["uav3"].armed
+    assert sky.state.separation is not None
+    assert sky.state.separation.least_m >= 5.0
+
+
+async def test_in_flight_no_item_is_flagged_and_the_index_stands() -> None:
+    """ArduPilot and PX4 both keep their index in a list without a flag: the beginning of the list is the same."""
+    async with flying(fleet_of(autopilot="px4")) as (sky, _):
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        before = list(sky.flyers["uav1"].missions.items)
+        assert before[0].current
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: len(sky.state.records) == 1)
+        after = sky.flyers["uav1"].missions.items
+        assert not any(item.current for item in after)
+        kept = sky.flyers["uav1"].index
+        assert [replace(item, current=False) for item in before[: kept + 1]] == after[: kept + 1]
+
+
+async def test_a_newer_order_takes_the_place_of_an_older_one() -> None:
+    """Everybody is sent home in the midst of an upload: the vehicle is told, and flies home."""
+    async with flying(fleet_of(autopilot="px4")) as (sky, _):
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        sky.flyers["uav1"].missions.stops_at = 2
+        counts = len(sky.links["uav1"].of_kind(SendMissionCount))
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: len(sky.links["uav1"].of_kind(SendMissionCount)) > counts)
+        sky.flight.apply(ReturnAllOrdered())
+        sky.links["uav2"].cut = False
+    assert {vehicle.stage for vehicle in sky.state.vehicles.values()} == {Stage.LANDED}
+    assert len(sky.state.inspected) < 6
+    assert sky.flyers["uav1"].mode == sky.flyers["uav1"].dialect.modes.return_home
+
+
+async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
+    async with flying(fleet_of()) as (sky, task):
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        sky.flight.leave()
+        async with asyncio.timeout(5):
+            await task
+        assert all(flyer.armed and flyer.mode == flyer.dialect.modes.mission for flyer in sky.flyers.values())
+
+
+async def test_a_fault_while_the_solver_works_cancels_it() -> None:
+    async with flying(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9)) as (sky, _):
+        sky.solver = sky.flight._solver = FakeSolver(takes_s=30.0)
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: bool(sky.solver.asked))
+        sky.flyers["uav3"].percent -= 30.0
+        await sky.until(lambda: bool(sky.solver.cancelled))
+        assert sky.solver.cancelled == [1]
+        sky.solver._takes_s = 0.3
+        await sky.until(lambda: len(sky.state.records) == 1)
+        assert sky.state.records[0].revision == 2
+    assert set(sky.state.inspected) == set(range(8))
+
+
+async def test_a_mistake_in_one_decision_ends_nobodys_supervision() -> None:
+    async with flying(fleet_of()) as (sky, _):
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
+        sky.applied += 1
+        sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
+        sky.applied += 1
+    assert sky.faults() == ["internal mistake at Heard: KeyError: 'nobody'"]
+    assert set(sky.state.inspected) == set(range(6))
+
+
+@pytest.mark.parametrize("speedup", [1.0, 20.0])
+async def test_our_heartbeat_keeps_the_vehicles_time(speedup: float) -> None:
+    """Their failsafes run on the vehicle's clock: at five times the speed a beat a second is too few (measured)."""
+    clock = LoopClock(speedup)
+    link = FakeLink(Flyer(fleet_of().context.vehicles["uav1"].dialect, fleet_of().context.frame, (0, 0), 0.0), clock)
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(10.5 / speedup):
+            await keep_heartbeat({"uav1": link}, clock)
+    link.close()
+    assert len(link.of_kind(SendHeartbeat)) == 11

@@ -1,0 +1,121 @@
+"""Who answers, who is ready, and what is on board before anything moves."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from executor.core.messages import Message, Position, StatusText, SystemStatus, Version
+from executor.core.preflight import Facts
+from executor.errors import ConnectionFailed, PreflightFailed
+from executor.runtime import preflight
+from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
+from tests.fakes.clock import LoopClock
+from tests.fakes.flyer import Flyer
+from tests.fakes.link import FakeLink
+from tests.missions.builders import FRAME, line_east
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
+
+DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
+FAILING = SystemStatus(90.0, 16.0, 0x10000000, prearm_ok=False)
+
+
+class Ready:
+    """A vehicle that can be asked; what it says besides its telemetry is up to the test."""
+
+    def __init__(self, dialect: Dialect, **parameters: float) -> None:
+        self.clock, self.dialect = LoopClock(), dialect
+        self.vehicle = Flyer(dialect, FRAME, (3.0, 4.0), FRAME.alt_m)
+        self.vehicle.parameters = dict(parameters)
+        self.link = FakeLink(self.vehicle, self.clock)
+
+    def says(self, message: Message, after_s: float) -> None:
+        asyncio.get_running_loop().call_later(after_s, self.link.say, message)
+
+    async def interview(self, timeout_s: float = 30.0) -> Facts:
+        try:
+            return await preflight.interview("uav1", self.link, self.clock, self.dialect, timeout_s)
+        finally:
+            self.link.close()
+
+
+@DIALECTS
+async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
+    rule = dialect.ground_station_failsafe
+    ready = Ready(dialect, **{rule.action: 1.0, rule.timeout: 5.0})
+    ready.says(Version(4, 7, 2), 0.5)
+    facts = await ready.interview()
+    assert (facts.name, facts.remaining_pct, facts.version) == ("uav1", 100.0, "4.7.2")
+    assert (facts.failsafe_action, facts.failsafe_timeout_s) == (1.0, 5.0)
+    assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
+    assert ready.vehicle.commands.count(511) == len(preflight.STREAMS_HZ)
+
+
+async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:
+    facts = await Ready(PX4).interview()
+    assert (facts.version, facts.failsafe_action, facts.failsafe_timeout_s) == ("unknown version", None, None)
+
+
+async def test_a_vehicle_whose_checks_fail_is_waited_for() -> None:
+    ready = Ready(ARDUPILOT)
+    ready.says(FAILING, 0.1)
+    ready.says(SystemStatus(90.0, 16.0, 0, prearm_ok=True), 12.0)
+    await ready.interview()
+    assert ready.clock.now_s() >= 12.0 + preflight.STEADY_S
+
+
+async def test_a_moment_of_readiness_is_not_enough() -> None:
+    ready = Ready(ARDUPILOT)
+    good = SystemStatus(90.0, 16.0, 0, prearm_ok=True)
+    for at_s, status in ((0.1, FAILING), (6.0, good), (7.0, FAILING), (15.0, good)):
+        ready.says(status, at_s)
+    await ready.interview()
+    assert ready.clock.now_s() >= 15.0 + preflight.STEADY_S
+
+
+async def test_a_vehicle_that_never_gets_ready_says_why() -> None:
+    ready = Ready(ARDUPILOT)
+    ready.says(StatusText(4, "PreArm: compass not calibrated"), 0.05)
+    ready.says(FAILING, 0.1)
+    with pytest.raises(PreflightFailed) as raised:
+        await ready.interview(20.0)
+    assert str(raised.value) == (
+        "uav1: not ready after 20 s: its own pre-arm checks fail: PreArm: compass not calibrated"
+    )
+
+
+async def test_a_place_in_the_gulf_of_guinea_is_no_place() -> None:
+    """Both autopilots report 0, 0 before they have a fix."""
+    ready = Ready(PX4)
+    ready.vehicle._position = lambda: Position(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)  # type: ignore[method-assign]
+    with pytest.raises(PreflightFailed, match=r"uav1: not ready after 20 s: no position"):
+        await ready.interview(20.0)
+
+
+async def test_nobody_there() -> None:
+    ready = Ready(PX4)
+    ready.link.cut = True
+    with pytest.raises(ConnectionFailed, match=r"uav1: no heartbeat of system 7 on udpin://:14550 within 15 s"):
+        await preflight.answer("uav1", "udpin://:14550", 7, ready.link, 15.0, ready.clock)
+    ready.link.close()
+
+
+async def test_a_heartbeat_is_an_answer() -> None:
+    ready = Ready(PX4)
+    await preflight.answer("uav1", "udpin://:14550", 7, ready.link, 15.0, ready.clock)
+    assert ready.clock.now_s() < 2.0
+    ready.link.close()
+
+
+@DIALECTS
+async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: Dialect) -> None:
+    ready = Ready(dialect)
+    setup = flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    await preflight.load("uav1", ready.link, ready.clock, dialect, mission)
+    ready.vehicle.missions.spoils = 3
+    with pytest.raises(PreflightFailed, match="uav1: the mission is not on board: reads back differently: item 3"):
+        await preflight.load("uav1", ready.link, ready.clock, dialect, mission)
+    ready.link.close()

@@ -1,0 +1,166 @@
+"""Starts, returns and parameters, in the order in which each autopilot wants them."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.messages import ParamValue, StatusText
+from executor.protocols import orders
+from executor.runtime import preflight, procedures
+from executor.runtime.procedures import Done
+from missions import ARDUPILOT, PX4, Dialect
+from tests.fakes.clock import LoopClock
+from tests.fakes.link import Air, FakeLink
+from tests.fakes.vehicle import FakeAutopilot
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
+
+DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
+ORDER_OF_START = {
+    "ardupilot": [orders.DO_SET_MODE, orders.COMPONENT_ARM_DISARM, orders.MISSION_START],
+    "px4": [orders.COMPONENT_ARM_DISARM, orders.DO_SET_MODE],
+}
+
+
+class Pad:
+    """A vehicle on its pad."""
+
+    def __init__(self, dialect: Dialect, air: Air | None = None, **parameters: float) -> None:
+        self.clock, self.dialect = LoopClock(), dialect
+        self.vehicle = FakeAutopilot(dialect, parameters=parameters)
+        self.link = FakeLink(self.vehicle, self.clock, air or Air(), seed=3)
+
+    async def start(self) -> Done:
+        done = await procedures.start(self.link, self.clock, self.dialect)
+        self.link.close()
+        return done
+
+    async def send_home(self) -> Done:
+        done = await procedures.send_home(self.link, self.clock, self.dialect)
+        self.link.close()
+        return done
+
+    async def prepare_return(self, height_m: float) -> str:
+        said = await preflight.prepare_return("uav1", self.link, self.clock, self.dialect, height_m)
+        self.link.close()
+        return said
+
+
+@DIALECTS
+async def test_a_start(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    assert await pad.start() == Done(accepted=True)
+    assert pad.vehicle.commands == ORDER_OF_START[dialect.name]
+    assert (pad.vehicle.armed, pad.vehicle.mode) == (True, dialect.modes.mission)
+
+
+@DIALECTS
+async def test_a_start_over_a_bad_link(dialect: Dialect) -> None:
+    pad = Pad(dialect, Air(loss=0.2, duplicate=0.2, delay_s=(0.01, 0.3)))
+    assert await pad.start() == Done(accepted=True)
+    assert (pad.vehicle.armed, pad.vehicle.mode) == (True, dialect.modes.mission)
+
+
+@DIALECTS
+async def test_arming_is_tried_with_patience(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    pad.vehicle.results[orders.COMPONENT_ARM_DISARM] = [4, 4, 0]
+    assert await pad.start() == Done(accepted=True)
+    assert pad.vehicle.commands.count(orders.COMPONENT_ARM_DISARM) == 3
+
+
+@DIALECTS
+async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    pad.vehicle.results[orders.COMPONENT_ARM_DISARM] = [4]
+    pad.link.say(StatusText(4, "Arm: compass not calibrated"))
+    pad.link.say(StatusText(6, "a mere remark"))
+    done = await pad.start()
+    assert done == Done(accepted=False, reason="arm: failed; it says: Arm: compass not calibrated")
+    assert not pad.vehicle.armed
+
+
+@DIALECTS
+async def test_an_acknowledgement_is_no_arming(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    pad.vehicle.deaf.add(orders.COMPONENT_ARM_DISARM)
+    assert await pad.start() == Done(accepted=False, reason="does not report that it is armed")
+
+
+async def test_ardupilot_that_denies_the_mission_has_not_started() -> None:
+    pad = Pad(ARDUPILOT)
+    pad.vehicle.results[orders.MISSION_START] = [4]
+    assert await pad.start() == Done(accepted=False, reason="start the mission: failed")
+
+
+async def test_px4_that_stays_in_its_mode_has_not_started() -> None:
+    pad = Pad(PX4)
+    pad.vehicle.deaf.add(orders.DO_SET_MODE)
+    assert await pad.start() == Done(accepted=False, reason="does not report the new mode")
+
+
+@DIALECTS
+async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    assert await pad.send_home() == Done(accepted=True)
+    assert pad.vehicle.mode == dialect.modes.return_home
+    deaf = Pad(dialect)
+    deaf.vehicle.deaf.add(orders.DO_SET_MODE)
+    assert await deaf.send_home() == Done(accepted=False, reason="does not report the new mode")
+
+
+@DIALECTS
+async def test_a_return_that_nobody_hears(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    pad.link.cut = True
+    assert await pad.send_home() == Done(accepted=False, reason="change of mode: no acknowledgement")
+
+
+@DIALECTS
+async def test_a_landing_vehicle_needs_no_return(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    pad.vehicle.mode = dialect.modes.land
+    pad.vehicle.deaf.add(orders.DO_SET_MODE)
+    assert await pad.send_home() == Done(accepted=True)
+
+
+async def test_parameters_are_read_and_set() -> None:
+    pad = Pad(ARDUPILOT, RTL_ALT=1500.0)
+    read = await procedures.read_parameter(pad.link, pad.clock, "RTL_ALT")
+    assert read.value == ParamValue("RTL_ALT", 1500.0, 9)
+    assert await procedures.set_parameter(pad.link, pad.clock, "RTL_ALT", 2500.0, 4) == Done(accepted=True)
+    assert pad.vehicle.parameters["RTL_ALT"] == 2500.0
+    unknown = await procedures.set_parameter(pad.link, pad.clock, "NO_SUCH", 1.0, 4)
+    assert unknown == Done(accepted=False, reason="NO_SUCH: no answer")
+    pad.link.close()
+
+
+async def test_the_height_of_ardupilots_return_is_in_centimetres() -> None:
+    pad = Pad(ARDUPILOT, RTL_ALT=1500.0, RTL_CONE_SLOPE=3.0)
+    assert await pad.prepare_return(27.5) == ""
+    assert pad.vehicle.parameters == {"RTL_ALT": 2750.0, "RTL_CONE_SLOPE": 0.0}
+
+
+async def test_the_newer_name_of_ardupilots_return_is_in_metres() -> None:
+    pad = Pad(ARDUPILOT, RTL_ALT_M=15.0)
+    assert await pad.prepare_return(27.5) == ""
+    assert pad.vehicle.parameters == {"RTL_ALT_M": 28.0}
+
+
+async def test_px4_descends_and_climbs_in_its_own_layer() -> None:
+    pad = Pad(PX4, RTL_RETURN_ALT=60.0, RTL_DESCEND_ALT=30.0, RTL_CONE_ANG=45.0)
+    assert await pad.prepare_return(27.0) == ""
+    assert pad.vehicle.parameters == {"RTL_RETURN_ALT": 27.0, "RTL_DESCEND_ALT": 27.0, "RTL_CONE_ANG": 0.0}
+
+
+@DIALECTS
+async def test_a_return_whose_height_is_not_known_is_said(dialect: Dialect) -> None:
+    said = await Pad(dialect).prepare_return(27.0)
+    assert said.startswith("uav1: RTL_")
+    assert said.endswith("does not answer, so the height of its own return is not known")
+
+
+async def test_a_height_that_stays_as_it_is_is_said() -> None:
+    pad = Pad(ARDUPILOT, RTL_ALT=1500.0)
+    pad.vehicle.stubborn.add("RTL_ALT")
+    assert await pad.prepare_return(27.0) == "uav1: height of its own return: RTL_ALT stays 1500"
