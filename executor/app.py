@@ -140,7 +140,8 @@ async def _fly(
     finally:
         console.done()
         log.close()
-    report = report_of(context, flight.state, clock.now_s(), order.truths(clock))
+    frames = {name: (link.counts.received, link.counts.missing) for name, link in links.items()}
+    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames)
     write_json(run / "report.json", report)
     return Flown(report, context, bool(left))
 

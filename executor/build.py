@@ -31,8 +31,8 @@ from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, tra
 LINK_MARGIN_S = 3.0
 """Beyond the time in which a vehicle's own failsafe has acted."""
 LEAST_LINK_TIMEOUT_S = 10.0
-STALL_REAL_S = 0.75
-"""A busy computer may keep a process waiting this long; faster than real time that is many seconds of flight."""
+STALL_REAL_S = 2.0
+"""A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
 UPLOAD_ALLOWANCE_S = 1.0
 """Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
 DEFAULT_NETWORK = "default"

@@ -25,7 +25,7 @@ from executor.adapters.rundir import new_run_directory
 from executor.config import check_site, read_site
 from executor.console import TerminalConsole
 from executor.core.commands import Level
-from executor.demo import demo_site, happenings, simulated_fleet
+from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.errors import ExecutorError, SiteError
 from executor.simulator.errors import SimulatorError
 from missions import (
@@ -120,13 +120,14 @@ def demo(
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
     directory = new_run_directory(run)
     content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
+    faults = fault if fault is not None else ["uav2:silent@40%"]
     site = check_site(content, "demo")
     ground = build.ground_of(site, Path())
+    check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     plan = _first_plan(ground, console, Cost.MINMAX, 3.0, seed, all_vehicles=True)
     order = flying.Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     flying.keep(order)
-    faults = fault if fault is not None else ["uav2:silent@40%"]
     with simulated_fleet(directory, faults, seed):
         flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)

@@ -150,7 +150,7 @@ class Site(_Table):
             seen: dict[object, str] = {}
             for index, vehicle in enumerate(self.vehicle):
                 value = getattr(vehicle, key)
-                unit = urlsplit(value).port if key == "connection" else value
+                unit = _place(value) if key == "connection" else value
                 if unit in seen:
                     what = "port" if key == "connection" else key
                     raise ValueError(
@@ -159,6 +159,13 @@ class Site(_Table):
                     )
                 seen[unit] = vehicle.name
         return self
+
+
+def _place(connection: str) -> object:
+    """Return what two connections must not share: a port here, or an address elsewhere."""
+    url = urlsplit(connection)
+    here = url.scheme == "udpin" or url.hostname in {"127.0.0.1", "localhost"}
+    return url.port if here else f"{url.hostname}:{url.port}"
 
 
 def read_site(path: Path) -> Site:

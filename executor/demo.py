@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import subprocess
 import sys
@@ -10,11 +11,14 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock
+from executor.build import Ground
 from executor.report import Happening
+from executor.simulation import fleet_of
 from executor.simulator.truth import read_truths
 from missions import default_network_path, read_network
 
 TRUTHS = "truth.jsonl"
+TERMINATED = 128 + signal.SIGTERM
 KINDS = {
     "silent": "link",
     "battery-step": "battery",
@@ -60,6 +64,15 @@ def _free_ports(count: int) -> list[int]:
         return [int(one.getsockname()[1]) for one in sockets]
 
 
+def check_faults(ground: Ground, faults: Sequence[str]) -> None:
+    """Check the faults before anything is started.
+
+    Raises:
+        SimulatorError: one of them cannot be read, or names a vehicle that does not fly.
+    """
+    fleet_of(ground, speedup=1.0, faults=faults, seed=0, wind=1.0, failsafe=False)
+
+
 @contextmanager
 def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
     """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
@@ -69,9 +82,12 @@ def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[Non
         command += ["--fault", fault]
     with (run / "simulator.log").open("wb") as output:
         process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        # A polite end of this process must end the other one too.
+        before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
         try:
             yield
         finally:
+            signal.signal(signal.SIGTERM, before)
             process.terminate()
             process.wait()
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.state import FleetState
@@ -22,7 +23,11 @@ class Happening:
 
 
 def report_of(
-    context: Context, state: FleetState, ended_s: float, truths: Sequence[Happening] = ()
+    context: Context,
+    state: FleetState,
+    ended_s: float,
+    truths: Sequence[Happening] = (),
+    frames: Mapping[str, tuple[int, int]] = MappingProxyType({}),
 ) -> dict[str, object]:
     """Return the content of report.json.
 
@@ -31,6 +36,7 @@ def report_of(
         state: At its end.
         ended_s: The end, in the ground station's time.
         truths: What really happened, where a simulator knows it.
+        frames: How many frames came from each vehicle, and how many its sequence numbers say were lost on the way.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
     uncovered = sorted(set(range(context.segments)) - set(state.inspected))
@@ -54,7 +60,7 @@ def report_of(
             }
             for record in state.records
         ],
-        "vehicles": [_vehicle(context, state, vehicle) for vehicle in state.vehicles.values()],
+        "vehicles": [_vehicle(context, state, vehicle, frames) for vehicle in state.vehicles.values()],
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
         "not_counted": [
             {"vehicle": vehicle.name, "segment": segment, "reason": reason}
@@ -79,7 +85,10 @@ def _fault(vehicle: VehicleState, began_s: float, truths: Sequence[Happening]) -
     }
 
 
-def _vehicle(context: Context, state: FleetState, vehicle: VehicleState) -> dict[str, object]:
+def _vehicle(
+    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, tuple[int, int]]
+) -> dict[str, object]:
+    received, missing = frames.get(vehicle.name, (None, None))
     battery = vehicle.battery
     pad_m = context.vehicles[vehicle.name].pad_m
     at_home = vehicle.fix is None or (
@@ -93,4 +102,6 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState) -> dict
         "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         "min_reserve_pct": battery.least_pct,
         "state": vehicle.stage.value,
+        "frames_received": received,
+        "frames_missing": missing,
     }

@@ -123,6 +123,8 @@ class VehicleState:
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
     on_ground: bool | None = None
     battery: BatteryState = field(default_factory=BatteryState)
+    packs: tuple[tuple[int, float], ...] = ()
+    """What each battery reported last, in percent, by its id."""
     board: OnBoard | None = None
     waypoint: int = 0
     """The waypoint at the end of the leg under way, by the vehicle's own word."""
@@ -219,7 +221,10 @@ def fold(context: Context, state: VehicleState, message: FlightMessage, now_s: f
         case Position():
             return _positioned(context, state, message, now_s)
         case Battery(remaining_pct=remaining) if remaining is not None:
-            return Folded(replace(state, battery=_charged(state.battery, remaining, message.charge_state, now_s)))
+            # Of several packs the emptiest one ends the flight.
+            packs = {**dict(state.packs), message.battery: remaining}
+            charged = _charged(state.battery, min(packs.values()), message.charge_state, now_s)
+            return Folded(replace(state, packs=tuple(packs.items()), battery=charged))
         case SystemStatus(remaining_pct=remaining) if remaining is not None and _unreported(context, state, now_s):
             return Folded(replace(state, battery=_charged(state.battery, remaining, 0, now_s)))
         case MissionCurrent(seq):
