@@ -118,7 +118,6 @@ def demo(
     as_json: JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    directory = new_run_directory(run)
     content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
     faults = fault if fault is not None else ["uav2:silent@40%"]
     site = check_site(content, "demo")
@@ -126,6 +125,7 @@ def demo(
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     plan = _first_plan(ground, console, Cost.MINMAX, 3.0, seed, all_vehicles=True)
+    directory = new_run_directory(run)
     order = flying.Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     flying.keep(order)
     with simulated_fleet(directory, faults, seed):

@@ -300,6 +300,11 @@ def test_a_fault_that_cannot_be_simulated(place: Place, spec: str, expected: str
     assert expected in reason
 
 
+def test_a_demo_refuses_its_faults_before_anything_is_started(place: Place) -> None:
+    reason = place.refused("demo", "--fault", "uav9:silent@40%", "--run", place.path("run"))
+    assert reason.endswith("no vehicle 'uav9', expected one of all, uav1, uav2, uav3, uav4")
+
+
 def test_a_vehicle_that_does_not_answer(place: Place) -> None:
     place.site(extra="[flight]\nconnect_timeout_s = 0.1")
     plan = place.planned()

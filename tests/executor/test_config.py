@@ -56,6 +56,11 @@ def test_a_site_without_a_depot_is_good() -> None:
     assert check_site(without, "site.toml").depot is None
 
 
+def test_one_port_on_two_other_machines_is_no_clash() -> None:
+    hosts = [vehicle(number, connection=f"udpout://uav{number}:14550") for number in (1, 2)]
+    assert len(check_site(content(*hosts), "site.toml").vehicle) == 2
+
+
 NAN, INF = float("nan"), float("inf")
 
 

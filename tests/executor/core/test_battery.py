@@ -143,6 +143,14 @@ def test_a_percent_that_rises_a_little_is_a_resting_voltage() -> None:
     assert (state.first_pct, state.remaining_pct, state.least_pct, state.used_pct) == (60.0, 58.0, 55.0, 2.0)
 
 
+def test_of_two_packs_the_emptier_one_counts() -> None:
+    state = vehicle(FLEET)
+    for at_s, (pack, percent) in enumerate([(0, 90.0), (1, 70.0), (0, 89.0), (1, 69.0), (0, 88.0)]):
+        state = fold(FLEET.context, state, Battery(pack, percent, None, None, None, 1, 0), float(at_s)).state
+    assert (state.battery.remaining_pct, state.battery.least_pct) == (69.0, 69.0)
+    assert battery.excess_pct(state.battery, 2.0) == (1.0, 0.0)
+
+
 def test_an_unknown_percent_changes_nothing() -> None:
     assert charged(60.0, None) == charged(60.0)
 
