@@ -20,14 +20,14 @@ env_make() {
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
         echo "faultline: making the environment in .venv ($kind); this takes a minute or two" >&2
         [ -x "$root/.venv/bin/python" ] || "$python" -m venv "$root/.venv"
-        local install=("$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes)
+        local install=("$root/.venv/bin/python" -m pip install -qq --disable-pip-version-check --require-hashes)
         if [ "$kind" = dev ]; then
             "${install[@]}" -r "$root/requirements-dev.lock"
             "${install[@]}" --no-deps -r "$root/requirements-peers.lock"
         else
             "${install[@]}" -r "$root/requirements.lock"
         fi
-        "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
+        "$root/.venv/bin/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
         echo "$wanted" > "$stamp"
     fi
     # shellcheck disable=SC1091
