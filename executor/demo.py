@@ -49,11 +49,20 @@ def demo_site(
             for number, port in enumerate(_free_ports(vehicles), start=1)
         ],
     }
-    if network is not None:
+    if network is not None and not _is_json(network):
         # A graph file says nothing of where it lies: the demo puts it where the default network is.
         frame = read_network(default_network_path()).frame
         site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
     return site
+
+
+def _is_json(network: Path) -> bool:
+    """Return whether a file is GeoJSON, which has places of its own; one that is not there is the reader's concern."""
+    try:
+        with network.open("rb") as file:
+            return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    except OSError:
+        return False
 
 
 def _free_ports(count: int) -> list[int]:

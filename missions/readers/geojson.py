@@ -3,7 +3,8 @@
 - A Point with property ``role: "depot"`` is the depot; its height is ``elevation_m``.
 - Every other Point is a pylon: ``id``, and optionally ``elevation_m`` (ground above mean sea level) and ``height_m``
   (the structure).
-- A LineString is a line; each of its vertices is a pylon, matched by position, and each step a segment.
+- A LineString is a line; each of its vertices is a pylon, matched by position, and each step a segment. In a file
+  without any pylon's Point the vertices themselves are the pylons, of unknown height.
 - A feature of any other or no geometry with properties ``a`` and ``b`` is one segment between two pylons by their ids;
   a LineString with both is taken that way too.
 
@@ -90,6 +91,7 @@ def parse_geojson(text: str, *, source: str, frame: LocalFrame | None) -> Networ
     if frame is None:
         raise NetworkError(f"{source}: depot: expected a Point with property role 'depot', or a depot in the site file")
     segments: list[Segment] = []
+    lines_only = not pylons.pylons
     for feature in features:
         if "a" in feature.properties and "b" in feature.properties:
             a, b = (_named_pylon(pylons, feature, key) for key in ("a", "b"))
@@ -97,7 +99,7 @@ def parse_geojson(text: str, *, source: str, frame: LocalFrame | None) -> Networ
                 Segment(len(segments), a, b, _label(feature, f"{pylons.pylons[a].id}-{pylons.pylons[b].id}"))
             )
         elif feature.kind == "LineString":
-            for a, b, label in _steps(pylons, feature):
+            for a, b, label in _steps(pylons, feature, lines_only=lines_only):
                 segments.append(Segment(len(segments), a, b, label))
     return Network(tuple(pylons.pylons), tuple(segments), frame, source)
 
@@ -166,7 +168,7 @@ def _label(feature: _Feature, otherwise: str) -> str:
     return otherwise if name is None else str(name)
 
 
-def _steps(pylons: _Pylons, feature: _Feature) -> Iterator[tuple[int, int, str]]:
+def _steps(pylons: _Pylons, feature: _Feature, *, lines_only: bool) -> Iterator[tuple[int, int, str]]:
     if not isinstance(feature.coordinates, Sequence) or len(feature.coordinates) < 2:
         raise NetworkError(f"{feature.place}.geometry.coordinates: expected a line of at least two positions")
     indices: list[int] = []
@@ -174,6 +176,9 @@ def _steps(pylons: _Pylons, feature: _Feature) -> Iterator[tuple[int, int, str]]
         place = f"{feature.place}.geometry.coordinates[{number}]"
         lat_deg, lon_deg = _lat_lon_deg(position, place)
         index = pylons.nearest(lat_deg, lon_deg)
+        if index is None and lines_only:
+            index = len(pylons.pylons)
+            pylons.add(Pylon(f"P{index + 1}", lat_deg, lon_deg))
         if index is None:
             raise NetworkError(f"{place}: expected a pylon's Point within {MATCH_M:g} m of {lat_deg}, {lon_deg}")
         indices.append(index)

@@ -184,6 +184,15 @@ def test_a_geojson_line_runs_over_its_pylons(tmp_path: Path) -> None:
     assert [(segment.a, segment.b, segment.label) for segment in network.segments] == [(0, 1, "V1.1"), (1, 2, "V1.2")]
 
 
+def test_without_points_the_vertices_are_the_pylons(tmp_path: Path) -> None:
+    """Two lines that meet share the pylon where they do."""
+    lines = [line((15.602, 49.601), (15.604, 49.601)), line((15.604, 49.601), (15.606, 49.602), (15.608, 49.602))]
+    network = read_network(geojson_file(tmp_path, depot_point(), *lines))
+    assert [(segment.a, segment.b) for segment in network.segments] == [(0, 1), (1, 2), (2, 3)]
+    assert [pylon.id for pylon in network.pylons] == ["P1", "P2", "P3", "P4"]
+    assert not network.has_heights
+
+
 def test_a_geojson_segment_may_name_its_pylons(tmp_path: Path) -> None:
     network = read_network(geojson_file(tmp_path, depot_point(), *PYLONS, step("B", "A"), step("7", "B")))
     assert [(segment.a, segment.b, segment.label) for segment in network.segments] == [(1, 0, "B-A"), (2, 1, "7-B")]
