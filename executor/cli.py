@@ -36,12 +36,13 @@ from missions import (
     encode,
     flight_path,
     flight_setup,
+    plan_document,
     qgc_plan,
     qgc_waypoints,
     read_plan,
     write_plan,
 )
-from planner import Cost, PlannerError, Progress, is_reversed, segment_of
+from planner import Cost, PlannerError, Progress
 
 cli = typer.Typer(
     name="faultline",
@@ -300,18 +301,7 @@ def _first_plan(
 def _print_plan(content: PlanFile, *, as_json: bool) -> None:
     uncovered = planning.segment_ids(content, content.plan)
     if as_json:
-        ids = [segment.id for segment in content.segments]
-        routes = [
-            {
-                "vehicle": content.vehicles[route.vehicle].name,
-                "visits": [{"segment": ids[segment_of(v)], "reversed": is_reversed(v)} for v in route.visits],
-                "duration_s": content.durations_s[route.vehicle],
-                "energy_pct": content.energies_pct[route.vehicle],
-            }
-            for route in content.plan.routes
-        ]
-        cost = {"name": content.cost.value, "value": content.cost_value}
-        print(json.dumps({"routes": routes, "cost": cost, "uncovered": uncovered, "seconds": content.solved.seconds}))
+        print(json.dumps(plan_document(content)))
         return
     for route in content.plan.routes:
         vehicle = content.vehicles[route.vehicle]

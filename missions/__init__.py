@@ -37,7 +37,7 @@ from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.planfile import PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
-from missions.planjson import read_plan, write_plan
+from missions.planjson import plan_document, read_plan, write_plan
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints, write_qgc
 from missions.readers import default_network_path, read_network
 from missions.routes import continue_path, flight_path
@@ -106,6 +106,7 @@ __all__ = [
     "parse_qgc_plan",
     "parse_qgc_waypoints",
     "place_pads",
+    "plan_document",
     "plan_layers",
     "qgc_plan",
     "qgc_waypoints",

@@ -41,7 +41,7 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
     """
     path = Path(path)
     try:
-        text = json.dumps(_document(plan_file), indent=1, allow_nan=False) + "\n"
+        text = json.dumps(plan_document(plan_file), indent=1, allow_nan=False) + "\n"
     except ValueError as error:
         raise PlanFileError(f"{path}: expected finite figures only: {error}") from error
     beside = path.with_name(f".{path.name}.part")
@@ -69,7 +69,8 @@ def read_plan(path: Path | str) -> PlanFile:
     return _parsed(Fields(document, str(path), PlanFileError))
 
 
-def _document(content: PlanFile) -> dict[str, object]:
+def plan_document(content: PlanFile) -> dict[str, object]:
+    """Return what a plan file says, as JSON has it."""
     ids = [segment.id for segment in content.segments]
     document: dict[str, object] = {
         "format": FORMAT,
