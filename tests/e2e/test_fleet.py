@@ -87,9 +87,9 @@ async def test_a_fifth_of_everything_lost(tmp_path: Path) -> None:
 
 
 async def test_a_survivor_that_refuses_its_new_mission(tmp_path: Path) -> None:
-    flown = await demo(tmp_path / "run", "uav2:silent@30%", "uav3:refuse-upload@10%")
+    flown = await demo(tmp_path / "run", "uav2:battery-step=30@30%", "uav3:refuse-upload@10%")
     finished(flown)
-    assert lost(flown) == [("uav2", "link")]
+    assert lost(flown) == [("uav2", "battery")]
     assert any(line.startswith("uav3: could not be given its new mission") for line in flown.said)
     assert len(flown.report["replans"]) == 2
     assert flown.vehicle("uav3")["segments"]
