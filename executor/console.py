@@ -41,7 +41,6 @@ class TerminalConsole:
         self._quiet = quiet
         self._yes = yes
         self._live: Live | None = None
-        self._drawn_s = float("-inf")
         self._view: tuple[Context, FleetState, float] | None = None
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:

@@ -97,7 +97,7 @@ def test_the_numbers_of_items_are_mavlinks(member: Command | Frame, prefix: str)
 
 COMMANDS = ("DO_SET_MODE", "MISSION_START", "COMPONENT_ARM_DISARM", "SET_MESSAGE_INTERVAL", "REQUEST_MESSAGE")
 MESSAGES = ("GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT", "BATTERY_STATUS", "AUTOPILOT_VERSION",
-            "HOME_POSITION", "EXTENDED_SYS_STATE")  # fmt: skip
+            "EXTENDED_SYS_STATE")  # fmt: skip
 
 
 def test_the_numbers_of_orders_are_mavlinks() -> None:

@@ -85,7 +85,7 @@ def _launch(state: FleetState, now_s: float) -> Stepped:
 
 def _start(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
     vehicle = moved_to(vehicle, Stage.STARTING)
-    vehicle = replace(vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, landed_s=None, anchor=None)
+    vehicle = replace(vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, anchor=None)
     return state.put(vehicle), Start(vehicle.name)
 
 
@@ -131,7 +131,7 @@ def _came_back(state: FleetState, vehicle: VehicleState, now_s: float) -> Steppe
         vehicle = replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s)
         text = f"{vehicle.name}: is heard again; its work was given away, so it is told to return"
         return state.put(vehicle), (Say(Level.WARNING, text), SendHome(vehicle.name))
-    vehicle = replace(moved_to(vehicle, Stage.LANDED), landed_s=now_s)
+    vehicle = moved_to(vehicle, Stage.LANDED)
     return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: is heard again, on the ground"),)
 
 
@@ -251,7 +251,7 @@ def _has_landed(vehicle: VehicleState) -> bool:
 
 
 def _landed(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    vehicle = replace(moved_to(vehicle, Stage.LANDED), landed_s=now_s, run=None)
+    vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None)
     state = state.put(vehicle)
     if vehicle.fault is None and vehicle.name not in state.considered:
         # It was on its way down when the last re-plan was made: what was left then may be for it.
@@ -279,7 +279,7 @@ def _fault(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, 
     if kind is FaultKind.LINK:
         return state.put(moved_to(vehicle, Stage.LOST)), (Say(Level.WARNING, f"{vehicle.name}: {why}"),)
     if _has_landed(vehicle):
-        return state.put(replace(moved_to(vehicle, Stage.LANDED), landed_s=now_s)), ()
+        return state.put(moved_to(vehicle, Stage.LANDED)), ()
     return state, ()
 
 

@@ -142,7 +142,6 @@ class VehicleState:
     """Whether it could not be given a new mission: it is planned around."""
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
-    landed_s: float | None = None
     last_text: tuple[str, float] = ("", float("-inf"))
     """What it said last that was worth showing, and when."""
 
