@@ -63,7 +63,7 @@ async def test_a_silent_link(tmp_path: Path) -> None:
 
 
 async def test_a_battery_step_on_px4(tmp_path: Path) -> None:
-    flown = await demo(tmp_path / "run", "uav3:battery-step=30@50%", autopilot="px4")
+    flown = await demo(tmp_path / "run", "uav3:battery-step=30@20%", autopilot="px4")
     finished(flown)
     assert lost(flown) == [("uav3", "battery")]
     [fault] = flown.report["faults"]
