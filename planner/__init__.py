@@ -9,7 +9,7 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import why_impossible
-from planner.costs import K_C, Cost, Dynamics, Travel, build_instance, travel_for
+from planner.costs import K_C, Cost, build_instance
 from planner.energy import PRESETS, Drone, pct_per_s, power_w, usable_wh
 from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
@@ -23,6 +23,7 @@ from planner.evaluate import (
     spent_pct,
 )
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
 from planner.result import Result
 from planner.solve import solve, warm_up
@@ -54,6 +55,9 @@ __all__ = [
     "Instance",
     "InstanceError",
     "Iterations",
+    "MoveGeometry",
+    "MoveTables",
+    "Moves",
     "NoImprovement",
     "Plan",
     "PlanError",
@@ -69,6 +73,7 @@ __all__ = [
     "Travel",
     "Vehicle",
     "Verdict",
+    "Wind",
     "any_of",
     "build_instance",
     "completions_s",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from planner.evaluate import BUDGET_TOLERANCE_PCT
-from planner.model import FloatArray, Instance
+from planner.model import Instance
+from planner.moves import FloatArray
 
 
 def why_impossible(instance: Instance) -> str | None:
@@ -42,11 +43,9 @@ def least_total_pct(instance: Instance, useful: np.ndarray[tuple[int], np.dtype[
     the moves links starts and segments to one tree, so it is at least the minimum spanning tree. The ways home, or
     idle, come on top.
     """
-    vehicles = [vehicle for vehicle, used in zip(instance.vehicles, useful, strict=True) if used]
     segments = instance.segments
-    start = instance.start_pct[useful].reshape(len(vehicles), segments, 2).min(axis=(0, 2))
-    between = instance.move_pct.reshape(segments, 2, segments, 2).min(axis=(1, 3))
-    between = between * min(vehicle.consumption for vehicle in vehicles)
+    start = instance.start_pct[useful].reshape(-1, segments, 2).min(axis=(0, 2))
+    between = _least_between_pct(instance, useful)
     np.fill_diagonal(between, np.inf)
     entry = np.minimum(start, between.min(axis=0))
     links = between - entry
@@ -54,6 +53,22 @@ def least_total_pct(instance: Instance, useful: np.ndarray[tuple[int], np.dtype[
     home = instance.home_pct[useful].min(axis=1)
     ways_home = np.minimum(home, instance.idle_pct[useful])
     return float(entry.sum() + tree + ways_home.sum() + (home - ways_home).min())
+
+
+def _least_between_pct(instance: Instance, useful: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
+    """Return (n, n) float64, the least energy from segment to segment over directions and useful vehicles."""
+    segments, every = instance.segments, np.arange(2 * instance.segments)
+    least = np.full((segments, segments), np.inf)
+    for profile in range(instance.moves.profiles):
+        factors = [
+            vehicle.consumption
+            for vehicle, own, used in zip(instance.vehicles, instance.profile, useful, strict=True)
+            if used and own == profile
+        ]
+        if factors:
+            moves = instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+            np.minimum(least, min(factors) * moves.reshape(segments, 2, segments, 2).min(axis=(1, 3)), out=least)
+    return least
 
 
 def _spanning_tree(roots: FloatArray, links: FloatArray) -> float:

@@ -11,7 +11,8 @@ from planner.evaluate import BUDGET_TOLERANCE_PCT
 from planner.kernels.arrays import Problem, RandomState, State, Weights
 from planner.kernels.insertion import insert_by_regret
 from planner.kernels.tours import measure
-from planner.model import FloatArray, Instance, Plan, Route, segment_of
+from planner.model import Instance, Plan, Route, segment_of
+from planner.moves import FloatArray
 
 NEAREST = 128
 """How many neighbours of a segment are listed for the removal of strings."""
@@ -34,10 +35,15 @@ def problem_of(instance: Instance) -> Problem:
     # A plan that leaves out a segment without length is still worse than one that does not.
     value = instance.value + 1e-6 * (float(instance.value.mean()) or 1.0)
     worth = value * float(np.median(effort / value))
-    move = np.array(instance.move_pct, dtype=np.float64, order="C")
+    every = np.arange(2 * segments)
+    move = np.array([
+        instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+        for profile in range(instance.moves.profiles)
+    ]).reshape(instance.moves.profiles, 2 * segments, 2 * segments)  # fmt: skip
     return Problem(
+        profile=np.array(instance.profile, dtype=np.int64),
         move=move,
-        move_into=np.array(move.T, order="C"),
+        move_into=np.array(move.transpose(0, 2, 1), order="C"),
         start=np.array(instance.start_pct, dtype=np.float64, order="C"),
         home=np.array(instance.home_pct, dtype=np.float64, order="C"),
         idle=np.array(instance.idle_pct, dtype=np.float64),
@@ -47,7 +53,7 @@ def problem_of(instance: Instance) -> Problem:
         value=value,
         prize=np.maximum(worth, effort) + 1e-6,
         effort=effort,
-        near=_nearest(move),
+        near=_nearest(move[0]),
     )
 
 

@@ -57,12 +57,13 @@ def completions_s(instance: Instance, route: Route) -> tuple[float, ...]:
         PlanError: the vehicle or a visit is not in the instance.
     """
     _check_known(instance, route)
+    profile = instance.profile[route.vehicle]
     ends: list[float] = []
     for before, visit in _steps(route):
         if before is None:
             ends.append(float(instance.start_s[route.vehicle, visit]))
         else:
-            ends.append(ends[-1] + float(instance.move_s[before, visit]))
+            ends.append(ends[-1] + float(instance.moves.seconds(profile, before, visit)))
     return tuple(ends)
 
 
@@ -73,12 +74,13 @@ def spent_pct(instance: Instance, route: Route, visits: int) -> float:
         PlanError: the vehicle or a visit is not in the instance.
     """
     _check_known(instance, route)
+    profile, consumption = instance.profile[route.vehicle], instance.vehicles[route.vehicle].consumption
     spent = 0.0
     for before, visit in list(_steps(route))[:visits]:
         if before is None:
             spent += float(instance.start_pct[route.vehicle, visit])
         else:
-            spent += instance.vehicles[route.vehicle].consumption * float(instance.move_pct[before, visit])
+            spent += consumption * float(instance.moves.pct(profile, before, visit))
     return spent
 
 

@@ -10,11 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
-
-FloatArray = npt.NDArray[np.float64]
+from planner.moves import FloatArray, Moves
 
 
 def visit_of(segment: int, reverse: bool) -> int:
@@ -49,32 +47,29 @@ class Vehicle:
 
 @dataclass(frozen=True, slots=True)
 class Instance:
-    """``n`` segments and ``k`` vehicles, with the time and the energy of every move.
-
-    A *move* ends where a visit ends: the transit to the visit's first pylon and the inspection itself.
-    """
+    """``n`` segments and ``k`` vehicles of ``p`` profiles, with the time and the energy of every move."""
 
     vehicles: tuple[Vehicle, ...]
-    move_s: FloatArray
-    """(2n, 2n) float64: seconds from the end of visit i to the end of visit j."""
+    profile: tuple[int, ...]
+    """For each vehicle, whose ``moves`` are its own."""
+    moves: Moves
+    """From the end of one visit to the end of another, for a consumption of 1."""
     start_s: FloatArray
     """(k, 2n) float64: seconds from vehicle k's start to the end of visit j."""
     home_s: FloatArray
     """(k, 2n) float64: seconds from the end of visit i to vehicle k's landing place."""
     idle_s: FloatArray
     """(k,) float64: seconds of a route without a visit: 0 on the ground, the way home in the air."""
-    move_pct: FloatArray
-    """(2n, 2n) float64: energy of the same moves for a consumption of 1, in percent of a full battery."""
     start_pct: FloatArray
-    """(k, 2n) float64: energy with vehicle k's own consumption, as the next two."""
+    """(k, 2n) float64: energy in percent of a full battery with vehicle k's own consumption, as the next two."""
     home_pct: FloatArray
     """(k, 2n) float64."""
     idle_pct: FloatArray
     """(k,) float64."""
     depot_s: FloatArray
-    """(2n,) float64: seconds from the landing place to the end of visit j: what a landed vehicle flies again."""
+    """(p, 2n) float64: seconds from the landing place to the end of visit j: what a landed vehicle flies again."""
     depot_pct: FloatArray
-    """(2n,) float64: energy of the same moves for a consumption of 1."""
+    """(p, 2n) float64: energy of the same moves for a consumption of 1."""
     value: FloatArray
     """(n,) float64: what inspecting a segment is worth when not all can be: its length in metres."""
     end_m: FloatArray
@@ -88,11 +83,17 @@ class Instance:
         Raises:
             InstanceError: a shape does not fit, or a number is NaN, infinite or negative.
         """
-        visits, fleet = 2 * len(self.value), len(self.vehicles)
+        visits, fleet, profiles = 2 * len(self.value), len(self.vehicles), self.moves.profiles
+        if fleet == 0:
+            raise InstanceError("an instance needs at least one vehicle")
+        if self.moves.visits != visits:
+            raise InstanceError(f"moves are between {self.moves.visits} visits, expected {visits}")
+        if len(self.profile) != fleet or not all(0 <= own < profiles for own in self.profile):
+            raise InstanceError(f"profile is {self.profile}, expected one of {profiles} for each vehicle")
         shapes = {
-            "move_s": (visits, visits), "start_s": (fleet, visits), "home_s": (fleet, visits), "idle_s": (fleet,),
-            "move_pct": (visits, visits), "start_pct": (fleet, visits), "home_pct": (fleet, visits),
-            "idle_pct": (fleet,), "depot_s": (visits,), "depot_pct": (visits,), "value": (visits // 2,),
+            "start_s": (fleet, visits), "home_s": (fleet, visits), "idle_s": (fleet,),
+            "start_pct": (fleet, visits), "home_pct": (fleet, visits), "idle_pct": (fleet,),
+            "depot_s": (profiles, visits), "depot_pct": (profiles, visits), "value": (visits // 2,),
             "end_m": (visits, 2),
         }  # fmt: skip
         for name, shape in shapes.items():
@@ -101,8 +102,6 @@ class Instance:
                 raise InstanceError(f"{name} has shape {array.shape}, expected {shape}")
             if not np.all(np.isfinite(array)) or (name != "end_m" and np.any(array < 0)):
                 raise InstanceError(f"{name} holds a negative, infinite or NaN entry")
-        if fleet == 0:
-            raise InstanceError("an instance needs at least one vehicle")
         for vehicle in self.vehicles:
             if not (math.isfinite(vehicle.budget_pct) and math.isfinite(vehicle.consumption)):
                 raise InstanceError(f"vehicle {vehicle.name!r} has a budget or consumption that is not a number")

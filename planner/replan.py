@@ -16,7 +16,8 @@ import numpy as np
 from planner.costs import Cost
 from planner.errors import PlanError
 from planner.evaluate import completions_s, route_duration_s, route_energy_pct, spent_pct
-from planner.model import FloatArray, Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.moves import FloatArray
 from planner.result import Result
 from planner.solve import check_tails, solve
 from planner.stop import StopRule
@@ -163,20 +164,19 @@ def _reduced(instance: Instance, survivors: Sequence[Survivor], open_segments: S
     visits = [visit_of(segment, reverse) for segment in open_segments for reverse in (False, True)]
     fleet = [survivor.vehicle for survivor in survivors]
     starts = [_start(instance, survivor) for survivor in survivors]
-    pairs = np.ix_(visits, visits)
     home = np.ix_(fleet, visits)
     return Instance(
         vehicles=tuple(start.vehicle for start in starts),
-        move_s=instance.move_s[pairs],
+        profile=tuple(instance.profile[vehicle] for vehicle in fleet),
+        moves=instance.moves.part(visits),
         start_s=np.array([start.row_s[visits] for start in starts]),
         home_s=instance.home_s[home],
         idle_s=np.array([start.idle_s for start in starts]),
-        move_pct=instance.move_pct[pairs],
         start_pct=np.array([start.row_pct[visits] for start in starts]),
         home_pct=instance.home_pct[home],
         idle_pct=np.array([start.idle_pct for start in starts]),
-        depot_s=instance.depot_s[visits],
-        depot_pct=instance.depot_pct[visits],
+        depot_s=instance.depot_s[:, visits],
+        depot_pct=instance.depot_pct[:, visits],
         value=instance.value[list(open_segments)],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
@@ -196,13 +196,14 @@ class _Start:
 
 def _start(instance: Instance, survivor: Survivor) -> _Start:
     number, visit = survivor.vehicle, survivor.finishing
+    profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
     if visit is not None:
         east_m, north_m = (float(coordinate) for coordinate in instance.end_m[visit])
         return _Start(
             replace(vehicle, start_m=(east_m, north_m), airborne=True),
-            instance.move_s[visit],
-            vehicle.consumption * instance.move_pct[visit],
+            instance.moves.seconds(profile, visit, every),
+            vehicle.consumption * instance.moves.pct(profile, visit, every),
             float(instance.home_s[number, visit]),
             float(instance.home_pct[number, visit]),
         )
@@ -210,8 +211,8 @@ def _start(instance: Instance, survivor: Survivor) -> _Start:
         return _Start(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
     return _Start(
         replace(vehicle, start_m=instance.landing_m, airborne=False),
-        instance.depot_s,
-        vehicle.consumption * instance.depot_pct,
+        instance.depot_s[profile],
+        vehicle.consumption * instance.depot_pct[profile],
         0.0,
         0.0,
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from planner.costs import Cost, Travel, build_instance
+from planner.costs import Cost, build_instance
 from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan, Route, Vehicle, segment_of
+from planner.moves import Travel
 from planner.result import Result
 from planner.stop import Iterations, Progress, StopRule, Stopwatch
 

@@ -17,12 +17,14 @@ RandomState = npt.NDArray[np.uint64]
 
 
 class Problem(NamedTuple):
-    """An instance for the kernels: ``n`` segments, ``k`` vehicles, energies in percent of a full battery."""
+    """An instance for the kernels: ``n`` segments, ``k`` vehicles, ``p`` profiles, energies in percent of a battery."""
 
+    profile: IntArray
+    """(k,): for each vehicle, which moves are its own."""
     move: FloatArray
-    """(2n, 2n): [i, j] from the end of visit i to the end of visit j, for a consumption of 1."""
+    """(p, 2n, 2n): [., i, j] from the end of visit i to the end of visit j, for a consumption of 1."""
     move_into: FloatArray
-    """(2n, 2n): the same, [j, i], so that all ways into a visit lie side by side in memory."""
+    """(p, 2n, 2n): the same, [., j, i], so that all ways into a visit lie side by side in memory."""
     start: FloatArray
     """(k, 2n): from the vehicle's start to the end of a visit."""
     home: FloatArray
@@ -86,6 +88,7 @@ TABLE = nb.types.Array(nb.float64, 2, "C")
 INTS = nb.types.Array(nb.int64, 1, "C")
 INT_TABLE = nb.types.Array(nb.int64, 2, "C")
 RANDOM = nb.types.Array(nb.uint64, 1, "C")
-PROBLEM = nb.types.NamedTuple((TABLE,) * 4 + (FLOATS,) * 6 + (INT_TABLE,), Problem)
+CUBE = nb.types.Array(nb.float64, 3, "C")
+PROBLEM = nb.types.NamedTuple((INTS, CUBE, CUBE, TABLE, TABLE) + (FLOATS,) * 6 + (INT_TABLE,), Problem)
 WEIGHTS = nb.types.NamedUniTuple(nb.float64, 9, Weights)
 STATE = nb.types.NamedTuple((INT_TABLE, TABLE, INTS, FLOATS, INTS), State)

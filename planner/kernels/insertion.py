@@ -37,12 +37,13 @@ def cheapest_place(
     visits = state.visits[route]
     legs = state.legs[route]
     consumption = problem.consumption[route]
+    profile = problem.profile[route]
     best = np.inf
     best_position = 0
     best_visit = 0
     for visit in range(2 * segment, 2 * segment + 2):
-        into = problem.move_into[visit]
-        out = problem.move[visit]
+        into = problem.move_into[profile, visit]
+        out = problem.move[profile, visit]
         for position in range(length + 1):
             if blink > 0.0 and uniform(rng) < blink:
                 continue

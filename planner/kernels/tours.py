@@ -17,11 +17,12 @@ def measure(problem: Problem, state: State, route: int) -> None:
         legs[0] = problem.idle[route]
         state.loads[route] = legs[0]
         return
+    move = problem.move[problem.profile[route]]
     legs[0] = problem.start[route, visits[0]]
     load = legs[0]
     state.route_of[visits[0] >> 1] = route
     for position in range(1, length):
-        legs[position] = problem.consumption[route] * problem.move[visits[position - 1], visits[position]]
+        legs[position] = problem.consumption[route] * move[visits[position - 1], visits[position]]
         load += legs[position]
         state.route_of[visits[position] >> 1] = route
     legs[length] = problem.home[route, visits[length - 1]]
@@ -35,6 +36,7 @@ def insert(problem: Problem, state: State, route: int, position: int, visit: int
     visits = state.visits[route]
     legs = state.legs[route]
     consumption = problem.consumption[route]
+    move = problem.move[problem.profile[route]]
     before = legs[position]
     for place in range(length, position, -1):
         visits[place] = visits[place - 1]
@@ -43,11 +45,11 @@ def insert(problem: Problem, state: State, route: int, position: int, visit: int
     if position == 0:
         legs[0] = problem.start[route, visit]
     else:
-        legs[position] = consumption * problem.move[visits[position - 1], visit]
+        legs[position] = consumption * move[visits[position - 1], visit]
     if position == length:
         legs[position + 1] = problem.home[route, visit]
     else:
-        legs[position + 1] = consumption * problem.move[visit, visits[position + 1]]
+        legs[position + 1] = consumption * move[visit, visits[position + 1]]
     state.lengths[route] = length + 1
     state.loads[route] += legs[position] + legs[position + 1] - before
     state.route_of[visit >> 1] = route
@@ -76,16 +78,17 @@ def orient(problem: Problem, state: State, route: int, came_from: IntArray) -> N
         return
     visits = state.visits[route]
     consumption = problem.consumption[route]
+    move = problem.move[problem.profile[route]]
     first = visits[0] & ~1
     forward = problem.start[route, first]
     backward = problem.start[route, first + 1]
     for position in range(1, length):
         before = visits[position - 1] & ~1
         visit = visits[position] & ~1
-        forward_forward = forward + consumption * problem.move[before, visit]
-        backward_forward = backward + consumption * problem.move[before + 1, visit]
-        forward_backward = forward + consumption * problem.move[before, visit + 1]
-        backward_backward = backward + consumption * problem.move[before + 1, visit + 1]
+        forward_forward = forward + consumption * move[before, visit]
+        backward_forward = backward + consumption * move[before + 1, visit]
+        forward_backward = forward + consumption * move[before, visit + 1]
+        backward_backward = backward + consumption * move[before + 1, visit + 1]
         came_from[position, 0] = int(backward_forward < forward_forward)
         came_from[position, 1] = int(backward_backward < forward_backward)
         forward = min(forward_forward, backward_forward)

@@ -38,6 +38,18 @@ def random_instance(seed: int, segments: int, vehicles: Sequence[Vehicle], *, dy
     return build_instance(ends, (0.0, 0.0), vehicles, travel)
 
 
+def table_s(instance: Instance, profile: int = 0) -> npt.NDArray[np.float64]:
+    """Return (2n, 2n) float64, the seconds of all moves."""
+    every = np.arange(2 * instance.segments)
+    return instance.moves.seconds(profile, every[:, np.newaxis], every[np.newaxis])
+
+
+def table_pct(instance: Instance, profile: int = 0) -> npt.NDArray[np.float64]:
+    """Return (2n, 2n) float64, the energy of all moves."""
+    every = np.arange(2 * instance.segments)
+    return instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+
+
 def nechranice_ends_m(radius_m: float) -> npt.NDArray[np.float64]:
     """Return (n, 2, 2) float64, the segments near the substation, by (lower pylon, higher pylon); skip without it."""
     if not NECHRANICE.is_file():

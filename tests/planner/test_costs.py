@@ -21,7 +21,7 @@ from planner import (
     route_energy_pct,
     travel_for,
 )
-from tests.planner.builders import UNIT, fleet, nechranice_ends_m
+from tests.planner.builders import UNIT, fleet, nechranice_ends_m, table_s
 
 PAPER = Travel(5.0, 1.0, 1.0, 1.0)
 
@@ -61,7 +61,7 @@ def test_one_segment_by_hand() -> None:
     assert instance.home_s[0].tolist() == [10, 6]
     assert instance.start_pct[0].tolist() == pytest.approx([2 * (0.6 + 8), 2 * (1.0 + 8)])
     assert instance.home_pct[0].tolist() == pytest.approx([2.0, 1.2])
-    assert instance.depot_pct.tolist() == pytest.approx([0.6 + 8, 1.0 + 8])  # without the vehicle's own consumption
+    assert instance.depot_pct[0].tolist() == pytest.approx([0.6 + 8, 1.0 + 8])  # without the vehicle's own consumption
     assert instance.end_m.tolist() == [[30.0, 40.0], [30.0, 0.0]]
     assert instance.value.tolist() == [40.0]
     assert instance.idle_s.tolist() == [0.0]
@@ -93,7 +93,7 @@ def test_turns_are_never_more_than_half_a_circle() -> None:
     ends = chance.uniform(-100, 100, (12, 2, 2))
     slow = build_instance(ends, (0.0, 0.0), fleet(1.0), Travel(5.0, 1.0, 1.0, 1.0, Dynamics()))
     plain = build_instance(ends, (0.0, 0.0), fleet(1.0), PAPER)
-    extra = slow.move_s - plain.move_s - 5.0 / 2.5 - 1.0 / 2.5
+    extra = table_s(slow) - table_s(plain) - 5.0 / 2.5 - 1.0 / 2.5
     assert extra.min() >= -1e-9
     assert extra.max() <= 2 * math.pi + 1e-9
 

@@ -22,7 +22,7 @@ from planner import (
     solve,
     warm_start,
 )
-from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m
+from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, table_pct, table_s
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.
 # a: 0, 1, 2 end at 10, 20, 30 s, home at 60. b: 3, 4 end at 40, 50 s, home at 100. c stays on the ground.
@@ -70,8 +70,10 @@ def test_the_reduced_instance_is_what_build_instance_makes_of_the_same_state() -
     plan = Plan((Route(0, (0,)), Route(1, (3, 4)), Route(2, (7,))))
     left = remaining(instance, plan, lost=0, at_s=0.0)
     rebuilt = build_instance([ends[0], ends[2]], (5.0, 5.0), left.instance.vehicles, travel)
-    for name in ("move_s", "start_s", "home_s", "idle_s", "move_pct", "start_pct", "home_pct", "idle_pct", "depot_s",
-                 "depot_pct", "value", "end_m"):  # fmt: skip
+    assert table_s(left.instance) == pytest.approx(table_s(rebuilt))
+    assert table_pct(left.instance) == pytest.approx(table_pct(rebuilt))
+    for name in ("start_s", "home_s", "idle_s", "start_pct", "home_pct", "idle_pct", "depot_s", "depot_pct", "value",
+                 "end_m"):  # fmt: skip
         assert getattr(left.instance, name) == pytest.approx(getattr(rebuilt, name)), name
 
 
@@ -92,7 +94,7 @@ def test_who_is_on_the_way_home_flies_again_from_there() -> None:
     a = left.survivors[0]
     assert (a.completed, a.finishing, a.free_s, a.spent_pct, a.budget_left_pct) == ((0, 2, 4), None, 60.0, 60.0, 140.0)
     assert left.instance.vehicles[0].airborne is False
-    assert left.instance.start_s[0].tolist() == INSTANCE.depot_s[[6, 7, 8, 9]].tolist()
+    assert left.instance.start_s[0].tolist() == INSTANCE.depot_s[0, [6, 7, 8, 9]].tolist()
     landed = remaining(INSTANCE, PLAN, lost=1, at_s=70.0).survivors[0]
     assert (landed.free_s, landed.spent_pct) == (70.0, 60.0)
 

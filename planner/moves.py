@@ -1,0 +1,326 @@
+"""What a move takes: speeds, energy rates, wind; tables of all moves, or each computed when it is asked for.
+
+A *move* ends where a visit ends: the transit to the visit's first pylon and the inspection itself. The default is the
+paper's model: distance over speed, no other dynamics. With ``Dynamics`` it is the matrix of the authors' public solver,
+which adds acceleration from and to rest and turns on the spot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.energy import Drone, pct_per_s
+from planner.errors import InstanceError
+
+FloatArray = npt.NDArray[np.float64]
+Visits = int | Sequence[int] | npt.NDArray[np.int64]
+"""Numbers of visits; two of them broadcast against each other as numpy's indices do."""
+CURVE_STEP_M_S = 0.25
+"""Between two points of the energy rate over the air speed: straight lines between them are within 0.01 % of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dynamics:
+    """What the authors' public solver adds to the paper's model."""
+
+    acceleration_m_s2: float = 2.5
+    yaw_rate_rad_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check both rates.
+
+        Raises:
+            InstanceError: a rate is not a positive number.
+        """
+        _check_positive("acceleration_m_s2", self.acceleration_m_s2)
+        _check_positive("yaw_rate_rad_s", self.yaw_rate_rad_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """Steady wind, and what flying at an air speed uses.
+
+    Vehicles hold their ground speed, as multicopter autopilots do in missions: wind changes the energy of a move, not
+    its time, and the energy of the way back is another one.
+    """
+
+    east_m_s: float
+    """Where the air moves to."""
+    north_m_s: float
+    airspeed_m_s: tuple[float, ...]
+    """Ascending from 0."""
+    pct_per_s: tuple[float, ...]
+    """At each of those air speeds, for a consumption of 1; straight lines between them."""
+
+    def __post_init__(self) -> None:
+        """Check that the rates make a curve.
+
+        Raises:
+            InstanceError: a figure is not a number, or the curve is not one.
+        """
+        if not (math.isfinite(self.east_m_s) and math.isfinite(self.north_m_s)):
+            raise InstanceError("wind: expected two numbers, east and north in m/s")
+        if len(self.airspeed_m_s) != len(self.pct_per_s) or len(self.airspeed_m_s) < 2:
+            raise InstanceError("wind: expected as many rates as air speeds, two at least")
+        if not (np.all(np.diff(self.airspeed_m_s) > 0) and min(self.pct_per_s) > 0):
+            raise InstanceError("wind: expected ascending air speeds and positive rates")
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """How fast a vehicle moves and what a second of it uses at a consumption of 1."""
+
+    transit_speed_m_s: float
+    inspection_speed_m_s: float
+    transit_pct_per_s: float
+    """In still air."""
+    inspection_pct_per_s: float
+    dynamics: Dynamics | None = None
+    wind: Wind | None = None
+
+    def __post_init__(self) -> None:
+        """Check that all figures are positive.
+
+        Raises:
+            InstanceError: a figure is not a positive number.
+        """
+        for name in ("transit_speed_m_s", "inspection_speed_m_s", "transit_pct_per_s", "inspection_pct_per_s"):
+            _check_positive(name, getattr(self, name))
+
+    def transit_rates_pct_per_s(self, vectors_m: FloatArray) -> FloatArray:
+        """Return (...) float64, the energy rate of transits along ``vectors_m`` (..., 2)."""
+        return self._rates_pct_per_s(vectors_m, self.transit_speed_m_s, self.transit_pct_per_s)
+
+    def inspection_rates_pct_per_s(self, vectors_m: FloatArray) -> FloatArray:
+        """Return (...) float64, the energy rate of inspections along ``vectors_m`` (..., 2)."""
+        return self._rates_pct_per_s(vectors_m, self.inspection_speed_m_s, self.inspection_pct_per_s)
+
+    def _rates_pct_per_s(self, vectors_m: FloatArray, speed_m_s: float, calm_pct_per_s: float) -> FloatArray:
+        if self.wind is None:
+            return np.full(vectors_m.shape[:-1], calm_pct_per_s)
+        length_m = np.hypot(vectors_m[..., 0], vectors_m[..., 1])
+        # A move of no length takes no time, whatever its rate.
+        speed = np.divide(speed_m_s, length_m, out=np.zeros_like(length_m), where=length_m > 0)
+        airspeed = np.hypot(vectors_m[..., 0] * speed - self.wind.east_m_s,
+                            vectors_m[..., 1] * speed - self.wind.north_m_s)  # fmt: skip
+        rates: FloatArray = np.interp(airspeed, self.wind.airspeed_m_s, self.wind.pct_per_s)
+        return rates
+
+
+def travel_for(
+    drone: Drone,
+    transit_speed_m_s: float,
+    inspection_speed_m_s: float,
+    dynamics: Dynamics | None = None,
+    wind_m_s: tuple[float, float] = (0.0, 0.0),
+) -> Travel:
+    """Return the travel of a drone at the two speeds, with its energy from the pen-and-paper model.
+
+    Args:
+        drone: Whose power is modelled.
+        transit_speed_m_s: Over ground.
+        inspection_speed_m_s: Over ground.
+        dynamics: As ``Travel`` has it.
+        wind_m_s: Where the air moves to, east and north.
+
+    Raises:
+        InstanceError: a speed is not a positive number, or beyond what the drone's battery can give.
+    """
+    return Travel(
+        transit_speed_m_s,
+        inspection_speed_m_s,
+        pct_per_s(drone, transit_speed_m_s),
+        pct_per_s(drone, inspection_speed_m_s),
+        dynamics,
+        _wind_of(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s) if any(wind_m_s) else None,
+    )
+
+
+def _wind_of(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> Wind:
+    points = math.ceil((fastest_m_s + math.hypot(*wind_m_s)) / CURVE_STEP_M_S) + 2
+    airspeed = tuple(CURVE_STEP_M_S * point for point in range(points))
+    return Wind(wind_m_s[0], wind_m_s[1], airspeed, tuple(pct_per_s(drone, speed) for speed in airspeed))
+
+
+class Moves(Protocol):
+    """The moves between an instance's visits. Vehicles of equal travel share a *profile*."""
+
+    @property
+    def profiles(self) -> int:
+        """Number of profiles."""
+        ...
+
+    @property
+    def visits(self) -> int:
+        """Number of visits, two for each segment."""
+        ...
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds from the end of visits ``before`` to the end of visits ``after``."""
+        ...
+
+    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the energy of the same moves for a consumption of 1, in percent of a full battery."""
+        ...
+
+    def part(self, visits: Sequence[int]) -> Moves:
+        """Return the moves between some of the visits, numbered anew in the order given."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class MoveTables:
+    """All moves beside each other: what networks up to some hundred segments take."""
+
+    table_s: FloatArray
+    """(p, 2n, 2n) float64: for each profile, seconds from the end of visit i to the end of visit j."""
+    table_pct: FloatArray
+    """(p, 2n, 2n) float64."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers.
+
+        Raises:
+            InstanceError: a table is not one for a number of visits, or holds what is no time or energy.
+        """
+        shape = self.table_s.shape
+        if len(shape) != 3 or shape[0] == 0 or shape[1] != shape[2] or self.table_pct.shape != shape:
+            raise InstanceError(f"moves have shapes {shape} and {self.table_pct.shape}, expected (p, 2n, 2n) twice")
+        for table in (self.table_s, self.table_pct):
+            if not np.all(np.isfinite(table)) or np.any(table < 0):
+                raise InstanceError("moves hold a negative, infinite or NaN entry")
+
+    @property
+    def profiles(self) -> int:
+        """Number of profiles."""
+        return len(self.table_s)
+
+    @property
+    def visits(self) -> int:
+        """Number of visits."""
+        return int(self.table_s.shape[1])
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds of moves."""
+        return np.asarray(self.table_s[profile][before, after])
+
+    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the energy of moves."""
+        return np.asarray(self.table_pct[profile][before, after])
+
+    def part(self, visits: Sequence[int]) -> MoveTables:
+        """Return the moves between some of the visits."""
+        block = np.ix_(range(self.profiles), visits, visits)
+        return MoveTables(self.table_s[block], self.table_pct[block])
+
+
+@dataclass(frozen=True, slots=True)
+class MoveGeometry:
+    """Moves computed from places when they are asked for: memory grows with the segments, not with their square."""
+
+    first_m: FloatArray
+    """(2n, 2) float64: where each visit begins, local east and north in metres."""
+    last_m: FloatArray
+    """(2n, 2) float64: where it ends."""
+    travels: tuple[Travel, ...]
+    """One for each profile."""
+
+    @property
+    def profiles(self) -> int:
+        """Number of profiles."""
+        return len(self.travels)
+
+    @property
+    def visits(self) -> int:
+        """Number of visits."""
+        return len(self.first_m)
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds of moves."""
+        return self._between(profile, before, after)[0]
+
+    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the energy of moves."""
+        return self._between(profile, before, after)[1]
+
+    def part(self, visits: Sequence[int]) -> MoveTables:
+        """Return the moves between some of the visits, as tables."""
+        chosen = MoveGeometry(self.first_m[list(visits)], self.last_m[list(visits)], self.travels)
+        return tables(chosen)
+
+    def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        places, headings = self.last_m[before], self.last_m[before] - self.first_m[before]
+        return moves_from(places, headings, self.first_m[after], self.last_m[after], self.travels[profile])
+
+
+def tables(geometry: MoveGeometry) -> MoveTables:
+    """Return all moves of a geometry."""
+    visits = np.arange(geometry.visits)
+    blocks = [
+        moves_from(
+            geometry.last_m[:, np.newaxis],
+            (geometry.last_m - geometry.first_m)[:, np.newaxis],
+            geometry.first_m[np.newaxis],
+            geometry.last_m[np.newaxis],
+            travel,
+        )
+        for travel in geometry.travels
+    ]
+    shape = (len(blocks), len(visits), len(visits))
+    seconds = np.array([block[0] for block in blocks]).reshape(shape)
+    return MoveTables(seconds, np.array([block[1] for block in blocks]).reshape(shape))
+
+
+def moves_from(
+    places_m: FloatArray, headings_m: FloatArray, first_m: FloatArray, last_m: FloatArray, travel: Travel
+) -> tuple[FloatArray, FloatArray]:
+    """Return seconds and energies of moves; the four arrays (..., 2) broadcast against each other.
+
+    Args:
+        places_m: Where moves begin.
+        headings_m: Along which the vehicle arrived there.
+        first_m: Where the visits begin.
+        last_m: Where they end.
+        travel: Speeds and rates.
+    """
+    transit_s, transit_pct = transits(places_m, headings_m, first_m, travel)
+    along = last_m - first_m
+    inspection_s = np.hypot(along[..., 0], along[..., 1]) / travel.inspection_speed_m_s
+    if travel.dynamics is not None:
+        ramps_s = travel.inspection_speed_m_s / travel.dynamics.acceleration_m_s2
+        inspection_s = inspection_s + ramps_s + _turn_s(first_m - places_m, along, travel.dynamics)
+    return transit_s + inspection_s, transit_pct + inspection_s * travel.inspection_rates_pct_per_s(along)
+
+
+def transits(
+    places_m: FloatArray, headings_m: FloatArray, targets_m: FloatArray, travel: Travel
+) -> tuple[FloatArray, FloatArray]:
+    """Return seconds and energies of transits; the three arrays (..., 2) broadcast against each other.
+
+    With dynamics: the turn from the heading, then d / v + v / a, which is the authors' (d - v^2/a)/v + 2 v/a. They
+    charge it to a transit of no length as well.
+    """
+    vector = targets_m - places_m
+    seconds: FloatArray = np.hypot(vector[..., 0], vector[..., 1]) / travel.transit_speed_m_s
+    if travel.dynamics is not None:
+        ramps_s = travel.transit_speed_m_s / travel.dynamics.acceleration_m_s2
+        seconds = seconds + ramps_s + _turn_s(headings_m, vector, travel.dynamics)
+    return seconds, seconds * travel.transit_rates_pct_per_s(vector)
+
+
+def _turn_s(before: FloatArray, after: FloatArray, dynamics: Dynamics) -> FloatArray:
+    """Return the seconds of the turns between vectors; a vector of no length faces east, as atan2(0, 0) has it."""
+    turn = np.arctan2(before[..., 1], before[..., 0]) - np.arctan2(after[..., 1], after[..., 0])
+    wrapped: FloatArray = np.abs((turn + math.pi) % (2 * math.pi) - math.pi)
+    return wrapped / dynamics.yaw_rate_rad_s
+
+
+def _check_positive(name: str, number: float) -> None:
+    if not (math.isfinite(number) and number > 0):
+        raise InstanceError(f"{name} is {number}, expected a positive number")
