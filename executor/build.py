@@ -73,7 +73,8 @@ def ground_of(site: Site, base: Path) -> Ground:
         layer_m=table.layer_m,
     )
     drone = drone_of(site)
-    return Ground(site, network, inspection, drone, travel_for(drone, table.transit_speed_m_s, table.speed_m_s))
+    travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
+    return Ground(site, network, inspection, drone, travel)
 
 
 def drone_of(site: Site) -> Drone:
@@ -183,6 +184,7 @@ def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Co
         vehicles=vehicles,
         limits=limits_of(site),
         drone=ground.drone,
+        wind_m_s=site.inspection.wind_m_s,
         travel=ground.travel,
         segments=len(ground.network.segments),
         corridor_m=site.inspection.corridor_m,

@@ -17,6 +17,7 @@ from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+WindSpeed = Annotated[float, Field(ge=-20, le=20)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -51,6 +52,8 @@ class InspectionTable(_Table):
     """Beside the line, always on the same side."""
     speed_m_s: Positive = 3.0
     transit_speed_m_s: Positive = 8.0
+    wind_m_s: tuple[WindSpeed, WindSpeed] = (0.0, 0.0)
+    """Where the air moves to, east and north."""
     layer_m: Positive = 5.0
     """Any two vehicles keep at least this far apart."""
     corridor_m: Positive = 10.0

@@ -39,8 +39,8 @@ def estimate(path: FlightPath, travel: Travel, motion: Motion, *, consumption: f
     """Return the duration in seconds and the energy in percent of a full battery of a flight.
 
     Inspection, holds, climb and descent are charged with the inspection's power, which is nearly that of a hover, and
-    everything else with the transit's. A leg takes its length over its speed, plus half a ramp for each end at which
-    the vehicle stands, and never less than its height takes.
+    everything else with the transit's; in wind, each with that of its air speed. A leg takes its length over its speed,
+    plus half a ramp for each end at which the vehicle stands, and never less than its height takes.
 
     Args:
         path: The flight; a path without waypoints takes nothing.
@@ -54,14 +54,15 @@ def estimate(path: FlightPath, travel: Travel, motion: Motion, *, consumption: f
     along_m = legs_m(path, LocalFrame(first.lat_deg, first.lon_deg))
     along_m = along_m[:, 1] - along_m[:, 0]
     stops = [_stops_at_end(path, along_m, index) for index in range(len(path.waypoints))]
+    hold_rate = float(travel.inspection_rates_pct_per_s(np.zeros(2)))
     legs = []
     for index, point in enumerate(path.waypoints):
         starts_from_rest = index == 0 or stops[index - 1]
         moving_s = _moving_s(point, along_m[index], starts_from_rest + stops[index], motion)
         hold_s = motion.hold_s if point.hold else 0.0
         slow = point.phase in (Phase.INSPECT, Phase.TAKEOFF, Phase.LAND)
-        rate = travel.inspection_pct_per_s if slow else travel.transit_pct_per_s
-        energy_pct = moving_s * rate + hold_s * travel.inspection_pct_per_s
+        rates = travel.inspection_rates_pct_per_s if slow else travel.transit_rates_pct_per_s
+        energy_pct = moving_s * float(rates(along_m[index, :2])) + hold_s * hold_rate
         legs.append(LegEstimate(moving_s + hold_s, consumption * energy_pct))
     return Estimate(sum(leg.duration_s for leg in legs), sum(leg.energy_pct for leg in legs), tuple(legs))
 

@@ -57,11 +57,11 @@ class Fields:
             raise self.fail(key, "a text")
         return value
 
-    def numbers(self, key: str, count: int) -> tuple[float, ...]:
-        """Return exactly ``count`` finite numbers."""
+    def numbers(self, key: str, count: int | None = None) -> tuple[float, ...]:
+        """Return finite numbers: exactly ``count``, or as many as there are."""
         value = self.content.get(key)
-        if not isinstance(value, list) or len(value) != count or not all(map(is_number, value)):
-            raise self.fail(key, f"{count} finite numbers")
+        if not isinstance(value, list) or count not in {None, len(value)} or not all(map(is_number, value)):
+            raise self.fail(key, "finite numbers" if count is None else f"{count} finite numbers")
         return tuple(float(number) for number in value)
 
     def optional_numbers(self, key: str, count: int) -> tuple[float | None, ...]:

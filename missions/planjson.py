@@ -22,6 +22,7 @@ from planner import (
     Route,
     Travel,
     Vehicle,
+    Wind,
     is_reversed,
     segment_of,
     visit_of,
@@ -83,6 +84,12 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             "dynamics": None if content.travel.dynamics is None else {
                 "acceleration_m_s2": content.travel.dynamics.acceleration_m_s2,
                 "yaw_rate_rad_s": content.travel.dynamics.yaw_rate_rad_s,
+            },
+            "wind": None if content.travel.wind is None else {
+                "east_m_s": content.travel.wind.east_m_s,
+                "north_m_s": content.travel.wind.north_m_s,
+                "airspeed_m_s": list(content.travel.wind.airspeed_m_s),
+                "pct_per_s": list(content.travel.wind.pct_per_s),
             },
         },
         "vehicles": [
@@ -247,7 +254,7 @@ def _parsed_frame(fields: Fields) -> LocalFrame:
 
 
 def _parsed_travel(fields: Fields) -> Travel:
-    dynamics = fields.optional_inner("dynamics")
+    dynamics, wind = fields.optional_inner("dynamics"), fields.optional_inner("wind")
     try:
         return Travel(
             fields.number("transit_speed_m_s"),
@@ -256,6 +263,10 @@ def _parsed_travel(fields: Fields) -> Travel:
             fields.number("inspection_pct_per_s"),
             None if dynamics is None else Dynamics(
                 dynamics.number("acceleration_m_s2"), dynamics.number("yaw_rate_rad_s")
+            ),
+            None if wind is None else Wind(
+                wind.number("east_m_s"), wind.number("north_m_s"),
+                wind.numbers("airspeed_m_s"), wind.numbers("pct_per_s"),
             ),
         )  # fmt: skip
     except InstanceError as error:

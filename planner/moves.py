@@ -71,6 +71,12 @@ class Wind:
         if not (np.all(np.diff(self.airspeed_m_s) > 0) and min(self.pct_per_s) > 0):
             raise InstanceError("wind: expected ascending air speeds and positive rates")
 
+    def rates_pct_per_s(self, east_m_s: FloatArray, north_m_s: FloatArray) -> FloatArray:
+        """Return the energy rates at velocities over ground."""
+        airspeed = np.hypot(east_m_s - self.east_m_s, north_m_s - self.north_m_s)
+        rates: FloatArray = np.interp(airspeed, self.airspeed_m_s, self.pct_per_s)
+        return rates
+
 
 @dataclass(frozen=True, slots=True)
 class Travel:
@@ -107,10 +113,7 @@ class Travel:
         length_m = np.hypot(vectors_m[..., 0], vectors_m[..., 1])
         # A move of no length takes no time, whatever its rate.
         speed = np.divide(speed_m_s, length_m, out=np.zeros_like(length_m), where=length_m > 0)
-        airspeed = np.hypot(vectors_m[..., 0] * speed - self.wind.east_m_s,
-                            vectors_m[..., 1] * speed - self.wind.north_m_s)  # fmt: skip
-        rates: FloatArray = np.interp(airspeed, self.wind.airspeed_m_s, self.wind.pct_per_s)
-        return rates
+        return self.wind.rates_pct_per_s(vectors_m[..., 0] * speed, vectors_m[..., 1] * speed)
 
 
 def travel_for(

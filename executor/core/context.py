@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -36,6 +37,8 @@ class Context:
     vehicles: Mapping[str, VehicleSetup]
     limits: Limits
     drone: Drone
+    wind_m_s: tuple[float, float]
+    """Where the air moves to, east and north, as the site file says."""
     travel: Travel
     segments: int
     corridor_m: float
@@ -67,6 +70,6 @@ class Context:
         stack_m = len(layers.vehicles) * layers.spacing_m if relief_m > FLAT_M else 0.0
         return highest_m + stack_m + layers.offset_m(name) - self.frame.up_m(self.setup.pad_of(name).alt_m)
 
-    def draw_pct_per_s(self, speed_m_s: float) -> float:
-        """Return what the energy model says a speed costs."""
-        return pct_per_s(self.drone, speed_m_s)
+    def draw_pct_per_s(self, east_m_s: float, north_m_s: float) -> float:
+        """Return what the energy model says a velocity over ground costs in the site's wind."""
+        return pct_per_s(self.drone, math.hypot(east_m_s - self.wind_m_s[0], north_m_s - self.wind_m_s[1]))

@@ -266,8 +266,7 @@ def _positioned(context: Context, state: VehicleState, message: Position, now_s:
     drained = state.battery
     elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
     if state.armed and 0.0 < elapsed_s < 30.0:
-        ground_speed = math.hypot(message.north_m_s, message.east_m_s)
-        drained = battery.drawn(drained, context.draw_pct_per_s(ground_speed) * elapsed_s)
+        drained = battery.drawn(drained, context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s)
     anchor = state.anchor
     if anchor is None or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix

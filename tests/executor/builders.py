@@ -39,7 +39,8 @@ def ground_for(site: Site, network: Network) -> Ground:
         transit_speed_m_s=table.transit_speed_m_s,
         layer_m=table.layer_m,
     )
-    return Ground(site, network, inspection, drone, travel_for(drone, table.transit_speed_m_s, table.speed_m_s))
+    travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
+    return Ground(site, network, inspection, drone, travel)
 
 
 @dataclass(frozen=True, slots=True)

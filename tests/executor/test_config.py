@@ -50,6 +50,14 @@ def test_a_good_site_and_its_defaults() -> None:
     assert site.flight.fly_again
 
 
+def test_wind_is_two_numbers_for_where_the_air_moves() -> None:
+    assert check_site(content(), "site.toml").inspection.wind_m_s == (0.0, 0.0)
+    windy = content(inspection={"wind_m_s": [4.0, -2.5]})
+    assert check_site(windy, "site.toml").inspection.wind_m_s == (4.0, -2.5)
+    assert reason(content(inspection={"wind_m_s": [4.0]})).startswith("inspection.wind_m_s[1]: expected")
+    assert reason(content(inspection={"wind_m_s": [40.0, 0.0]})).startswith("inspection.wind_m_s[0]: expected")
+
+
 def test_a_site_without_a_depot_is_good() -> None:
     without = content()
     del without["depot"]

@@ -85,8 +85,7 @@ class Craft:
             self._home(step_s)
         elif self.mode == modes.mission.custom_mode and self.path is not None:
             self._on_path(step_s)
-        speed = math.hypot(*self.velocity_m_s[:2])
-        self.battery_pct -= self.consumption * self.context.draw_pct_per_s(speed) * step_s
+        self.battery_pct -= self.consumption * self.context.draw_pct_per_s(*self.velocity_m_s[:2]) * step_s
 
     def _on_path(self, step_s: float) -> None:
         assert self.path is not None

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from missions import FlightPath, Motion, Phase, Waypoint, estimate
-from planner import Travel
+from planner import Travel, Wind
 from tests.missions.builders import FRAME
 
 TRAVEL = Travel(transit_speed_m_s=5.0, inspection_speed_m_s=1.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
@@ -44,6 +46,25 @@ def transit(*places: tuple[float, float]) -> float:
     points = [waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0)]
     points += [waypoint(Phase.TRANSIT, east, north, 20, 5.0) for east, north in places]
     return sum(leg.duration_s for leg in estimate(FlightPath("uav1", tuple(points)), TRAVEL, MOTION).legs[1:])
+
+
+def test_wind_costs_what_its_air_speed_does() -> None:
+    wind = Wind(3.0, 0.0, (0.0, 10.0), (0.0 + 1e-9, 1.0))  # a tenth of a percent a second for each m/s of air speed
+    path = FlightPath(
+        "uav1",
+        (
+            waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0),
+            waypoint(Phase.TRANSIT, 100, 0, 20, 5.0, hold=True),
+            waypoint(Phase.INSPECT, 150, 0, 20, 1.0, hold=True),
+            waypoint(Phase.RETURN, 0, 0, 20, 5.0),
+            waypoint(Phase.LAND, 0, 0, 0, 1.0),
+        ),
+    )
+    figures = estimate(path, replace(TRAVEL, wind=wind), MOTION)
+    assert figures.duration_s == pytest.approx(estimate(path, TRAVEL, MOTION).duration_s)
+    # Out 5 - 3, inspecting 1 - 3, home -5 - 3; in hover the wind itself.
+    energies = [10.8 * 0.3, 22.0 * 0.2 + 0.3, 50.4 * 0.2 + 0.3, 32.0 * 0.8, 20.4 * 0.3]
+    assert [leg.energy_pct for leg in figures.legs] == pytest.approx(energies, abs=1e-3)
 
 
 def test_a_gentle_corner_is_flown_through_and_a_sharp_one_is_a_stop() -> None:
