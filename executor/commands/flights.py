@@ -1,0 +1,139 @@
+"""The commands that fly: demo, simulate, fly."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor import app as flying
+from executor import build, planning
+from executor.adapters.rundir import new_run_directory
+from executor.commands import OUR_ERRORS
+from executor.commands.options import (
+    AutopilotName,
+    FaultOption,
+    JsonOption,
+    RunOption,
+    SeedOption,
+    SiteArgument,
+)
+from executor.commands.planned import first_plan
+from executor.config import check_site, read_site
+from executor.console import TerminalConsole
+from executor.core.commands import Level
+from executor.demo import check_faults, demo_site, happenings, simulated_fleet
+from missions import read_plan
+from planner import Cost
+
+
+def demo(
+    network: Annotated[Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file.")] = None,
+    radius: Annotated[float, typer.Option(min=1, metavar="M", help="Segments within M metres of the depot.")] = 700.0,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="How many vehicles fly.")] = 4,
+    speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 10.0,
+    seed: SeedOption = 1,
+    fault: FaultOption = None,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,
+    run: RunOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
+    content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
+    faults = fault if fault is not None else ["uav2:silent@40%"]
+    site = check_site(content, "demo")
+    ground = build.ground_of(site, Path())
+    check_faults(ground, faults)
+    console = TerminalConsole(quiet=as_json, yes=True)
+    plan = first_plan(ground, console, Cost.MINMAX, 3.0, seed, all_vehicles=True)
+    directory = new_run_directory(run)
+    order = flying.Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
+    flying.keep(order)
+    with simulated_fleet(directory, faults, seed):
+        flown = asyncio.run(flying.fly(order, console))
+    _finish_flight(order, flown, as_json=as_json)
+
+
+def simulate(
+    site: SiteArgument,
+    speedup: Annotated[float | None, typer.Option(min=0.1, max=100, metavar="X", help="Instead of the site's.")] = None,
+    fault: FaultOption = None,
+    seed: SeedOption = 1,
+    wind: Annotated[
+        float, typer.Option(min=0.1, max=5, metavar="FACTOR", help="What the wind makes of consumption.")
+    ] = 1.0,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")
+    ] = None,
+    failsafe: Annotated[
+        bool,
+        typer.Option(
+            "--failsafe",
+            help="Return when the ground station falls silent; else they fly on.",
+        ),
+    ] = False,
+) -> None:
+    """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
+    from executor.simulation import run_simulation
+
+    content = read_site(site)
+    ground = build.ground_of(content, site.parent)
+    factor = content.flight.speedup if speedup is None else speedup
+    run_simulation(ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe)
+
+
+def fly(
+    site: SiteArgument,
+    plan: Annotated[Path | None, typer.Option(metavar="PLAN", help="Fly this plan; otherwise one is made.")] = None,
+    run: RunOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost."""
+    content = read_site(site)
+    ground = build.ground_of(content, site.parent)
+    console = TerminalConsole(quiet=as_json, yes=yes)
+    for name in ("mqtt", "web"):
+        if getattr(content, name) is not None:
+            console.say(Level.WARNING, f"{site}: [{name}]: this version does not serve it; the flight goes on without")
+    if plan is None:
+        routes = first_plan(ground, console, Cost.MINMAX, 5.0, 1, all_vehicles=True)
+    else:
+        routes = read_plan(plan)
+        planning.fits(routes, ground, str(plan))
+    order = flying.Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: ())
+    flying.keep(order)
+    flown = asyncio.run(flying.fly(order, console))
+    _finish_flight(order, flown, as_json=as_json)
+
+
+def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -> None:
+    report = flown.report
+    if as_json:
+        print(json.dumps(report))
+    else:
+        print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
+        if report["segments_uncovered"]:
+            print(f"not inspected: {report['segments_uncovered']}")
+    _show_flight(order.run, report)
+    if not report["finished"]:
+        raise typer.Exit(1)
+
+
+def _show_flight(run: Path, report: Mapping[str, object]) -> None:
+    from executor.adapters.page import write_page
+    from executor.adapters.pictures import draw_battery, draw_map
+    from executor.record import read_run
+
+    try:
+        record = read_run(run)
+        draw_map(record, run / "map.png")
+        draw_battery(record, run / "battery.png")
+        write_page(record, report, run / "report.html")
+    except (OSError, *OUR_ERRORS) as error:
+        print(f"faultline: the pictures could not be made: {error}", file=sys.stderr)

@@ -1,0 +1,55 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class CostName(StrEnum):
+    """What a plan is chosen by."""
+
+    MINMAX = "minmax"
+    MINSUM = "minsum"
+    MINCOMB = "mincomb"
+
+
+class SolverName(StrEnum):
+    """Who plans."""
+
+    SEARCH = "search"
+
+
+class FormatName(StrEnum):
+    """What other ground stations read."""
+
+    QGC = "qgc"
+    WAYPOINTS = "waypoints"
+
+
+class AutopilotName(StrEnum):
+    """Whose behaviour the simulated vehicles have."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+
+
+SiteArgument = Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML).")]
+PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, as `faultline plan -o` writes it.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+CostOption = Annotated[CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")]
+SecondsOption = Annotated[float, typer.Option(min=0.01, help="How long the solver may take.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Of all chance; the same seed gives the same result.")]
+FaultOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SPEC",
+        help="VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40% or uav3:battery-step=30@300s; may be repeated. Kinds: "
+        "silent[=20s], battery-step=30, drain=3, crash, reboot, refuse-upload, half-upload, loss=0.2, delay=0.3, "
+        "duplicate=0.1, reorder=0.1; 'all' names every vehicle.",
+    ),
+]
+RunOption = Annotated[Path | None, typer.Option("--run", metavar="DIR", help="Where the record goes; new or empty.")]
