@@ -31,6 +31,10 @@ FIGURE_TOLERANCE = 1e-6
 """Recomputed figures agree to this, relative to the larger of the figure and 1: sums depend on their order."""
 
 
+WINDOW_COST = "window"
+"""What a file names as the cost of a plan that was chosen by its re-plan window."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlanSegment:
     """One segment of the plan's own network."""
@@ -82,14 +86,21 @@ class PlanFile:
     """Over positions in ``segments``, in the order of ``vehicles``."""
     durations_s: tuple[float, ...]
     energies_pct: tuple[float, ...]
-    cost: Cost
+    cost: Cost | None
+    """What the plan was chosen by; None: by its re-plan window, the earlier it begins the better."""
     cost_value: float
+    """In percent of a full battery; of a window, its ``earliest_s``."""
     solved: Solved
     window: Window | None = None
     inspection: Inspection | None = None
     """How to fly it; without it the file can be checked but not exported."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
+
+    @property
+    def cost_name(self) -> str:
+        """The cost as files and people name it."""
+        return WINDOW_COST if self.cost is None else self.cost.value
 
     @property
     def ends_m(self) -> FloatArray:
@@ -142,7 +153,7 @@ def make_plan_file(
     task: Task,
     travel: Travel,
     plan: Plan,
-    cost: Cost,
+    cost: Cost | None,
     solved: Solved,
     *,
     window: Window | None = None,
@@ -155,15 +166,18 @@ def make_plan_file(
         task: The problem that was solved.
         travel: That it was made with.
         plan: Over the task's instance.
-        cost: What the plan was chosen by.
+        cost: What the plan was chosen by; None for ``window``, which must then be given.
         solved: How the plan came about.
         window: The re-plan window, if computed.
         inspection: How the routes are to be flown.
 
     Raises:
         planner.PlanError: the plan does not belong to the task.
+        PlanFileError: it was chosen by a window that is not given.
     """
-    evaluation = evaluate(task.instance, plan, cost)
+    if cost is None and window is None:
+        raise PlanFileError("cost: expected the re-plan window that the plan was chosen by")
+    evaluation = evaluate(task.instance, plan, cost or Cost.MINMAX)
     return PlanFile(
         frame=network.frame,
         segments=tuple(_plan_segment(network, segment) for segment in task.segment_ids),
@@ -173,7 +187,7 @@ def make_plan_file(
         durations_s=evaluation.durations_s,
         energies_pct=evaluation.energies_pct,
         cost=cost,
-        cost_value=evaluation.value,
+        cost_value=evaluation.value if cost is not None or window is None else window.earliest_s,
         solved=solved,
         window=window,
         inspection=inspection,
@@ -195,7 +209,7 @@ def check_plan(content: PlanFile) -> list[str]:
 def _findings(content: PlanFile) -> Iterator[str]:
     yield from _place_findings(content)
     instance = content.instance()
-    evaluation = evaluate(instance, content.plan, content.cost)
+    evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
     figures = [
         (f"route of {vehicle.name}: {key}", written, computed)
         for key, all_written, all_computed in (
@@ -204,7 +218,10 @@ def _findings(content: PlanFile) -> Iterator[str]:
         )
         for vehicle, written, computed in zip(content.vehicles, all_written, all_computed, strict=True)
     ]
-    figures.append((f"cost.value ({content.cost.value})", content.cost_value, evaluation.value))
+    if content.cost is not None:
+        figures.append((f"cost.value ({content.cost_name})", content.cost_value, evaluation.value))
+    elif content.window is not None:
+        figures.append((f"cost.value ({content.cost_name})", content.cost_value, content.window.earliest_s))
     if content.window is not None:
         longest_s = evaluation.longest_route_s
         window_pct = 100.0 * (longest_s - content.window.earliest_s) / longest_s if longest_s > 0 else 100.0

@@ -11,7 +11,7 @@ from pathlib import Path
 from missions.errors import PlanFileError, SafetyError
 from missions.fields import Fields
 from missions.geo import LocalFrame
-from missions.planfile import PlanFile, PlanSegment, Solved, Window
+from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
 from missions.setup import Inspection
 from planner import (
     Cost,
@@ -113,7 +113,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             )
         ],
         "uncovered": [ids[segment] for segment in content.plan.uncovered],
-        "cost": {"name": content.cost.value, "value": content.cost_value},
+        "cost": {"name": content.cost_name, "value": content.cost_value},
         "seed": content.solved.seed,
         "solver": content.solved.solver,
         "seconds": content.solved.seconds,
@@ -160,8 +160,12 @@ def _parsed(fields: Fields) -> PlanFile:
     if unknown:
         raise PlanFileError(f"{fields.source}: uncovered: expected ids of segments, got unknown {unknown[0]}")
     cost = fields.inner("cost")
-    if cost.content.get("name") not in [known.value for known in Cost]:
-        raise cost.fail("name", f"one of {', '.join(known.value for known in Cost)}")
+    names = [*(known.value for known in Cost), WINDOW_COST]
+    if cost.content.get("name") not in names:
+        raise cost.fail("name", f"one of {', '.join(names)}")
+    window = _parsed_window(fields.optional_inner("window"))
+    if cost.text("name") == WINDOW_COST and window is None:
+        raise fields.fail("window", "the window that the plan was chosen by")
     try:
         plan = Plan(routes, tuple(position[segment] for segment in uncovered))
     except PlanError as error:
@@ -174,10 +178,10 @@ def _parsed(fields: Fields) -> PlanFile:
         plan=plan,
         durations_s=durations_s,
         energies_pct=energies_pct,
-        cost=Cost(cost.text("name")),
+        cost=None if cost.text("name") == WINDOW_COST else Cost(cost.text("name")),
         cost_value=cost.number("value"),
         solved=Solved(fields.text("solver"), fields.integer("seed"), fields.number("seconds")),
-        window=_parsed_window(fields.optional_inner("window")),
+        window=window,
         inspection=_parsed_inspection(fields.optional_inner("inspection")),
         source=fields.source,
     )

@@ -137,6 +137,6 @@ def _print_plan(content: PlanFile, *, as_json: bool) -> None:
             f"{vehicle.name}: {len(route.visits)} segments, {minutes:.1f} min, {energy_pct:.1f} % of its battery "
             f"(budget {vehicle.budget_pct:g} %)"
         )
-    print(f"{content.cost.value} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
+    print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
     if uncovered:
         print(f"the budgets do not cover segments {', '.join(map(str, uncovered))}")

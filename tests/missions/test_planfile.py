@@ -21,6 +21,7 @@ from missions import (
     depot_vehicle,
     make_plan_file,
     open_task,
+    plan_document,
     read_network,
     read_plan,
     whole_task,
@@ -79,6 +80,31 @@ def test_a_file_reads_back_as_it_was_written(tmp_path: Path) -> None:
     write_plan(tmp_path / "again.json", again)
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["again.json", "plan.json"]
+
+
+def test_a_plan_chosen_by_its_window_reads_back(tmp_path: Path) -> None:
+    content = small()
+    longest_s = max(content.durations_s)
+    window = Window(75.0, 0.25 * longest_s, longest_s)
+    chosen = replace(content, cost=None, cost_value=window.earliest_s, window=window)
+    path = tmp_path / "plan.json"
+    write_plan(path, chosen)
+    assert json.loads(path.read_text())["cost"] == {"name": "window", "value": window.earliest_s}
+    assert read_plan(path) == chosen
+    assert check_plan(chosen) == []
+    assert "cost.value (window) is 1, its content gives 35" in check_plan(replace(chosen, cost_value=1.0))
+
+
+def test_a_plan_chosen_by_a_window_has_one(tmp_path: Path) -> None:
+    network = line_east()
+    task = whole_task(network, [depot_vehicle("uav1", 80.0)], TRAVEL)
+    with pytest.raises(PlanFileError, match="cost: expected the re-plan window"):
+        make_plan_file(network, task, TRAVEL, Plan((Route(0, (0,)),), (1, 2)), None, SOLVED)
+    path = tmp_path / "plan.json"
+    document = plan_document(small()) | {"cost": {"name": "window", "value": 3.0}}
+    path.write_text(json.dumps(document))
+    with pytest.raises(PlanFileError, match="window: expected the window that the plan was chosen by"):
+        read_plan(path)
 
 
 def test_a_file_is_as_the_design_has_it(tmp_path: Path) -> None:
@@ -198,7 +224,7 @@ def _delete(*keys: Any) -> Callable[[Any], None]:
         (_set("routes", 0, "duration_s", value=None), r"routes\[0\]\.duration_s: expected a finite number, got None"),
         (_set("uncovered", value=["2"]), r"uncovered: expected a list of whole numbers, got \['2'\]"),
         (_set("uncovered", value=[5]), "uncovered: expected ids of segments, got unknown 5"),
-        (_set("cost", "name", value="best"), r"cost\.name: expected one of minmax, minsum, mincomb, got 'best'"),
+        (_set("cost", "name", value="best"), r"cost\.name: expected one of minmax, minsum, mincomb, window, got 'best'"),
         (_set("travel", "transit_speed_m_s", value=0), "travel: transit_speed_m_s is 0"),
         (_set("travel", "dynamics", value=1), r"travel\.dynamics: expected an object, got 1"),
         (_set("window", value={"window_pct": 1}), r"window\.earliest_s: expected a finite number, found none"),

@@ -59,7 +59,7 @@ def plan_figure(content: PlanFile) -> Figure:
     handles = [*_vehicle_handles(styles), *_first_handles(), *_ground_handles(pads=False)]
     places = [content.ends_m.reshape(-1, 2), *(np.array(route.way_m) for route in routes), np.array([DEPOT_M])]
     count, covered = len(content.segments), sum(len(route.segments) for route in routes)
-    title = f"{covered} of {count} segments for {len(routes)} vehicles, {content.cost.value} {content.cost_value:.2f}"
+    title = f"{covered} of {count} segments for {len(routes)} vehicles, {content.cost_name} {content.cost_value:.2f}"
     sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
     legend(sheet, handles)
