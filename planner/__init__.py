@@ -41,6 +41,7 @@ from planner.stop import (
     Verdict,
     any_of,
 )
+from planner.window import Breaking, LossRepair, LossRow, Repair, ReplanWindow, loss_table, repairs_at, replan_window
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",
@@ -48,6 +49,7 @@ __all__ = [
     "K_C",
     "PRESETS",
     "AnyOf",
+    "Breaking",
     "Cancelled",
     "Cost",
     "Drone",
@@ -57,6 +59,8 @@ __all__ = [
     "Instance",
     "InstanceError",
     "Iterations",
+    "LossRepair",
+    "LossRow",
     "MoveGeometry",
     "MoveTables",
     "Moves",
@@ -66,6 +70,8 @@ __all__ = [
     "PlannerError",
     "Progress",
     "Remainder",
+    "Repair",
+    "ReplanWindow",
     "Result",
     "Route",
     "Seconds",
@@ -83,10 +89,13 @@ __all__ = [
     "covers",
     "evaluate",
     "is_reversed",
+    "loss_table",
     "pct_per_s",
     "power_w",
     "remaining",
+    "repairs_at",
     "replan",
+    "replan_window",
     "route_duration_s",
     "route_energy_pct",
     "segment_of",

@@ -1,0 +1,189 @@
+"""All losses of one plan, gone through from the end: the seam between the window and its kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from planner.bounds import why_impossible
+from planner.construct import copy_of, empty_state, problem_of, random_state
+from planner.evaluate import BUDGET_TOLERANCE_PCT, completions_s, route_duration_s, route_energy_pct, spent_pct
+from planner.kernels.arrays import FloatArray, Problem, State
+from planner.kernels.tours import measure
+from planner.kernels.window import SAME_TIME_S, Clock, Loss, Repairs, Timing, set_clock, try_loss
+from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.replan import remaining
+from planner.window import LossRow, Repair
+
+QUICK = 20
+"""The first look at a loss takes this part of the effort; then its certificates are asked before the rest."""
+
+
+class Losses:
+    """The losses of a plan; each re-plan begins with the one of the interval after."""
+
+    def __init__(
+        self, instance: Instance, plan: Plan, events_s: Sequence[float], *, seed: int, fly_again: bool
+    ) -> None:
+        self._instance = instance
+        self._plan = plan
+        self._events_s = events_s
+        self._fly_again = fly_again
+        self._rng = random_state(seed)
+        self._problem = problem_of(instance)
+        self._timing = timing_of(instance)
+        self._base = base_of(self._problem, [route.visits for route in plan.routes])
+        self._clock = clock_of(self._problem, self._timing, self._base)
+        self._loss = loss_of(self._problem)
+        self._repairs = no_repairs(self._problem)
+        self._current, self._trial = copy_of(self._base), copy_of(self._base)
+        self._ends_s = [completions_s(instance, route) for route in plan.routes]
+        self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
+        self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
+
+    def rows(self, effort: int) -> Iterator[LossRow]:
+        """Yield all losses, each looked at when it is asked for."""
+        for interval in range(len(self._events_s) - 2, -1, -1):
+            for vehicle in self.flying(interval):
+                yield self._row(interval, vehicle, effort)
+
+    def flying(self, interval: int) -> list[int]:
+        """Return the vehicles that are in the air in an interval, or about to start."""
+        from_s = self._events_s[interval]
+        return [vehicle for vehicle, end_s in enumerate(self._durations_s) if end_s > from_s + SAME_TIME_S]
+
+    def last_impossible_s(self, broken: LossRow) -> float:
+        """Return the end of the last interval, from a broken one back, with a loss that certainly nothing repairs.
+
+        It is 0 where none is known.
+        """
+        for interval in range(len(self._events_s) - 2, -1, -1):
+            if self._events_s[interval] <= broken.from_s and any(
+                self._impossible(interval, vehicle) for vehicle in self.flying(interval)
+            ):
+                return self._events_s[interval + 1]
+        return 0.0
+
+    def _row(self, interval: int, vehicle: int, effort: int) -> LossRow:
+        from_s, to_s = self._events_s[interval : interval + 2]
+        routes = self._tried(interval, vehicle, effort // QUICK)
+        if routes is None and self._impossible(interval, vehicle):
+            return LossRow(vehicle, from_s, to_s, Repair.IMPOSSIBLE, None)
+        if routes is None:
+            routes = self._tried(interval, vehicle, effort)
+        if routes is None:
+            return LossRow(vehicle, from_s, to_s, Repair.NOT_FOUND, None)
+        return LossRow(vehicle, from_s, to_s, Repair.FEASIBLE, _reduced(routes, vehicle))
+
+    def _tried(self, interval: int, vehicle: int, effort: int) -> list[list[int]] | None:
+        """Return the new routes of all vehicles, in the plan's numbering; None if no re-plan was found."""
+        lacks = try_loss(
+            self._problem, self._timing, self._base, self._clock, vehicle, self._events_s[interval], self._fly_again,
+            self._loss, self._repairs, self._current, self._trial, effort, self._rng,
+        )  # fmt: skip
+        if lacks > 0:
+            return None
+        routes = [
+            [int(visit) for visit in self._repairs.visits[vehicle, route, :length]]
+            for route, length in enumerate(self._repairs.lengths[vehicle])
+        ]
+        return routes if self._holds(self._events_s[interval], vehicle, routes) else None
+
+    def _impossible(self, interval: int, vehicle: int) -> bool:
+        left = remaining(
+            self._instance, self._plan, vehicle, self._events_s[interval], fly_again=self._fly_again
+        ).instance
+        return why_impossible(left) is not None
+
+    def _holds(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
+        """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
+        accounted = [segment_of(visit) for visits in routes for visit in visits]
+        for route in self._plan.routes:
+            done = sum(1 for end_s in self._ends_s[route.vehicle] if end_s <= at_s + SAME_TIME_S)
+            kept = route.visits[: done if route.vehicle == lost else done + 1]
+            accounted.extend(segment_of(visit) for visit in kept)
+            if route.vehicle != lost and routes[route.vehicle]:
+                used = self._used_pct(route, kept, done, routes[route.vehicle])
+                if used > self._instance.vehicles[route.vehicle].budget_pct + BUDGET_TOLERANCE_PCT:
+                    return False
+        return not routes[lost] and sorted(accounted) == list(range(self._instance.segments))
+
+    def _used_pct(self, route: Route, kept: tuple[int, ...], done: int, visits: list[int]) -> float:
+        """Return what a survivor uses in all: on one route if it has visits left, else on two."""
+        vehicle, instance = route.vehicle, self._instance
+        if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
+            return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
+        again = Route(vehicle, tuple(visits))
+        first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[instance.profile[vehicle], visits[0]])
+        flown = first - spent_pct(instance, again, 1) + route_energy_pct(instance, again)
+        return self._energies_pct[vehicle] + flown
+
+
+def timing_of(instance: Instance) -> Timing:
+    """Return the times and the moves from the landing place as the kernels take them."""
+    every = np.arange(2 * instance.segments)
+    moves = [
+        instance.moves.seconds(profile, every[:, np.newaxis], every[np.newaxis])
+        for profile in range(instance.moves.profiles)
+    ]
+    consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
+    return Timing(
+        move_s=np.array(moves, dtype=np.float64, order="C"),
+        start_s=_table(instance.start_s),
+        home_s=_table(instance.home_s),
+        idle_s=np.array(instance.idle_s, dtype=np.float64),
+        depot=_table(consumption * instance.depot_pct[list(instance.profile)]),
+        airborne=np.array([vehicle.airborne for vehicle in instance.vehicles], dtype=np.int64),
+    )
+
+
+def base_of(problem: Problem, routes: Sequence[Sequence[int]]) -> State:
+    """Return the state of routes as they are, budgets or not."""
+    state = empty_state(problem)
+    for route, visits in enumerate(routes):
+        state.visits[route, : len(visits)] = visits
+        state.lengths[route] = len(visits)
+        measure(problem, state, route)
+    return state
+
+
+def clock_of(problem: Problem, timing: Timing, base: State) -> Clock:
+    """Return when the visits of a measured state end."""
+    clock = Clock(np.zeros(base.visits.shape), np.zeros(base.visits.shape), np.zeros(len(base.lengths)))
+    for route in range(len(base.lengths)):
+        set_clock(problem, timing, base, clock, route)
+    return clock
+
+
+def loss_of(problem: Problem) -> Loss:
+    """Return room for what a loss leaves."""
+    own = problem._replace(start=problem.start.copy(), idle=problem.idle.copy(), budget=problem.budget.copy())
+    return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
+
+
+def no_repairs(problem: Problem) -> Repairs:
+    """Return room for a repair of each vehicle's loss, none of them known."""
+    fleet, segments = len(problem.budget), len(problem.value)
+    return Repairs(
+        visits=np.zeros((fleet, fleet, segments), dtype=np.int64),
+        legs=np.zeros((fleet, fleet, segments + 1)),
+        lengths=np.zeros((fleet, fleet), dtype=np.int64),
+        loads=np.zeros((fleet, fleet)),
+        route_of=np.full((fleet, segments), -1, dtype=np.int64),
+        known=np.zeros(fleet, dtype=np.int64),
+    )
+
+
+def _table(rows: FloatArray) -> FloatArray:
+    return np.array(rows, dtype=np.float64, order="C")
+
+
+def _reduced(routes: list[list[int]], lost: int) -> Plan:
+    """Return new routes as a plan in the numbering of the reduced instance."""
+    number = {opened: place for place, opened in enumerate(sorted(segment_of(v) for visits in routes for v in visits))}
+    survivors = [visits for vehicle, visits in enumerate(routes) if vehicle != lost]
+    return Plan(tuple(
+        Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits))
+        for place, visits in enumerate(survivors)
+    ))  # fmt: skip

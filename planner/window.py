@@ -1,0 +1,210 @@
+"""The re-plan window: how early a plan may lose any one of its vehicles and still be finished by the others.
+
+Between two completions nothing changes, so a plan has finitely many losses to look at: each interval between
+completions, each vehicle still flying in it. The window is the longest suffix of intervals in which every loss has a
+re-plan that was found and checked. Whether a loss can be repaired is not monotone in time, so the intervals are gone
+through from the end and the first loss without a re-plan ends the window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from itertools import takewhile
+
+from planner.costs import Cost
+from planner.errors import PlanError
+from planner.evaluate import completions_s, evaluate, route_duration_s
+from planner.model import Instance, Plan
+from planner.replan import SAME_TIME_S, Remainder, remaining
+from planner.solve import check_tails
+
+EFFORT = 3_000
+"""Iterations of ruin and recreate for one loss, as a default: some ten milliseconds where there is no re-plan."""
+
+
+class Repair(Enum):
+    """What is known of a loss."""
+
+    FEASIBLE = "feasible"
+    """A re-plan was found and checked."""
+    IMPOSSIBLE = "impossible"
+    """It is certain that there is none."""
+    NOT_FOUND = "not found"
+    """None was found, and it is not certain that there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossRow:
+    """A loss: one vehicle, at any time of one interval between completions."""
+
+    vehicle: int
+    from_s: float
+    """The interval holds this time..."""
+    to_s: float
+    """...but not this one."""
+    verdict: Repair
+    plan: Plan | None
+    """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Breaking:
+    """The loss that ends a window: with it, no re-plan was found."""
+
+    vehicle: int
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanWindow:
+    """How early any one vehicle may be lost."""
+
+    earliest_s: float
+    """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""
+    certified_earliest_s: float
+    """No window of this plan begins earlier: the end of the latest interval with a loss that nothing repairs."""
+    longest_route_s: float
+    breaking: Breaking | None
+    """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
+
+    @property
+    def window_pct(self) -> float:
+        """The window as a share of the longest route's time."""
+        return self._share_pct(self.earliest_s)
+
+    @property
+    def certified_window_pct(self) -> float:
+        """No window of this plan is larger."""
+        return self._share_pct(self.certified_earliest_s)
+
+    def _share_pct(self, earliest_s: float) -> float:
+        if self.longest_route_s <= 0:
+            return 100.0
+        return 100.0 * (self.longest_route_s - earliest_s) / self.longest_route_s
+
+
+@dataclass(frozen=True, slots=True)
+class LossRepair:
+    """One loss with its re-plan."""
+
+    remainder: Remainder
+    plan: Plan
+    """For ``remainder.instance``."""
+
+
+def replan_window(
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
+) -> ReplanWindow:
+    """Return the re-plan window of a plan.
+
+    The same arguments give the same window on every machine. Only a plan that covers everything within its budgets
+    has one; the window of any other is empty, and that is certain.
+
+    Args:
+        instance: of the plan.
+        plan: to be flown as it is until a vehicle is lost.
+        effort: iterations of ruin and recreate for each loss that is not repaired at once.
+        seed: of all randomness.
+        fly_again: whether vehicles on the ground or on their way home may fly (again).
+
+    Raises:
+        PlanError: the plan is not one for the instance, or has one vehicle only.
+    """
+    _check_fleet(instance, plan)
+    evaluation = evaluate(instance, plan, Cost.MINMAX)
+    longest_s, events = evaluation.longest_route_s, events_s(instance, plan)
+    if plan.uncovered or evaluation.violations:
+        flying = evaluation.durations_s.index(longest_s)
+        return ReplanWindow(
+            longest_s, longest_s, longest_s, Breaking(flying, events[-2] if longest_s else 0, longest_s)
+        )
+    # Only here, as in solve.py: it loads numba.
+    from planner.losses import Losses
+
+    if instance.segments == 0:
+        return ReplanWindow(0.0, 0.0, longest_s, None)
+    losses = Losses(instance, plan, events, seed=seed, fly_again=fly_again)
+    broken = next((row for row in losses.rows(effort) if row.verdict is not Repair.FEASIBLE), None)
+    if broken is None:
+        return ReplanWindow(0.0, 0.0, longest_s, None)
+    return ReplanWindow(
+        earliest_s=broken.to_s,
+        certified_earliest_s=losses.last_impossible_s(broken),
+        longest_route_s=longest_s,
+        breaking=Breaking(broken.vehicle, broken.from_s, broken.to_s),
+    )
+
+
+def loss_table(
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
+) -> tuple[LossRow, ...]:
+    """Return all losses of a plan, those at the end first: each interval with each vehicle flying in it.
+
+    Args:
+        instance: of the plan.
+        plan: to be flown as it is until a vehicle is lost; what it leaves uncovered is open in every loss.
+        effort: iterations of ruin and recreate for each loss that is not repaired at once.
+        seed: of all randomness.
+        fly_again: whether vehicles on the ground or on their way home may fly (again).
+
+    Raises:
+        PlanError: the plan is not one for the instance, or has one vehicle only.
+    """
+    _check_fleet(instance, plan)
+    events = events_s(instance, plan)
+    if len(events) < 2 or instance.segments == 0:
+        return ()
+    from planner.losses import Losses
+
+    return tuple(Losses(instance, plan, events, seed=seed, fly_again=fly_again).rows(effort))
+
+
+def repairs_at(
+    instance: Instance, plan: Plan, at_s: float, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
+) -> tuple[LossRepair, ...]:
+    """Return a re-plan for each vehicle that flies ``at_s``, as far as found: at ``earliest_s``, for all of them.
+
+    It goes through the intervals from the end, as ``replan_window`` does with the same effort and seed, so it finds
+    what that has found.
+
+    Raises:
+        PlanError: the plan is not one for the instance, or has one vehicle only.
+    """
+    _check_fleet(instance, plan)
+    events = events_s(instance, plan)
+    if len(events) < 2 or instance.segments == 0:
+        return ()
+    from planner.losses import Losses
+
+    rows = Losses(instance, plan, events, seed=seed, fly_again=fly_again).rows(effort)
+    after = (row for row in rows if row.from_s <= at_s + SAME_TIME_S)
+    here = takewhile(lambda row: row.to_s > at_s + SAME_TIME_S, after)
+    return tuple(
+        LossRepair(remaining(instance, plan, row.vehicle, row.from_s, fly_again=fly_again), row.plan)
+        for row in here
+        if row.plan is not None
+    )
+
+
+def events_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
+    """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
+
+    Between two of them nothing changes, whichever vehicle is lost.
+    """
+    times = {0.0}
+    for route in plan.routes:
+        times.update(completions_s(instance, route))
+        times.add(route_duration_s(instance, route))
+    events: list[float] = []
+    for time_s in sorted(times):
+        if not events or time_s > events[-1] + SAME_TIME_S:
+            events.append(time_s)
+    return tuple(events)
+
+
+def _check_fleet(instance: Instance, plan: Plan) -> None:
+    check_tails(instance, [route.visits for route in plan.routes])
+    if len(plan.routes) == 1:
+        raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")

@@ -1,0 +1,145 @@
+"""The re-plan window by hand on a line of segments, and on the network of the paper."""
+
+from __future__ import annotations
+
+import pytest
+
+from planner import (
+    PRESETS,
+    Breaking,
+    Cost,
+    Instance,
+    Iterations,
+    Plan,
+    PlanError,
+    Repair,
+    Route,
+    Vehicle,
+    build_instance,
+    evaluate,
+    loss_table,
+    remaining,
+    repairs_at,
+    replan_window,
+    solve,
+    travel_for,
+)
+from planner.window import events_s
+from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m
+
+# Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.
+# a: 0, 1 end at 10, 20 s, home at 40. b: 2, 3 end at 30, 40 s, home at 80.
+PLAN = Plan((Route(0, (0, 2)), Route(1, (4, 6))))
+
+
+def check_rows(instance: Instance, plan: Plan, *, fly_again: bool = True) -> None:
+    """Hold every re-plan of the table against the definition."""
+    for row in loss_table(instance, plan, fly_again=fly_again):
+        assert (row.plan is not None) == (row.verdict is Repair.FEASIBLE)
+        if row.plan is not None:
+            left = remaining(instance, plan, row.vehicle, row.from_s, fly_again=fly_again)
+            evaluation = evaluate(left.instance, row.plan, Cost.MINSUM)
+            assert row.plan.uncovered == ()
+            assert evaluation.violations == ()
+
+
+def test_events_are_completions_and_landings() -> None:
+    assert events_s(line(4, 99.0, 99.0), PLAN) == (0, 10, 20, 30, 40, 80)
+
+
+def test_a_generous_budget_gives_a_full_window() -> None:
+    window = replan_window(line(4, 200.0, 200.0), PLAN)
+    assert (window.window_pct, window.earliest_s, window.certified_earliest_s) == (100, 0, 0)
+    assert window.longest_route_s == 80
+    assert window.breaking is None
+
+
+def test_the_loss_that_ends_the_window() -> None:
+    # Lost in [30, 40), b leaves segment 3: it takes a 80 s there and back, from the depot, on top of its 40.
+    # Lost before 30 s it leaves 2 as well, on the same way. Lost in [20, 30) b takes a 80 s: the same. Lost in
+    # [10, 20) it is the same, a still on its way out: it would need 40 s more from 20 m east and 40 s home.
+    instance = line(4, 119.0, 90.0)
+    window = replan_window(instance, PLAN)
+    assert window.breaking == Breaking(vehicle=1, from_s=30, to_s=40)
+    assert window.earliest_s == 40
+    assert window.certified_earliest_s <= 40
+    assert window.window_pct == pytest.approx(50)
+    rows = {(row.vehicle, row.from_s): row.verdict for row in loss_table(instance, PLAN)}
+    assert rows == {
+        (1, 40): Repair.FEASIBLE,
+        (1, 30): Repair.NOT_FOUND,
+        (0, 30): Repair.FEASIBLE,
+        (1, 20): Repair.NOT_FOUND,
+        (0, 20): Repair.FEASIBLE,
+        (1, 10): Repair.FEASIBLE,  # a goes on from 20 m east: 80 s in all
+        (0, 10): Repair.FEASIBLE,  # b takes segment 1 on its way home
+        (1, 0): Repair.FEASIBLE,
+        (0, 0): Repair.FEASIBLE,
+    }
+
+
+def test_nobody_flies_twice_where_it_is_not_allowed() -> None:
+    instance = line(4, 200.0, 200.0)
+    assert replan_window(instance, PLAN, fly_again=False).breaking == Breaking(vehicle=1, from_s=30, to_s=40)
+    check_rows(instance, PLAN, fly_again=False)
+
+
+def test_a_spare_on_the_ground_repairs_what_others_cannot() -> None:
+    plan = Plan((*PLAN.routes, Route(2, ())))
+    assert replan_window(line(4, 80.0, 80.0, 80.0), plan).window_pct == 100
+    assert replan_window(line(4, 80.0, 80.0, 79.0), plan).window_pct < 100
+    assert {row.vehicle for row in loss_table(line(4, 80.0, 80.0, 80.0), plan)} == {0, 1}  # the spare is not flying
+
+
+def test_a_plan_that_leaves_something_out_has_an_empty_window() -> None:
+    window = replan_window(line(4, 80.0, 80.0), Plan((Route(0, (0, 2)), Route(1, (4,))), (3,)))
+    assert (window.window_pct, window.earliest_s, window.certified_earliest_s) == (0, 60, 60)
+    assert window.breaking == Breaking(1, 40, 60)
+
+
+def test_a_plan_beyond_its_budgets_has_an_empty_window() -> None:
+    assert replan_window(line(4, 80.0, 79.0), PLAN).window_pct == 0
+
+
+def test_nothing_to_do_is_a_full_window() -> None:
+    idle = Plan((Route(0, ()), Route(1, ())))
+    assert replan_window(line(0, 1.0, 1.0), idle).window_pct == 100
+    assert loss_table(line(0, 1.0, 1.0), idle) == ()
+
+
+def test_one_vehicle_has_nobody_left() -> None:
+    with pytest.raises(PlanError, match="only vehicle"):
+        replan_window(line(1, 99.0), Plan((Route(0, (0,)),)))
+
+
+def test_the_re_plans_of_the_earliest_time_are_complete() -> None:
+    instance = line(4, 119.0, 90.0)
+    window = replan_window(instance, PLAN)
+    repairs = repairs_at(instance, PLAN, window.earliest_s)
+    assert [repair.remainder.lost for repair in repairs] == [1]
+    for repair in repairs:
+        assert evaluate(repair.remainder.instance, repair.plan, Cost.MINSUM).violations == ()
+
+
+def test_the_network_of_the_paper() -> None:
+    ends = nechranice_ends_m(500)
+    vehicles = [Vehicle(f"uav{number}", (0.0, 0.0), 55.5 / 0.82) for number in range(4)]
+    instance = build_instance(ends, (0, 0), vehicles, travel_for(PRESETS["mavic2"], 5.0, 1.0))
+    plans = {
+        cost: solve(instance, cost=cost, stop=Iterations(5_000), all_vehicles=True).plan
+        for cost in (Cost.MINMAX, Cost.MINCOMB)
+    }
+    windows = {cost: replan_window(instance, plan) for cost, plan in plans.items()}
+    assert windows == {cost: replan_window(instance, plan) for cost, plan in plans.items()}
+    assert windows[Cost.MINMAX].window_pct < 15 < windows[Cost.MINCOMB].window_pct
+    for window in windows.values():
+        assert window.certified_earliest_s <= window.earliest_s
+    check_rows(instance, plans[Cost.MINCOMB])
+
+
+def test_an_airborne_vehicle_without_a_visit_may_take_some() -> None:
+    vehicles = [*fleet(200.0), Vehicle("b", (0.0, 10.0), 200.0, airborne=True)]
+    instance = build_instance([[[0.0, 0.0], [10.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
+    plan = Plan((Route(0, (0,)), Route(1, ())))
+    assert replan_window(instance, plan).window_pct == 100
+    check_rows(instance, plan)
