@@ -22,6 +22,7 @@ from planner.evaluate import (
     route_energy_pct,
     spent_pct,
 )
+from planner.exact import EXACT_SEGMENTS, covers
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
@@ -45,6 +46,7 @@ from planner.window import Breaking, LossRepair, LossRow, Repair, ReplanWindow, 
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",
+    "EXACT_SEGMENTS",
     "K_C",
     "PRESETS",
     "AnyOf",
@@ -86,6 +88,7 @@ __all__ = [
     "build_instance",
     "completions_s",
     "cost_value",
+    "covers",
     "evaluate",
     "is_reversed",
     "loss_table",
