@@ -84,6 +84,7 @@ def first_plan(ground: Ground, wanted: Wanted, on_progress: Callable[[Progress],
         planner.PlannerError: the solver cannot take this problem.
     """
     task = build.task_of(ground)
+    window: Window | None
     if wanted.cost is None:
         found = solve_window(
             task.instance, stretch=wanted.stretch, stop=Seconds(wanted.seconds), seed=wanted.seed,
