@@ -53,8 +53,6 @@ class Proof:
     """A set of segments for each vehicle, cheaper together than the plan that was known; None without such."""
     nodes: int
     """Of the branch and bound."""
-    stopped: bool
-    """Whether it was ended from outside."""
 
 
 def partition(
@@ -118,23 +116,26 @@ def prove(problem: Partition, ceiling: float, ask: Callable[[int], bool]) -> Pro
         ceiling: the cost of a plan that is known.
         ask: called again and again with the number of nodes so far; whether to stop.
     """
+    # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
+    import highspy
+
     every = np.arange(len(problem.cost))
-    relaxed, stopped = _run(problem, every, ask, integer=False)
-    if stopped:
-        return Proof(None, None, 0, stopped=True)
+    relaxed = _run(problem, every, ask, integer=False)
+    if relaxed.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        return Proof(None, None, 0)
     least = relaxed.getInfo().objective_function_value
     reduced = np.array(relaxed.getSolution().col_dual)
     # The largest load is no choice: it stays.
     kept = every[(least + reduced <= ceiling + SAME * (1 + ceiling)) | (problem.kind == PEAK)]
-    branched, stopped = _run(problem, kept, ask, integer=True)
+    branched = _run(problem, kept, ask, integer=True)
     info = branched.getInfo()
     nodes = max(0, int(info.mip_node_count))
     bound = min(ceiling, max(least, info.mip_dual_bound)) if np.isfinite(info.mip_dual_bound) else least
     solution = np.array(branched.getSolution().col_value)
     if len(solution) == 0 or not info.objective_function_value < ceiling - SAME * (1 + ceiling):
-        return Proof(bound, None, nodes, stopped=stopped)
+        return Proof(bound, None, nodes)
     taken = kept[(solution > 0.5) & (problem.kind[kept] != PEAK)]
-    return Proof(bound, plan_parts(problem, taken), nodes, stopped=stopped)
+    return Proof(bound, plan_parts(problem, taken), nodes)
 
 
 def _fleet(instance: Instance) -> tuple[tuple[int, ...], ...]:
@@ -190,8 +191,8 @@ def _limits(segments: int, fleet: Sequence[Sequence[int]], least_value: float) -
 
 def _run(
     problem: Partition, columns: npt.NDArray[np.int64], ask: Callable[[int], bool], *, integer: bool
-) -> tuple[highspy.Highs, bool]:
-    """Return HiGHS after solving the program with some of its columns, and whether ``ask`` stopped it."""
+) -> highspy.Highs:
+    """Return HiGHS after it has solved the program with some of its columns, or ``ask`` has stopped it."""
     import highspy
 
     stopped = ask(0)
@@ -224,4 +225,4 @@ def _run(
     solver.passModel(program)
     if not stopped:
         solver.run()
-    return solver, stopped
+    return solver

@@ -14,11 +14,6 @@ from planner.model import Instance
 from planner.moves import FloatArray
 
 Flags = npt.NDArray[np.bool_]
-EXACT_SEGMENTS = 16
-"""Segments up to which all their sets are looked at; two more take four times the memory and up to nine times the time.
-
-For 3 vehicles ``covers`` takes some 5 ms with 12 segments, 50 ms with 14, 0.2 s with 16.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +41,14 @@ class Subsets:
         return tuple(reversed(route))
 
 
-def route_subsets(instance: Instance) -> tuple[Subsets, ...]:
+def route_subsets(instance: Instance, most_segments: int) -> tuple[Subsets, ...]:
     """Return the best routes of each vehicle through all sets of segments; vehicles that are alike share theirs.
 
     Raises:
-        InstanceError: more than EXACT_SEGMENTS segments.
+        InstanceError: more segments than ``most_segments``.
     """
-    if instance.segments > EXACT_SEGMENTS:
-        raise InstanceError(f"{instance.segments} segments, expected at most {EXACT_SEGMENTS} for an exact answer")
+    if instance.segments > most_segments:
+        raise InstanceError(f"{instance.segments} segments, expected at most {most_segments} for an exact answer")
     known: dict[tuple[bytes | float, ...], Subsets] = {}
     answer = []
     for vehicle, kind in enumerate(kinds(instance)):
