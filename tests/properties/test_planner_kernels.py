@@ -10,7 +10,19 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from planner import Cost, Instance, Plan, Route, Travel, Vehicle, build_instance, evaluate, route_energy_pct
+from planner import (
+    Cost,
+    Dynamics,
+    Instance,
+    Plan,
+    Route,
+    Travel,
+    Vehicle,
+    Wind,
+    build_instance,
+    evaluate,
+    route_energy_pct,
+)
 from planner.construct import SLACK, guide_weights, plan_of, problem_of, random_state, state_of, true_weights
 from planner.kernels.anneal import objective
 from planner.kernels.chance import below, uniform
@@ -32,11 +44,20 @@ VEHICLES = st.builds(
 )
 
 
+# Wind makes a move and its reverse differ; vehicles differ in speed, rate and dynamics.
+TRAVELS = st.sampled_from([
+    Travel(5.0, 1.0, 0.05, 0.06),
+    Travel(8.0, 2.0, 0.07, 0.05, Dynamics()),
+    Travel(5.0, 1.0, 0.05, 0.06, None, Wind(3.0, -1.0, (0.0, 4.0, 8.0, 12.0), (0.06, 0.05, 0.07, 0.2))),
+])  # fmt: skip
+
+
 @st.composite
 def instances(draw: st.DrawFn, most_segments: int = 9) -> Instance:
     ends = draw(st.lists(st.tuples(POINTS, POINTS), min_size=1, max_size=most_segments))
     vehicles = draw(st.lists(VEHICLES, min_size=1, max_size=4))
-    return build_instance(np.array(ends), draw(POINTS), vehicles, Travel(5.0, 1.0, 0.05, 0.06))
+    travels = draw(st.lists(TRAVELS, min_size=len(vehicles), max_size=len(vehicles)))
+    return build_instance(np.array(ends), draw(POINTS), vehicles, travels)
 
 
 SEEDS = st.integers(0, 2**64)
@@ -62,6 +83,21 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
                 assert not route.visits or state.loads[route.vehicle] <= most + 1e-6
             accounted = [visit >> 1 for route in plan.routes for visit in route.visits] + list(plan.uncovered)
             assert sorted(accounted) == list(range(instance.segments))
+
+
+@settings(max_examples=60, **LOOSE)
+@given(instances(), SEEDS, st.sampled_from(Cost))
+def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost: Cost) -> None:
+    search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch(), starts=2)
+    search._advance(150)
+    for start in search._starts:
+        memory, state = start._memory, start._current
+        for segment, route in np.argwhere(memory.version == memory.versions).tolist():
+            if state.route_of[segment] == route:
+                continue  # it was looked for when the segment was out of the route
+            place = cheapest_place(search._problem, state, route, segment, 0.0, random_state(0))
+            assert memory.added[segment, route] == place[0]
+            assert memory.place[segment, route] == 2 * place[1] + (place[2] & 1)
 
 
 @settings(max_examples=60, **LOOSE)
