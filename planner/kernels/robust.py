@@ -49,6 +49,9 @@ from planner.kernels.window import (
     set_clock,
 )
 
+UNKNOWN = 200
+"""How much more effort a repair takes that follows none."""
+
 
 class Walk(NamedTuple):
     """Where a search stands: a plan, when its visits end, a repair for each of its losses at each probe."""
@@ -74,10 +77,12 @@ class Limits(NamedTuple):
     """Iterations of ruin and recreate for a repair that follows another."""
     rise: float
     """A plan that uses this much more energy than the one before is not looked at."""
+    total: float
+    """What a percent that the plan uses counts beside one that its repairs lack."""
 
 
 WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS), Walk)
-LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64), Limits)
+LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64, nb.float64), Limits)
 
 
 @nb.njit(nb.void(PROBLEM, TIMING, STATE, CLOCK), cache=True, nogil=True)
@@ -152,7 +157,7 @@ def assess(
         begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
         begin_repair(loss, there.base, repair_of(here.repairs, slot), known, current, rng)
-        effort = limits.effort if known else 10 * limits.effort
+        effort = limits.effort if known else UNKNOWN * limits.effort
         there.lacks[slot] = repair(loss, current, trial, repair_of(there.repairs, slot), effort, rng)
         there.repairs.known[slot] = 1
         total += float(there.lacks[slot])
@@ -310,9 +315,10 @@ def walk(
     pending = np.empty(len(here.base.route_of), dtype=np.int64)
     touched = np.zeros(fleet, dtype=np.int64)
     came_from = np.zeros((len(here.base.route_of), 2), dtype=np.int64)
-    value = here.lacks.sum()
+    lacks = here.lacks.sum()
+    value = lacks + limits.total * here.base.loads.sum()
     for iteration in range(iterations):
-        if value <= 0.0:
+        if lacks <= 0.0:
             return iteration
         whole = change(problem, there.base, pending, touched, rng)
         directed = uniform(rng) < 0.5
@@ -327,10 +333,12 @@ def walk(
         if whole and allowed(
             problem, timing, there.base, there.clock, touched, limits, here.base.loads.sum() + limits.rise
         ):
-            lacks = assess(problem, timing, here, there, loss, current, trial, probes_s, limits, most, rng)
-            if lacks <= most:
+            used = limits.total * there.base.loads.sum()
+            found = assess(problem, timing, here, there, loss, current, trial, probes_s, limits, most - used, rng)
+            if found + used <= most:
                 accepted = True
-                value = lacks
+                lacks = found
+                value = found + used
         if accepted:
             here.lacks[:] = there.lacks
             here.repairs.known[:] = there.repairs.known
