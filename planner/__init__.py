@@ -8,7 +8,7 @@
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
 """
 
-from planner.bounds import why_impossible
+from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
 from planner.costs import K_C, Cost, build_instance
 from planner.energy import PRESETS, Drone, pct_per_s, power_w, usable_wh
 from planner.errors import InstanceError, PlanError, PlannerError
@@ -23,6 +23,7 @@ from planner.evaluate import (
     spent_pct,
 )
 from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, covers, solve_exact
+from planner.front import FrontPlan, front
 from planner.grasp import grasp
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
@@ -59,6 +60,7 @@ __all__ = [
     "Dynamics",
     "Evaluation",
     "FirstFeasible",
+    "FrontPlan",
     "Instance",
     "InstanceError",
     "Iterations",
@@ -92,8 +94,10 @@ __all__ = [
     "cost_value",
     "covers",
     "evaluate",
+    "front",
     "grasp",
     "is_reversed",
+    "least_earliest_s",
     "loss_table",
     "pct_per_s",
     "power_w",
@@ -113,5 +117,6 @@ __all__ = [
     "visit_of",
     "warm_start",
     "warm_up",
+    "why_certainly_impossible",
     "why_impossible",
 ]

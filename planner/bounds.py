@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import numpy.typing as npt
 
 from planner.costs import TABLES_UP_TO
+from planner.errors import PlanError
 from planner.evaluate import BUDGET_TOLERANCE_PCT
 from planner.model import Instance
 from planner.moves import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+MATRIX_UP_TO = 1_500
+"""Segments up to which bounds may look at all moves: beyond, memory would grow with the square."""
+ASCENT = 300
+"""Iterations of the ascent to a spanning-tree bound."""
 
 
 def why_impossible(instance: Instance) -> str | None:
@@ -26,20 +36,192 @@ def why_impossible(instance: Instance) -> str | None:
     for vehicle, stranded in zip(instance.vehicles, shortest > budget, strict=True):
         if stranded:
             return f"{vehicle.name} cannot get home with {vehicle.budget_pct:.3f} %"
-    reach = start.min(axis=2) + home.min(axis=2) <= budget[:, np.newaxis]
+    if instance.segments > MATRIX_UP_TO:
+        return None
+    reach = (start + home).min(axis=2) <= budget[:, np.newaxis]
+    if not reach.any(axis=0).all():
+        # With dynamics a way over other visits may be cheaper than the straight one: it rides no extra turns.
+        reach = (_ways_pct(instance) <= budget[:, np.newaxis]).reshape(fleet, -1)
     lost = np.flatnonzero(~reach.any(axis=0))
     if len(lost) > 0:
         return f"segment {int(lost[0])} is out of every vehicle's reach"
     if instance.segments > TABLES_UP_TO:
         return None  # the least total takes a table of all moves
-    useful = reach.any(axis=1)
+    useful = np.array([_reaches_anything(instance, vehicle) for vehicle in range(fleet)])
     needed, available = least_total_pct(instance, useful), float(budget[useful].sum())
     if needed > available:
         return f"everything takes {needed:.3f} % or more, the fleet has {available:.3f} %"
     return None
 
 
-def least_total_pct(instance: Instance, useful: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
+def _ways_pct(instance: Instance) -> FloatArray:
+    """Return (k, n) float64, a lower bound on the energy of any route of a vehicle that visits a segment."""
+    fleet, visits = len(instance.vehicles), 2 * instance.segments
+    ways = np.empty((fleet, visits))
+    every = np.arange(visits)
+    for vehicle in range(fleet):
+        profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
+        moves = consumption * instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+        into = _shortest_pct(instance.start_pct[vehicle], moves)
+        ways[vehicle] = into + _shortest_pct(instance.home_pct[vehicle], moves.T)
+    least: FloatArray = ways.reshape(fleet, -1, 2).min(axis=2)
+    return least
+
+
+def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
+    """Return (2n,) float64, the energy of the shortest ways to all visits (Bellman and Ford)."""
+    shortest = direct
+    while True:
+        shorter: FloatArray = np.minimum(shortest, (shortest[:, np.newaxis] + moves).min(axis=0))
+        if not (shorter < shortest - 1e-12).any():
+            return shorter
+        shortest = shorter
+
+
+def why_certainly_impossible(instance: Instance) -> str | None:
+    """Return why no plan covers everything within the budgets, or None: all that ``why_impossible`` tells and more.
+
+    It takes some milliseconds for 50 segments. The energy that all vehicles together have must not be less than a
+    spanning-tree bound on what any plan needs; a vehicle that can inspect nothing adds nothing to it.
+    """
+    said = why_impossible(instance)
+    if said is not None or instance.segments == 0:
+        return said
+    useful = np.array([_reaches_anything(instance, vehicle) for vehicle in range(len(instance.vehicles))])
+    if not useful.any():
+        return "no vehicle reaches any segment"
+    available = sum(
+        vehicle.budget_pct + BUDGET_TOLERANCE_PCT
+        for vehicle, used in zip(instance.vehicles, useful, strict=True)
+        if used
+    )
+    needed = _tree_bound_pct(
+        instance, useful, starts=instance.start_pct[useful], homes=instance.home_pct[useful],
+        idle=instance.idle_pct[useful], enough=available,
+    )  # fmt: skip
+    if needed > available * (1 + 1e-12):
+        return f"everything takes {needed:.3f} % or more, the fleet has {available:.3f} %"
+    return None
+
+
+def least_earliest_s(instance: Instance) -> float:
+    """Return a time before which no plan's re-plan window begins, by the definition of ``replan_window``.
+
+    If a vehicle is lost at t, what it has done is one open path of at most t, and the others cover the rest within
+    their budgets, some in two flights. So t is at least what such paths and flights need beyond those budgets,
+    divided by the most that the lost vehicle uses in a second. Some vehicle flies when a window begins: the bound is
+    the least over all vehicles.
+
+    Raises:
+        PlanError: there is one vehicle only.
+    """
+    fleet = len(instance.vehicles)
+    if fleet == 1:
+        raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")
+    if instance.segments == 0:
+        return 0.0
+    kinds: dict[tuple[object, ...], float] = {}
+    for lost, vehicle in enumerate(instance.vehicles):
+        kind = (replace(vehicle, name=""), instance.profile[lost])
+        if kind not in kinds:
+            kinds[kind] = _least_loss_s(instance, lost)
+    return min(kinds.values())
+
+
+def _least_loss_s(instance: Instance, lost: int) -> float:
+    """Return the earliest time at which the loss of one vehicle can be repaired, whatever the plan."""
+    fleet = len(instance.vehicles)
+    consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
+    again = consumption * instance.depot_pct[list(instance.profile)]
+    homes = instance.home_pct.copy()
+    homes[lost] = 0.0  # its path is open
+    others = sum(
+        max(0.0, vehicle.budget_pct) + BUDGET_TOLERANCE_PCT
+        for number, vehicle in enumerate(instance.vehicles)
+        if number != lost
+    )
+    needed = _tree_bound_pct(
+        instance, np.ones(fleet, dtype=np.bool_), starts=np.minimum(instance.start_pct, again), homes=homes,
+        idle=np.zeros(fleet), enough=2.0 * others, once=lost,
+    )  # fmt: skip
+    return max(0.0, (needed - others) / _most_pct_per_s(instance, lost))
+
+
+def _most_pct_per_s(instance: Instance, vehicle: int) -> float:
+    every, profile = np.arange(2 * instance.segments), instance.profile[vehicle]
+    pairs = (every[:, np.newaxis], every[np.newaxis])
+    moves_s, moves_pct = instance.moves.seconds(profile, *pairs), instance.moves.pct(profile, *pairs)
+    seconds = np.concatenate([instance.start_s[vehicle], moves_s.ravel()])
+    used = np.concatenate([instance.start_pct[vehicle], instance.vehicles[vehicle].consumption * moves_pct.ravel()])
+    timed = seconds > 0
+    return float((used[timed] / seconds[timed]).max(initial=0.0)) or 1.0
+
+
+def _reaches_anything(instance: Instance, vehicle: int) -> bool:
+    """Return whether a vehicle may inspect something: the first visit of any route takes its start, the last its home.
+
+    The two need not be the same visit.
+    """
+    least = float(instance.start_pct[vehicle].min() + instance.home_pct[vehicle].min())
+    return least <= instance.vehicles[vehicle].budget_pct + BUDGET_TOLERANCE_PCT
+
+
+def _tree_bound_pct(
+    instance: Instance, useful: BoolArray, *, starts: FloatArray, homes: FloatArray, idle: FloatArray, enough: float,
+    once: int | None = None,
+) -> float:  # fmt: skip
+    """Return the spanning-tree bound for the ``useful`` vehicles; their rows are given, each over all visits.
+
+    Args:
+        instance: the problem.
+        useful: which of its vehicles.
+        starts: (r, 2n), from where they start to the end of a visit.
+        homes: (r, 2n), from the end of a visit home.
+        idle: (r,), of a vehicle that is not used.
+        enough: how large a bound needs to be.
+        once: the only vehicle that starts once at most; None if all do.
+    """
+    # Only here: it loads numba, and the quick conditions do without.
+    from planner.kernels.bounds import tree_bound
+
+    visits = 2 * instance.segments
+    moves = _least_moves_pct(instance, useful)
+    segment = np.arange(visits) >> 1
+    moves[segment[:, np.newaxis] == segment[np.newaxis]] = np.inf
+    entry = np.minimum(moves.min(axis=0), starts.min(axis=0)).reshape(-1, 2).min(axis=1)
+    back = np.arange(visits) ^ 1
+    # A visit begins at the end point of its own number and ends at the other one of its segment.
+    onward = moves[back] - entry[segment]
+    every = range(len(starts))
+    bound = tree_bound(
+        np.array(np.minimum(onward, onward.T), order="C"),
+        np.array(starts - entry[segment], order="C"),
+        np.array(homes[:, back], order="C"),
+        np.array(idle, dtype=np.float64),
+        np.array([once is None or vehicle == once for vehicle in every], dtype=np.int64),
+        enough - float(entry.sum()),
+        ASCENT,
+    )
+    return float(bound + entry.sum()) - 1e-9 * abs(enough)
+
+
+def _least_moves_pct(instance: Instance, useful: BoolArray) -> FloatArray:
+    """Return (2n, 2n) float64, the least energy from visit to visit over the useful vehicles."""
+    every = np.arange(2 * instance.segments)
+    least = np.full((len(every), len(every)), np.inf)
+    for profile in range(instance.moves.profiles):
+        factors = [
+            vehicle.consumption
+            for vehicle, own, used in zip(instance.vehicles, instance.profile, useful, strict=True)
+            if used and own == profile
+        ]
+        if factors:
+            moves = instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+            np.minimum(least, min(factors) * moves, out=least)
+    return least
+
+
+def least_total_pct(instance: Instance, useful: BoolArray) -> float:
     """Return a lower bound on the energy of any plan that covers everything with the ``useful`` vehicles.
 
     Exactly one move leads into each segment. What all moves into it cost at least is paid in any case; the rest of
@@ -58,19 +240,10 @@ def least_total_pct(instance: Instance, useful: np.ndarray[tuple[int], np.dtype[
     return float(entry.sum() + tree + ways_home.sum() + (home - ways_home).min())
 
 
-def _least_between_pct(instance: Instance, useful: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
+def _least_between_pct(instance: Instance, useful: BoolArray) -> FloatArray:
     """Return (n, n) float64, the least energy from segment to segment over directions and useful vehicles."""
-    segments, every = instance.segments, np.arange(2 * instance.segments)
-    least = np.full((segments, segments), np.inf)
-    for profile in range(instance.moves.profiles):
-        factors = [
-            vehicle.consumption
-            for vehicle, own, used in zip(instance.vehicles, instance.profile, useful, strict=True)
-            if used and own == profile
-        ]
-        if factors:
-            moves = instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
-            np.minimum(least, min(factors) * moves.reshape(segments, 2, segments, 2).min(axis=(1, 3)), out=least)
+    moves = _least_moves_pct(instance, useful)
+    least: FloatArray = moves.reshape(instance.segments, 2, instance.segments, 2).min(axis=(1, 3))
     return least
 
 

@@ -6,16 +6,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from planner.bounds import why_impossible
+from planner.bounds import why_certainly_impossible
 from planner.construct import copy_of, empty_state, problem_of, random_state
 from planner.evaluate import BUDGET_TOLERANCE_PCT, completions_s, route_duration_s, route_energy_pct, spent_pct
+from planner.exact import covers
 from planner.kernels.arrays import FloatArray, Problem, State
 from planner.kernels.tours import measure
 from planner.kernels.window import SAME_TIME_S, Clock, Loss, Repairs, Timing, set_clock, try_loss
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
-from planner.replan import remaining
+from planner.replan import Remainder, remaining
 from planner.window import LossRow, Repair
 
+EXACT_UP_TO = 13
+"""Open segments up to which a loss is decided exactly: some 20 ms."""
 QUICK = 20
 """The first look at a loss takes this part of the effort; then its certificates are asked before the rest."""
 
@@ -60,7 +63,7 @@ class Losses:
         """
         for interval in range(len(self._events_s) - 2, -1, -1):
             if self._events_s[interval] <= broken.from_s and any(
-                self._impossible(interval, vehicle) for vehicle in self.flying(interval)
+                self._settled(interval, vehicle) is True for vehicle in self.flying(interval)
             ):
                 return self._events_s[interval + 1]
         return 0.0
@@ -68,13 +71,42 @@ class Losses:
     def _row(self, interval: int, vehicle: int, effort: int) -> LossRow:
         from_s, to_s = self._events_s[interval : interval + 2]
         routes = self._tried(interval, vehicle, effort // QUICK)
-        if routes is None and self._impossible(interval, vehicle):
-            return LossRow(vehicle, from_s, to_s, Repair.IMPOSSIBLE, None)
         if routes is None:
+            settled = self._settled(interval, vehicle)
+            if isinstance(settled, Plan):
+                return LossRow(vehicle, from_s, to_s, Repair.FEASIBLE, settled)
+            if settled:
+                return LossRow(vehicle, from_s, to_s, Repair.IMPOSSIBLE, None)
             routes = self._tried(interval, vehicle, effort)
         if routes is None:
             return LossRow(vehicle, from_s, to_s, Repair.NOT_FOUND, None)
         return LossRow(vehicle, from_s, to_s, Repair.FEASIBLE, _reduced(routes, vehicle))
+
+    def _settled(self, interval: int, vehicle: int) -> Plan | bool:
+        """Return a re-plan, or whether it is certain that there is none."""
+        at_s = self._events_s[interval]
+        left = remaining(self._instance, self._plan, vehicle, at_s, fly_again=self._fly_again)
+        if why_certainly_impossible(left.instance) is not None:
+            return True
+        if len(left.open_segments) > EXACT_UP_TO:
+            return False
+        plan = covers(left.instance)
+        if plan is None:
+            return True
+        self._keep(vehicle, left, plan)
+        return plan
+
+    def _keep(self, vehicle: int, left: Remainder, plan: Plan) -> None:
+        """Make a re-plan the known one of a loss, for the interval before to begin with."""
+        repairs = self._repairs
+        repairs.known[vehicle] = 1
+        repairs.lengths[vehicle] = 0
+        repairs.route_of[vehicle] = -1
+        for survivor, route in zip(left.survivors, plan.routes, strict=True):
+            visits = [left.original_visit(visit) for visit in route.visits]
+            repairs.visits[vehicle, survivor.vehicle, : len(visits)] = visits
+            repairs.lengths[vehicle, survivor.vehicle] = len(visits)
+            repairs.route_of[vehicle, [segment_of(visit) for visit in visits]] = survivor.vehicle
 
     def _tried(self, interval: int, vehicle: int, effort: int) -> list[list[int]] | None:
         """Return the new routes of all vehicles, in the plan's numbering; None if no re-plan was found."""
@@ -89,12 +121,6 @@ class Losses:
             for route, length in enumerate(self._repairs.lengths[vehicle])
         ]
         return routes if self._holds(self._events_s[interval], vehicle, routes) else None
-
-    def _impossible(self, interval: int, vehicle: int) -> bool:
-        left = remaining(
-            self._instance, self._plan, vehicle, self._events_s[interval], fly_again=self._fly_again
-        ).instance
-        return why_impossible(left) is not None
 
     def _holds(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
         """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
@@ -158,7 +184,12 @@ def clock_of(problem: Problem, timing: Timing, base: State) -> Clock:
 
 def loss_of(problem: Problem) -> Loss:
     """Return room for what a loss leaves."""
-    own = problem._replace(start=problem.start.copy(), idle=problem.idle.copy(), budget=problem.budget.copy())
+    own = problem._replace(
+        start=problem.start.copy(),
+        idle=problem.idle.copy(),
+        budget=problem.budget.copy(),
+        twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, but elsewhere after the loss
+    )
     return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
 
 

@@ -24,9 +24,9 @@ from planner.solve import solve
 from planner.stop import Iterations, Progress, StopRule, Stopwatch, Verdict, any_of
 from planner.window import replan_window
 
-PROBES = 3
-"""Times at which losses are looked at in a walk: the aim, and two at which windows broke although the aim held."""
-LOOK = 200
+PROBES = 8
+"""Times at which losses are looked at in a walk: the aim, and those at which windows broke although the aim held."""
+LOOK = 1_000
 """Effort for a loss when a plan's whole window is looked at."""
 FOLLOW = 20
 """Effort for a loss in a walk, where the repair follows another."""
@@ -34,10 +34,12 @@ CYCLE = 2_000
 """Iterations of a walk from hot to cold."""
 BATCH = 250
 """Iterations of each walk between two questions to the stop rule."""
-HOT, COLD = 0.4, 0.02
-"""Temperatures of a walk, as shares of what is lacking when it begins."""
+HOT, COLD = 0.5, 0.03
+"""Temperatures of a walk, in mean transits of its plan."""
 FIRST_STEP, LAST_STEP = 0.08, 0.01
 """How far below the earliest time so far a walk aims, as shares of the longest route."""
+TOTAL = 0.05
+"""What a percent that the plan uses counts in a walk beside one that its repairs lack."""
 RISE = 0.03
 """How much more energy a plan may use than the one before it, as a share of the first plan's."""
 SHARE = 4
@@ -301,27 +303,33 @@ class RobustSearch:
 
     def _limits(self, walker: Walker) -> Limits:
         return Limits(
-            self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, RISE * float(walker.here.base.loads.sum())
+            self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, RISE * float(walker.here.base.loads.sum()), TOTAL
         )
 
     def _begin_cycle(self, walker: Walker) -> None:
         self._place(walker, walker.best.routes)
-        walker.probes_s[1:] = -1.0
         self._aim(walker)
 
     def _aim(self, walker: Walker) -> None:
         """Aim a step below the best of a walk, and begin to cool."""
         longest_s = float(walker.here.clock.durations_s.max())
         walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
-        lacks = assess(
+        walker.probes_s[walker.probes_s < walker.probes_s[0]] = -1.0
+        assess(
             self._problem, self._timing, walker.here, walker.there, walker.loss, walker.current, walker.trial,
             walker.probes_s, self._limits(walker), np.inf, walker.rng,
         )  # fmt: skip
         walker.here.lacks[:] = walker.there.lacks
         for ours, theirs in zip(walker.here.repairs, walker.there.repairs, strict=True):
             ours[...] = theirs
-        walker.temperature[0] = HOT * lacks
+        walker.temperature[0] = HOT * self._transit_pct(walker.here.base)
         walker.left = CYCLE
+
+    def _transit_pct(self, base: State) -> float:
+        """Return the mean energy that a plan spends from visit to visit, inspections not counted."""
+        inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
+        moves = len(inspections) + len(base.lengths)
+        return max(float(base.loads.sum() - inspections.sum()) / moves, 1e-3 * float(self._problem.effort.max()), 1e-9)
 
     def _arrive(self, walker: Walker) -> None:
         """Look at the whole window of a plan whose losses at the probes can be repaired, and aim anew."""
@@ -341,7 +349,7 @@ class RobustSearch:
             walker.cycles += 1
             return
         if broken_s > walker.probes_s[0]:
-            walker.probes_s[2] = walker.probes_s[1]
+            walker.probes_s[2:] = walker.probes_s[1:-1]
             walker.probes_s[1] = broken_s
         self._aim(walker)
 

@@ -19,8 +19,8 @@ from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, Remainder, remaining
 from planner.solve import check_tails
 
-EFFORT = 3_000
-"""Iterations of ruin and recreate for one loss, as a default: some ten milliseconds where there is no re-plan."""
+EFFORT = 10_000
+"""Iterations of ruin and recreate for one loss, as a default: some 50 ms where there is no re-plan."""
 
 
 class Repair(Enum):

@@ -24,12 +24,11 @@ from planner.kernels.arrays import (
     Problem,
     RandomState,
     State,
-    Weights,
 )
 from planner.kernels.chance import below, uniform
-from planner.kernels.insertion import insert_cheapest
+from planner.kernels.insertion import cheapest_place
 from planner.kernels.ruin import position_of, remove_strings
-from planner.kernels.tours import copy_route, measure, orient
+from planner.kernels.tours import copy_route, insert, measure, orient
 from planner.kernels.window import (
     CLOCK,
     LOSS,
@@ -48,6 +47,9 @@ from planner.kernels.window import (
     scan,
     set_clock,
 )
+
+UNKNOWN = 200
+"""How much more effort a repair takes that follows none."""
 
 
 class Walk(NamedTuple):
@@ -74,10 +76,12 @@ class Limits(NamedTuple):
     """Iterations of ruin and recreate for a repair that follows another."""
     rise: float
     """A plan that uses this much more energy than the one before is not looked at."""
+    total: float
+    """What a percent that the plan uses counts beside one that its repairs lack."""
 
 
 WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS), Walk)
-LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64), Limits)
+LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64, nb.float64), Limits)
 
 
 @nb.njit(nb.void(PROBLEM, TIMING, STATE, CLOCK), cache=True, nogil=True)
@@ -152,7 +156,7 @@ def assess(
         begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
         begin_repair(loss, there.base, repair_of(here.repairs, slot), known, current, rng)
-        effort = limits.effort if known else 10 * limits.effort
+        effort = limits.effort if known else UNKNOWN * limits.effort
         there.lacks[slot] = repair(loss, current, trial, repair_of(there.repairs, slot), effort, rng)
         there.repairs.known[slot] = 1
         total += float(there.lacks[slot])
@@ -195,6 +199,25 @@ def shift_string(base: State, one: int, begin: int, count: int, other: int, plac
     base.lengths[other] += count
 
 
+@nb.njit(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM), cache=True, nogil=True)
+def insert_within_budget(problem: Problem, base: State, segment: int, blink: float, rng: RandomState) -> int:
+    """Insert a segment where it adds least within the budgets; return the route, -1 if there is no place."""
+    best = np.inf
+    best_route = -1
+    best_position = 0
+    best_visit = 0
+    for route in range(len(base.lengths)):
+        added, position, visit = cheapest_place(problem, base, route, segment, blink, rng)
+        if added < best and base.loads[route] + added <= problem.budget[route]:
+            best = added
+            best_route = route
+            best_position = position
+            best_visit = visit
+    if best_route >= 0:
+        insert(problem, base, best_route, best_position, best_visit)
+    return best_route
+
+
 @nb.njit(nb.boolean(PROBLEM, STATE, INTS, INTS, RANDOM), cache=True, nogil=True)
 def reinsert(problem: Problem, base: State, pending: IntArray, touched: IntArray, rng: RandomState) -> bool:
     """Take a few visits out and put them back within the budgets; return whether all found a place."""
@@ -202,10 +225,9 @@ def reinsert(problem: Problem, base: State, pending: IntArray, touched: IntArray
     for place in range(removed - 1, 0, -1):
         other = below(rng, place + 1)
         pending[place], pending[other] = pending[other], pending[place]
-    weights = Weights(1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
     blink = 0.02 if uniform(rng) < 0.5 else 0.3
     for place in range(removed):
-        route = insert_cheapest(problem, weights, base, pending[place], blink, rng)
+        route = insert_within_budget(problem, base, pending[place], blink, rng)
         if route < 0:
             return False
         touched[route] = 1
@@ -310,9 +332,10 @@ def walk(
     pending = np.empty(len(here.base.route_of), dtype=np.int64)
     touched = np.zeros(fleet, dtype=np.int64)
     came_from = np.zeros((len(here.base.route_of), 2), dtype=np.int64)
-    value = here.lacks.sum()
+    lacks = here.lacks.sum()
+    value = lacks + limits.total * here.base.loads.sum()
     for iteration in range(iterations):
-        if value <= 0.0:
+        if lacks <= 0.0:
             return iteration
         whole = change(problem, there.base, pending, touched, rng)
         directed = uniform(rng) < 0.5
@@ -327,10 +350,12 @@ def walk(
         if whole and allowed(
             problem, timing, there.base, there.clock, touched, limits, here.base.loads.sum() + limits.rise
         ):
-            lacks = assess(problem, timing, here, there, loss, current, trial, probes_s, limits, most, rng)
-            if lacks <= most:
+            used = limits.total * there.base.loads.sum()
+            found = assess(problem, timing, here, there, loss, current, trial, probes_s, limits, most - used, rng)
+            if found + used <= most:
                 accepted = True
-                value = lacks
+                lacks = found
+                value = found + used
         if accepted:
             here.lacks[:] = there.lacks
             here.repairs.known[:] = there.repairs.known

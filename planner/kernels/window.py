@@ -36,8 +36,16 @@ from planner.kernels.tours import copy_route, insert, measure, orient
 
 SAME_TIME_S = 1e-9
 """As in replan.py: a visit that ends this little after the loss has ended."""
-EXCESS_WEIGHT = 4.0
+EXCESS_WEIGHT = 1.5
 """What a percent beyond a budget costs a repair besides itself."""
+HOT = 0.5
+"""Temperature at the begin of a long repair, in mean routes of one segment alone."""
+WARM = 0.05
+"""The same of a short repair: it stays near where it begins."""
+COLD = 0.005
+"""Temperature at the end."""
+LONG = 200
+"""Iterations from which on a repair is long."""
 
 
 class Timing(NamedTuple):
@@ -317,12 +325,13 @@ def repair(loss: Loss, current: State, trial: State, best: State, iterations: in
     touched = np.zeros(routes, dtype=np.int64)
     came_from = np.zeros((len(current.route_of), 2), dtype=np.int64)
     here = EXCESS_WEIGHT * least + current.loads.sum()
-    # A move between neighbours is the scale of what a repair gains or loses.
-    transit = 0.0
+    # Routes of one segment alone are the scale of what a repair gains or loses.
+    alone = 0.0
     for segment in opened:
-        transit += problem.effort[segment]
-    temperature = 0.03 * transit / len(opened)
-    cooling = 0.02 ** (1.0 / iterations)
+        alone += problem.effort[segment]
+    hot = HOT if iterations >= LONG else WARM
+    temperature = hot * alone / len(opened)
+    cooling = (COLD / hot) ** (1.0 / iterations)
     for _ in range(iterations):
         seed = ruin_about(problem, trial, opened, rng)
         removed = remove_strings(problem, trial, pending, touched, seed, 6.0, 8.0, rng)

@@ -1,0 +1,127 @@
+"""What a longer route buys: the plans that no other beats in length, energy and window at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from planner.costs import Cost
+from planner.errors import PlanError
+from planner.evaluate import evaluate
+from planner.model import Instance, Plan
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, Verdict, any_of
+from planner.window import ReplanWindow, replan_window
+
+STRETCHES = (0.0, 0.05, 0.1, 0.2)
+"""How much longer than the best MinMax plan's the longest route may be, as shares of it."""
+FIRST_ROUND = 150_000
+"""Iterations for each stretch in the first round; each further round has half as many again."""
+SAME = 1e-9
+"""Figures that differ by less than this share are equal."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrontPlan:
+    """A plan that no other one found beats in all three figures."""
+
+    plan: Plan
+    longest_route_s: float
+    energy_pct: float
+    """Of all routes together."""
+    window: ReplanWindow
+    """Its ``earliest_s`` is the third figure."""
+
+
+@dataclass(slots=True)
+class _Shared:
+    """The stop rule over several searches: it is asked with the iterations of all of them."""
+
+    stop: StopRule
+    watch: Stopwatch
+    done: int = 0
+    """Iterations of the searches that have ended."""
+    over: bool = False
+
+    def __call__(self, progress: Progress) -> Verdict:
+        """Ask the rule."""
+        verdict = self.stop(replace(progress, iterations=self.done + progress.iterations, seconds=self.watch.seconds))
+        self.over = self.over or verdict.allowed <= 0
+        return verdict
+
+
+def front(
+    instance: Instance,
+    *,
+    stop: StopRule,
+    seed: int = 0,
+    all_vehicles: bool = False,
+    starts: int = 1,
+    stretches: Sequence[float] = STRETCHES,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> tuple[FrontPlan, ...]:
+    """Return the plans found that no other one beats, the one with the shortest longest route first.
+
+    Windows are searched for at each stretch in turn, in rounds that grow, each from the plans of those before. What
+    competes are all plans that any of these searches looked at or was led by. None if no plan covers everything.
+
+    Args:
+        instance: the problem; budgets hold always.
+        stop: over all searches.
+        seed: of all randomness.
+        all_vehicles: leave no vehicle without a visit.
+        starts: searches side by side for each stretch.
+        stretches: how much longer than the best MinMax plan's the longest route may be, as shares of it.
+        on_progress: called whenever ``stop`` is asked.
+
+    Raises:
+        PlanError: there is one vehicle only.
+    """
+    if len(instance.vehicles) == 1:
+        raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")
+    # Only here, as in solve.py: it loads numba.
+    from planner.robustsearch import Outer, RobustSearch, as_plan
+
+    shared = _Shared(stop, Stopwatch())
+    plans: dict[Plan, None] = {}
+    length = FIRST_ROUND
+    number = 0
+    full = False
+    while not (shared.over or full):
+        full = number > 0
+        for stretch in sorted(stretches):
+            outer = Outer(any_of(Iterations(length), shared), on_progress, shared.watch)
+            search = RobustSearch(
+                instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=True
+            )
+            search.run(stretch=stretch, longest_s=None, initial=tuple(plans))
+            shared.done += outer.iterations
+            full = full and outer.earliest_s <= 0
+            plans.update(dict.fromkeys(as_plan(found.routes) for found in search.archive))
+            if shared.over:
+                break
+        length += length // 2
+        number += 1
+    return _not_beaten(_figures(instance, plan) for plan in plans)
+
+
+def _figures(instance: Instance, plan: Plan) -> FrontPlan:
+    evaluation = evaluate(instance, plan, Cost.MINMAX)
+    return FrontPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), replan_window(instance, plan))
+
+
+def _not_beaten(plans: Iterable[FrontPlan]) -> tuple[FrontPlan, ...]:
+    """Return the plans that no other one equals or beats in all figures; of equal ones the first."""
+    kept: list[FrontPlan] = []
+    for plan in sorted(plans, key=_key):
+        if not any(_beats(other, plan) for other in kept):
+            kept.append(plan)
+    return tuple(kept)
+
+
+def _key(plan: FrontPlan) -> tuple[float, float, float]:
+    return plan.longest_route_s, plan.energy_pct, plan.window.earliest_s
+
+
+def _beats(one: FrontPlan, other: FrontPlan) -> bool:
+    pairs = zip(_key(one), _key(other), strict=True)
+    return all(ours <= theirs + SAME * abs(theirs) for ours, theirs in pairs)

@@ -1,0 +1,109 @@
+"""A lower bound on the energy of plans: spanning trees with potentials (Held and Karp 1971)."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from planner.kernels.arrays import FLOATS, INTS, TABLE, FloatArray, IntArray
+
+
+@nb.njit(nb.float64(TABLE, TABLE, TABLE, FLOATS, INTS, nb.float64, nb.int64), cache=True, nogil=True)
+def tree_bound(
+    links: FloatArray, starts: FloatArray, homes: FloatArray, idle: FloatArray, once: IntArray, enough: float,
+    iterations: int,
+) -> float:  # fmt: skip
+    """Return a lower bound on the cost of visiting ``m`` segments with ``r`` vehicles.
+
+    Every segment is entered once, from another one or from a start, so the entries form a spanning tree of the
+    segments and one root. Every end point has one transit or way home. Potentials of the end points, and of the
+    vehicles that start at most once, charge trees that do otherwise; any potentials give a bound, ascent along the
+    subgradient a good one.
+
+    Args:
+        links: (2m, 2m), the least cost of a transit between end points, whichever way it is flown; symmetric.
+        starts: (r, 2m), of entering a segment at an end point from a vehicle's start.
+        homes: (r, 2m), from an end point home.
+        idle: (r,), of a vehicle that is not used.
+        once: (r,), 1 for vehicles that start once at most.
+        enough: end when the bound is above this.
+        iterations: of the ascent, at most.
+    """
+    points = len(links)
+    segments = points // 2
+    fleet = len(starts)
+    potential = np.zeros(points)
+    price = np.zeros(fleet)
+    best = -np.inf
+    step = 1.0
+    stalled = 0
+    distance = np.empty(segments)
+    inner = np.empty(segments, dtype=np.int64)
+    outer = np.empty(segments, dtype=np.int64)
+    reached = np.empty(segments, dtype=np.bool_)
+    for _ in range(iterations):
+        degree = np.full(points, -1.0)
+        used = np.full(fleet, -1.0)
+        last = np.empty(fleet, dtype=np.int64)
+        total = idle.sum() - potential.sum() - price.sum()
+        distance[:] = np.inf
+        reached[:] = False
+        for vehicle in range(fleet):
+            way_home = homes[vehicle] + potential
+            last[vehicle] = np.argmin(way_home)
+            extra = way_home[last[vehicle]] - idle[vehicle] + price[vehicle]
+            for point in range(points):
+                cost = starts[vehicle, point] + potential[point] + extra
+                if cost < distance[point >> 1]:
+                    distance[point >> 1] = cost
+                    inner[point >> 1] = point
+                    outer[point >> 1] = -1 - vehicle
+        for _ in range(segments):
+            nearest = -1
+            least = np.inf
+            for segment in range(segments):
+                if not reached[segment] and distance[segment] < least:
+                    least = distance[segment]
+                    nearest = segment
+            total += least
+            reached[nearest] = True
+            degree[inner[nearest]] += 1.0
+            if outer[nearest] >= 0:
+                degree[outer[nearest]] += 1.0
+            else:
+                vehicle = -1 - outer[nearest]
+                used[vehicle] += 1.0
+                degree[last[vehicle]] += 1.0
+            for point in range(2 * nearest, 2 * nearest + 2):
+                for other in range(points):
+                    if reached[other >> 1]:
+                        continue
+                    cost = links[point, other] + potential[point] + potential[other]
+                    if cost < distance[other >> 1]:
+                        distance[other >> 1] = cost
+                        inner[other >> 1] = other
+                        outer[other >> 1] = point
+        if total > best:
+            best = total
+            stalled = 0
+        else:
+            stalled += 1
+            if stalled >= 8:
+                step *= 0.7
+                stalled = 0
+        if best > enough:
+            return best
+        norm = np.sum(degree * degree)
+        for vehicle in range(fleet):
+            if once[vehicle] == 1 and (used[vehicle] > 0.0 or price[vehicle] > 0.0):
+                norm += used[vehicle] * used[vehicle]
+        if norm <= 0.0:
+            return best
+        length = step * (1.02 * abs(enough) + 1e-9 - total + 0.02 * abs(total)) / norm
+        if length <= 0.0:
+            length = step * 0.02 * abs(total) / norm
+        potential += length * degree
+        for vehicle in range(fleet):
+            if once[vehicle] == 1:
+                price[vehicle] = max(0.0, price[vehicle] + length * used[vehicle])
+    return best
