@@ -28,6 +28,19 @@ from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_o
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
 from planner.result import Result
+from planner.risk import (
+    Blame,
+    Campaign,
+    Chance,
+    Chunk,
+    Risk,
+    Tally,
+    flight_chunks,
+    fly_chunk,
+    risk_campaign,
+    risks_of,
+    wilson,
+)
 from planner.robust import WindowResult, solve_window
 from planner.solve import solve, warm_up
 from planner.stop import (
@@ -52,8 +65,12 @@ __all__ = [
     "K_C",
     "PRESETS",
     "AnyOf",
+    "Blame",
     "Breaking",
+    "Campaign",
     "Cancelled",
+    "Chance",
+    "Chunk",
     "Cost",
     "Drone",
     "Dynamics",
@@ -76,11 +93,13 @@ __all__ = [
     "Repair",
     "ReplanWindow",
     "Result",
+    "Risk",
     "Route",
     "Seconds",
     "StopRule",
     "Stopwatch",
     "Survivor",
+    "Tally",
     "Travel",
     "Vehicle",
     "Verdict",
@@ -92,6 +111,8 @@ __all__ = [
     "cost_value",
     "covers",
     "evaluate",
+    "flight_chunks",
+    "fly_chunk",
     "grasp",
     "is_reversed",
     "loss_table",
@@ -101,6 +122,8 @@ __all__ = [
     "repairs_at",
     "replan",
     "replan_window",
+    "risk_campaign",
+    "risks_of",
     "route_duration_s",
     "route_energy_pct",
     "segment_of",
@@ -114,4 +137,5 @@ __all__ = [
     "warm_start",
     "warm_up",
     "why_impossible",
+    "wilson",
 ]

@@ -72,15 +72,11 @@ class Aftermath:
         if len(visits) == 0:
             return np.array([instance.idle_s[vehicle]]), np.array([instance.idle_pct[vehicle]])
         profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
-        first, last, legs = visits[0], visits[-1], (visits[:-1], visits[1:])
-        seconds = [
-            [instance.start_s[vehicle, first]], instance.moves.seconds(profile, *legs), [instance.home_s[vehicle, last]]
-        ]  # fmt: skip
-        pct = [
-            [instance.start_pct[vehicle, first]], consumption * instance.moves.pct(profile, *legs),
-            [instance.home_pct[vehicle, last]],
-        ]  # fmt: skip
-        return np.cumsum(np.concatenate(seconds)), np.concatenate(pct)
+        start, legs, home = (vehicle, visits[0]), (visits[:-1], visits[1:]), (vehicle, visits[-1])
+        between_s, between_pct = instance.moves.seconds(profile, *legs), instance.moves.pct(profile, *legs)
+        seconds = np.concatenate([[instance.start_s[start]], between_s, [instance.home_s[home]]])
+        pct = np.concatenate([[instance.start_pct[start]], consumption * between_pct, [instance.home_pct[home]]])
+        return np.cumsum(seconds), pct
 
     def without(self, vehicles: Sequence[int]) -> Aftermath:
         """Return the state when vehicles are lost that have nothing left to inspect."""

@@ -124,7 +124,7 @@ class Risk:
     """None without a failure."""
 
 
-def campaign(
+def risk_campaign(
     instance: Instance,
     plan: Plan,
     *,
@@ -158,7 +158,7 @@ def campaign(
     )  # fmt: skip
 
 
-def chunks(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK) -> tuple[Chunk, ...]:
+def flight_chunks(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK) -> tuple[Chunk, ...]:
     """Return ``flights`` in chunks, each with its own seed.
 
     Raises:
@@ -183,7 +183,7 @@ def fly_chunk(campaign: Campaign, chunk: Chunk) -> tuple[Tally, ...]:
     )  # fmt: skip
 
 
-def risks(campaign: Campaign, tallies: Sequence[Sequence[Tally]]) -> tuple[Risk, ...]:
+def risks_of(campaign: Campaign, tallies: Sequence[Sequence[Tally]]) -> tuple[Risk, ...]:
     """Return the answers for each ``campaign.mtbf_h`` from the tallies of all chunks, in the chunks' order."""
     return tuple(
         _risk(campaign, hours, [tally[number] for tally in tallies]) for number, hours in enumerate(campaign.mtbf_h)
@@ -334,9 +334,7 @@ def _alike(
         yield rows, int(kind[0]), float(events[kind[1]]), tuple(int(one) for one in np.flatnonzero(kind[2:]))
 
 
-def _answered(
-    campaign: Campaign, group: _Group, vehicle: int, at_s: float, gone: tuple[int, ...]
-) -> Aftermath | None:
+def _answered(campaign: Campaign, group: _Group, vehicle: int, at_s: float, gone: tuple[int, ...]) -> Aftermath | None:
     """Return the state after a loss that a re-plan repairs, None if none does."""
     state = group.state
     if group.replans == 0 and not gone:
