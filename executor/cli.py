@@ -15,7 +15,7 @@ from typing import NoReturn
 import typer
 from typer.exceptions import TyperException
 
-from executor.commands import OUR_ERRORS, flights, plans
+from executor.commands import OUR_ERRORS, flights, plans, risk
 
 cli = typer.Typer(
     name="faultline",
@@ -32,6 +32,7 @@ for command in (
     plans.window,
     plans.replan,
     plans.export,
+    risk.risk,
     flights.simulate,
     flights.fly,
 ):

@@ -29,6 +29,19 @@ from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_o
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
 from planner.result import Result
+from planner.risk import (
+    Blame,
+    Campaign,
+    Chance,
+    Chunk,
+    Risk,
+    Tally,
+    flight_chunks,
+    fly_chunk,
+    risk_campaign,
+    risks_of,
+    wilson,
+)
 from planner.robust import WindowResult, solve_window
 from planner.solve import solve, warm_up
 from planner.stop import (
@@ -53,8 +66,12 @@ __all__ = [
     "OPTIMAL_SEGMENTS",
     "PRESETS",
     "AnyOf",
+    "Blame",
     "Breaking",
+    "Campaign",
     "Cancelled",
+    "Chance",
+    "Chunk",
     "Cost",
     "Drone",
     "Dynamics",
@@ -78,11 +95,13 @@ __all__ = [
     "Repair",
     "ReplanWindow",
     "Result",
+    "Risk",
     "Route",
     "Seconds",
     "StopRule",
     "Stopwatch",
     "Survivor",
+    "Tally",
     "Travel",
     "Vehicle",
     "Verdict",
@@ -94,6 +113,8 @@ __all__ = [
     "cost_value",
     "covers",
     "evaluate",
+    "flight_chunks",
+    "fly_chunk",
     "front",
     "grasp",
     "is_reversed",
@@ -105,6 +126,8 @@ __all__ = [
     "repairs_at",
     "replan",
     "replan_window",
+    "risk_campaign",
+    "risks_of",
     "route_duration_s",
     "route_energy_pct",
     "segment_of",
@@ -119,4 +142,5 @@ __all__ = [
     "warm_up",
     "why_certainly_impossible",
     "why_impossible",
+    "wilson",
 ]

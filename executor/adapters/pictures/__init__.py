@@ -5,17 +5,29 @@ Only matplotlib's objects are used, and each figure's own Agg canvas: no window,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from executor.adapters.pictures.battery import battery_figure
 from executor.adapters.pictures.maps import map_figure, plan_figure
+from executor.adapters.pictures.risk import risk_figure
 from executor.adapters.pictures.style import DPI
 from executor.core.record import FlightRecord
 from missions import PlanFile
+from planner import Risk
 
-__all__ = ["battery_figure", "draw_battery", "draw_map", "draw_plan", "map_figure", "plan_figure"]
+__all__ = [
+    "battery_figure",
+    "draw_battery",
+    "draw_map",
+    "draw_plan",
+    "draw_risk",
+    "map_figure",
+    "plan_figure",
+    "risk_figure",
+]
 
 
 def draw_plan(content: PlanFile, path: Path) -> None:
@@ -43,6 +55,15 @@ def draw_battery(record: FlightRecord, path: Path) -> None:
         OSError: the file cannot be written.
     """
     _save(battery_figure(record), path)
+
+
+def draw_risk(swept: Sequence[Risk], given: Risk, path: Path) -> None:
+    """Write the chance of finishing over the mean time between failures.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(risk_figure(swept, given), path)
 
 
 def _save(figure: Figure, path: Path) -> None:

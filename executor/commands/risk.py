@@ -1,0 +1,153 @@
+"""The command that estimates the chance of finishing: risk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor import risk as flights
+from executor.commands.options import JsonOption, PlanArgument, SeedOption
+from executor.commands.planned import writable
+from executor.console import TerminalConsole
+from missions import read_plan
+from planner import Campaign, Chunk, Risk, flight_chunks, risk_campaign
+
+
+def risk(
+    plan: PlanArgument,
+    mtbf: Annotated[
+        float, typer.Option(min=0.01, metavar="HOURS", help="Mean flight hours between failures of one vehicle.")
+    ],
+    battery_spread: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=50,
+            metavar="PCT",
+            help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with "
+            "the planned one.",
+        ),
+    ] = 0.0,
+    reserve: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=100,
+            metavar="PCT",
+            help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
+        ),
+    ] = 15.0,
+    samples: Annotated[int, typer.Option(min=1, metavar="N", help="Flights that are simulated.")] = 100_000,
+    seed: SeedOption = 1,
+    max_losses: Annotated[
+        int, typer.Option(min=1, metavar="K", help="Losses in one flight that are re-planned at most.")
+    ] = 2,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with the scheduler there.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; one per processor if not given.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.
+
+    A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. What a
+    lost vehicle has not finished the others take over by a re-plan, where one is found that inspects everything.
+    Without one it is left undone. The same seed gives the same answer, however many processes fly.
+    """  # fmt: skip
+    content = read_plan(plan)
+    names = [vehicle.name for vehicle in content.vehicles]
+    console = TerminalConsole(quiet=as_json, yes=True)
+    console.progress("looking at each loss")
+    flown = risk_campaign(
+        content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
+        max_losses=max_losses,
+    )  # fmt: skip
+
+    def fly(what: Campaign, parts: Sequence[Chunk]) -> tuple[Risk, ...]:
+        return flights.fly(
+            what, parts, jobs=jobs, dask=dask,
+            on_done=lambda done, total: console.progress(f"{done} of {total} flights"),
+        )  # fmt: skip
+
+    (found,) = fly(flown, flight_chunks(samples, seed))
+    if picture is not None:
+        from executor.adapters.pictures import draw_risk
+
+        swept = fly(*flights.sweep(flown, seed, flights=samples))
+        writable(picture, lambda: draw_risk(swept, found, picture))
+    console.progress("")
+    if as_json:
+        print(json.dumps(risk_document(flown, found, names, seed)))
+    else:
+        _print_risk(found, names)
+
+
+def risk_document(flown: Campaign, found: Risk, names: Sequence[str], seed: int) -> dict[str, object]:
+    """Return an answer as JSON has it."""
+    worst = found.worst
+    return {
+        "mtbf_h": found.mtbf_h,
+        "battery_spread_pct": flown.battery_spread_pct,
+        "reserve_pct": flown.reserve_pct,
+        "flights": found.flights,
+        "seed": seed,
+        "finishing": [
+            {
+                "losses_replanned": replans,
+                "probability": chance.estimate,
+                "low_95": chance.low,
+                "high_95": chance.high,
+                "expected_uninspected_m": undone_m,
+            }
+            for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True))
+        ],
+        "expected_losses": found.expected_losses,
+        "flights_with_losses": dict(zip(("none", "one", "two_or_more"), found.losses_share, strict=True)),
+        "failures": {
+            "share_by_vehicle": dict(zip(names, found.blame_share, strict=True)),
+            "most": None
+            if worst is None
+            else {
+                "vehicle": names[worst.vehicle], "from_s": worst.from_s, "to_s": worst.to_s, "share": worst.share,
+            },
+        },
+    }  # fmt: skip
+
+
+def _print_risk(found: Risk, names: Sequence[str]) -> None:
+    print(f"everything inspected, {found.flights} flights, one failure in {found.mtbf_h:g} flight hours:")
+    for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True)):
+        print(
+            f"  {_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
+            f"{100 * chance.high:.2f} %), {undone_m:.1f} m left on average"
+        )
+    none, one, more = (100 * share for share in found.losses_share)
+    print(
+        f"losses: {found.expected_losses:.3f} a flight; none in {none:.2f} % of the flights, one in {one:.2f} %, "
+        f"more in {more:.2f} %"
+    )
+    if found.worst is None:
+        print("every flight finished")
+        return
+    worst = found.worst
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in zip(names, found.blame_share, strict=True))
+    print(f"losses that were not repaired: {shares}")
+    print(
+        f"most of them: {names[worst.vehicle]} between {worst.from_s:.0f} and {worst.to_s:.0f} s "
+        f"({100 * worst.share:.0f} %)"
+    )
+
+
+def _policy(replans: int) -> str:
+    if replans == 0:
+        return "as planned, without a re-plan"
+    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

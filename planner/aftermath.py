@@ -1,0 +1,199 @@
+"""A fleet under way after any number of losses: who still flies what, from when, and with what left.
+
+``remaining`` looks at one loss of a plan that begins everywhere at once. Here the answer to a loss becomes a state that
+can lose a vehicle itself: routes go on from the launch of the first plan, so that one clock counts for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.moves import FloatArray
+from planner.replan import Remainder, Survivor, remaining, replan
+from planner.stop import FirstFeasible, Iterations, any_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flown:
+    """What a vehicle has done by when, if nothing happens to it: three ascending columns of the same moments."""
+
+    time_s: FloatArray
+    """(m,) float64: launches, ends of visits and landings since the launch of the fleet."""
+    used_pct: FloatArray
+    """(m,) float64: energy used by then, in percent of a full battery."""
+    airborne_s: FloatArray
+    """(m,) float64: seconds in the air by then."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Aftermath:
+    """The vehicles that are left, and how they inspect all that is theirs."""
+
+    instance: Instance
+    """Of these vehicles and of the segments of their present routes; its ``start_s`` counts from the fleet's launch."""
+    plan: Plan
+    """Over that instance: each vehicle's route since it last took off, with what is done of it."""
+    fleet: tuple[int, ...]
+    """For each vehicle its number in the first plan."""
+    launched_s: tuple[float, ...]
+    """When the present route of each took off, or will."""
+    before: tuple[Flown | None, ...]
+    """What each had done until it landed before that; None for its first route."""
+
+    def flown(self, vehicle: int) -> Flown:
+        """Return what a vehicle will have done by when; between the moments it is taken to grow evenly."""
+        since_s, pct = self._legs(vehicle)
+        start_s, before = self.launched_s[vehicle], self.before[vehicle]
+        time_s, used_pct = np.append(start_s, since_s), np.append(0.0, np.cumsum(pct))
+        airborne_s = time_s - start_s
+        if before is None:
+            return Flown(time_s, used_pct, airborne_s)
+        return Flown(
+            np.concatenate([before.time_s, time_s]),
+            np.concatenate([before.used_pct, before.used_pct[-1] + used_pct]),
+            np.concatenate([before.airborne_s, before.airborne_s[-1] + airborne_s]),
+        )
+
+    def ends_s(self, vehicle: int) -> FloatArray:
+        """Return (visits,) float64: when each visit of a vehicle's present route ends."""
+        return self._legs(vehicle)[0][:-1]
+
+    def values(self, vehicle: int) -> FloatArray:
+        """Return (visits,) float64: what each visit of a vehicle's present route is worth."""
+        return self.instance.value[[segment_of(visit) for visit in self.plan.routes[vehicle].visits]]
+
+    def _legs(self, vehicle: int) -> tuple[FloatArray, FloatArray]:
+        """Return when each leg of the present route ends and what it uses; the last leg leads home."""
+        instance, visits = self.instance, np.array(self.plan.routes[vehicle].visits, dtype=np.int64)
+        if len(visits) == 0:
+            return np.array([instance.idle_s[vehicle]]), np.array([instance.idle_pct[vehicle]])
+        profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
+        start, legs, home = (vehicle, visits[0]), (visits[:-1], visits[1:]), (vehicle, visits[-1])
+        between_s, between_pct = instance.moves.seconds(profile, *legs), instance.moves.pct(profile, *legs)
+        seconds = np.concatenate([[instance.start_s[start]], between_s, [instance.home_s[home]]])
+        pct = np.concatenate([[instance.start_pct[start]], consumption * between_pct, [instance.home_pct[home]]])
+        return np.cumsum(seconds), pct
+
+    def without(self, vehicles: Sequence[int]) -> Aftermath:
+        """Return the state when vehicles are lost that have nothing left to inspect."""
+        kept = [vehicle for vehicle in range(len(self.fleet)) if vehicle not in vehicles]
+        return _rebuilt(self, kept, [self.plan.routes[vehicle].visits for vehicle in kept], {})
+
+    def after(self, left: Remainder, plan: Plan) -> Aftermath:
+        """Return the state once a loss is answered by a plan for ``left.instance``.
+
+        A vehicle that takes off for the new plan does so at ``left.at_s``, or as soon as it has landed. Until then it
+        is on its way home; should it be lost there, its new visits are open again.
+        """
+        routes, again = [], {}
+        for survivor, route in zip(left.survivors, plan.routes, strict=True):
+            new = tuple(left.original_visit(visit) for visit in route.visits)
+            if survivor.finishing is not None:
+                routes.append((*survivor.completed, survivor.finishing, *new))
+            elif not new:
+                routes.append(survivor.completed)
+            else:
+                routes.append(new)
+                again[survivor.vehicle] = survivor
+        return _rebuilt(self, [survivor.vehicle for survivor in left.survivors], routes, again)
+
+
+def underway(instance: Instance, plan: Plan) -> Aftermath:
+    """Return the state before any loss: the plan itself."""
+    fleet = len(plan.routes)
+    return Aftermath(instance, plan, tuple(range(fleet)), (0.0,) * fleet, (None,) * fleet)
+
+
+def repair(state: Aftermath, lost: int, at_s: float, *, effort: int) -> tuple[Remainder, Plan] | None:
+    """Return what the loss of a vehicle leaves and a plan for it; None where none was found.
+
+    The same arguments give the same plan.
+
+    Args:
+        state: when the vehicle is lost.
+        lost: its number in ``state``.
+        at_s: when, since the launch of the fleet.
+        effort: iterations at most.
+    """
+    if len(state.fleet) == 1:
+        return None
+    left = remaining(state.instance, state.plan, lost, at_s)
+    result = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(effort)))
+    return (left, result.plan) if result.feasible else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Sortie:
+    """How a vehicle's present route begins: over all visits of the state that it comes from."""
+
+    start_s: FloatArray
+    start_pct: FloatArray
+    idle_s: float
+    idle_pct: float
+    launched_s: float
+    before: Flown | None
+
+
+def _rebuilt(
+    state: Aftermath, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, Survivor]
+) -> Aftermath:
+    """Return the state of some vehicles on new routes; those in ``again`` take off for theirs."""
+    instance = state.instance
+    segments = sorted({segment_of(visit) for visits in routes for visit in visits})
+    number = {segment: place for place, segment in enumerate(segments)}
+    visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
+    sorties = [_sortie(state, vehicle, again.get(vehicle)) for vehicle in kept]
+    home = np.ix_(kept, visits)
+    vehicles = [
+        replace(instance.vehicles[vehicle], budget_pct=again[vehicle].budget_left_pct, airborne=False)
+        if vehicle in again
+        else instance.vehicles[vehicle]
+        for vehicle in kept
+    ]
+    reduced = Instance(
+        vehicles=tuple(vehicles),
+        profile=tuple(instance.profile[vehicle] for vehicle in kept),
+        moves=instance.moves.part(visits),
+        start_s=np.array([sortie.start_s[visits] for sortie in sorties]).reshape(home[0].size, home[1].size),
+        home_s=instance.home_s[home],
+        idle_s=np.array([sortie.idle_s for sortie in sorties]),
+        start_pct=np.array([sortie.start_pct[visits] for sortie in sorties]).reshape(home[0].size, home[1].size),
+        home_pct=instance.home_pct[home],
+        idle_pct=np.array([sortie.idle_pct for sortie in sorties]),
+        depot_s=instance.depot_s[:, visits],
+        depot_pct=instance.depot_pct[:, visits],
+        value=instance.value[segments],
+        end_m=instance.end_m[visits],
+        landing_m=instance.landing_m,
+    )
+    plan = Plan(tuple(
+        Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in route))
+        for place, route in enumerate(routes)
+    ))  # fmt: skip
+    return Aftermath(
+        reduced, plan, tuple(state.fleet[vehicle] for vehicle in kept),
+        tuple(sortie.launched_s for sortie in sorties), tuple(sortie.before for sortie in sorties),
+    )  # fmt: skip
+
+
+def _sortie(state: Aftermath, vehicle: int, again: Survivor | None) -> _Sortie:
+    instance = state.instance
+    if again is None:
+        return _Sortie(
+            instance.start_s[vehicle], instance.start_pct[vehicle], float(instance.idle_s[vehicle]),
+            float(instance.idle_pct[vehicle]), state.launched_s[vehicle], state.before[vehicle],
+        )  # fmt: skip
+    if not again.completed and not instance.vehicles[vehicle].airborne:
+        # A spare: as long as it stands its rows count from the launch of the fleet.
+        return _Sortie(
+            again.free_s + instance.start_s[vehicle], instance.start_pct[vehicle], again.free_s, 0.0, again.free_s, None
+        )
+    profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
+    return _Sortie(
+        again.free_s + instance.depot_s[profile], consumption * instance.depot_pct[profile], again.free_s, 0.0,
+        again.free_s, state.flown(vehicle),
+    )  # fmt: skip

@@ -1,0 +1,395 @@
+"""The chance that everything gets inspected: many flights of a plan with losses by chance, re-planned or not.
+
+The model. A vehicle in the air is lost after a time that is exponential with the mean time between failures; on the
+ground nothing happens to it, and one that flies again goes on where its flight hours ended. What a vehicle truly uses
+is its planned consumption times a factor, normal about 1 and the same for the whole flight; when that has used up its
+budget and its reserve, it is lost too. Between the ends of visits energy is taken to be used evenly.
+
+A loss that leaves no visit unfinished costs nothing. After any other the survivors get a new plan, at once, from where
+they are by ``planner.remaining``; if none is found that inspects everything, nobody re-plans any more, and whatever a
+lost vehicle has not finished stays undone, then and later. Re-plans count with the planned consumption, not with the
+true one: the reserve is there for the difference, and whether a loss can be repaired then depends on nothing but who
+was lost in which interval between the ends of visits. All flights that share this share one re-plan.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.aftermath import Aftermath, repair, underway
+from planner.costs import Cost
+from planner.errors import InstanceError, PlanError
+from planner.evaluate import evaluate
+from planner.model import Instance, Plan
+from planner.moves import FloatArray
+from planner.replan import SAME_TIME_S, remaining
+from planner.window import EFFORT, LossRow, events_s, loss_table
+
+FLIGHTS_PER_CHUNK = 10_000
+"""So many flights share their re-plans; more chunks keep more processors busy."""
+TIME_BINS = 10
+"""Parts of the longest route's time by which failures are counted."""
+Z_95 = 1.959963984540054
+"""Between minus and plus this lie 95 % of a standard normal."""
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Chance:
+    """A probability estimated from flights, with its 95 % confidence interval (Wilson 1927)."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What all flights have in common."""
+
+    instance: Instance
+    plan: Plan
+    table: tuple[LossRow, ...] = field(repr=False)
+    """Which first losses can be repaired, and how."""
+    mtbf_h: tuple[float, ...]
+    """Mean flight hours between failures of one vehicle; each value is flown with the same chance."""
+    battery_spread_pct: float
+    """Standard deviation of the true consumption, in percent of the planned."""
+    reserve_pct: float
+    """What a vehicle has beyond its budget before it falls, in percent of a full battery."""
+    max_losses: int
+    """So many losses are re-planned at most; one more is not."""
+    effort: int
+    """Iterations at most for one re-plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A part of the flights with chance of its own, so that it does not matter where and when it is flown."""
+
+    flights: int
+    seed: np.random.SeedSequence
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """What a chunk counted for one mean time between failures."""
+
+    flights: int
+    finished: tuple[int, ...]
+    """Flights that inspected everything with at most 0, 1, ... re-plans."""
+    undone_m: tuple[float, ...]
+    """Metres left uninspected in all flights together, with at most 0, 1, ... re-plans."""
+    losses: tuple[int, ...]
+    """Flights with 0, 1, ... losses, re-planned as often as allowed."""
+    failures: tuple[tuple[int, ...], ...]
+    """For each vehicle and each part of the longest route's time, flights in which its loss was not repaired."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blame:
+    """The vehicle and the time whose losses are most often not repaired."""
+
+    vehicle: int
+    from_s: float
+    to_s: float
+    """Losses after the longest route's time count for its last part."""
+    share: float
+    """Of all failures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Risk:
+    """The answer for one mean time between failures."""
+
+    mtbf_h: float
+    flights: int
+    finished: tuple[Chance, ...]
+    """That everything is inspected with at most 0, 1, ... re-plans."""
+    undone_m: tuple[float, ...]
+    """Expected metres left uninspected with at most 0, 1, ... re-plans."""
+    expected_losses: float
+    """Of a flight that is re-planned as often as allowed, as all that follows."""
+    losses_share: tuple[float, float, float]
+    """Of the flights, those with none, with one, and with more."""
+    blame_share: tuple[float, ...]
+    """For each vehicle, the share of the failures in which its loss was the one that was not repaired."""
+    worst: Blame | None
+    """None without a failure."""
+
+
+def risk_campaign(
+    instance: Instance,
+    plan: Plan,
+    *,
+    mtbf_h: Sequence[float],
+    battery_spread_pct: float = 0.0,
+    reserve_pct: float = 15.0,
+    max_losses: int = 2,
+    effort: int = EFFORT,
+) -> Campaign:
+    """Return what is to be flown; it looks at every first loss once (``planner.loss_table``).
+
+    Raises:
+        InstanceError: a figure is out of its range.
+        PlanError: the plan is not one for the instance, or does not inspect everything within its budgets.
+    """
+    if not mtbf_h or not all(math.isfinite(hours) and hours > 0 for hours in mtbf_h):
+        raise InstanceError(f"mean time between failures is {list(mtbf_h)} h, expected more than zero")
+    if not (math.isfinite(battery_spread_pct) and battery_spread_pct >= 0):
+        raise InstanceError(f"battery spread is {battery_spread_pct} %, expected zero or more")
+    if not (math.isfinite(reserve_pct) and reserve_pct >= 0):
+        raise InstanceError(f"reserve is {reserve_pct} %, expected zero or more")
+    if max_losses < 0:
+        raise InstanceError(f"max_losses is {max_losses}, expected zero or more")
+    for violation in evaluate(instance, plan, Cost.MINMAX).violations:
+        raise PlanError(f"the plan does not hold: {violation}")
+    if plan.uncovered:
+        raise PlanError(f"the plan leaves out {len(plan.uncovered)} segments, expected one that inspects everything")
+    table = loss_table(instance, plan, effort=effort) if len(plan.routes) > 1 and max_losses > 0 else ()
+    return Campaign(
+        instance, plan, table, tuple(mtbf_h), battery_spread_pct, reserve_pct, max_losses, effort
+    )  # fmt: skip
+
+
+def flight_chunks(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK) -> tuple[Chunk, ...]:
+    """Return ``flights`` in chunks, each with its own seed.
+
+    Raises:
+        InstanceError: there is no flight.
+    """
+    if flights < 1:
+        raise InstanceError(f"flights is {flights}, expected one or more")
+    sizes = [min(per_chunk, flights - first) for first in range(0, flights, per_chunk)]
+    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
+    return tuple(Chunk(size, own) for size, own in zip(sizes, seeds, strict=True))
+
+
+def fly_chunk(campaign: Campaign, chunk: Chunk) -> tuple[Tally, ...]:
+    """Return what a chunk counts, for each ``campaign.mtbf_h``; the same wherever it is flown."""
+    log = _Log.of(campaign, chunk)
+    state = underway(campaign.instance, campaign.plan)
+    everybody = np.arange(len(log.life_s))
+    _fly(campaign, log, _Group(state, everybody, np.zeros(len(everybody)), at_s=0.0, replans=0, losses=0))
+    return tuple(
+        _tally(campaign, log, slice(first, first + chunk.flights))
+        for first in range(0, len(everybody), chunk.flights)
+    )  # fmt: skip
+
+
+def risks_of(campaign: Campaign, tallies: Sequence[Sequence[Tally]]) -> tuple[Risk, ...]:
+    """Return the answers for each ``campaign.mtbf_h`` from the tallies of all chunks, in the chunks' order."""
+    return tuple(
+        _risk(campaign, hours, [tally[number] for tally in tallies]) for number, hours in enumerate(campaign.mtbf_h)
+    )
+
+
+def wilson(successes: int, flights: int) -> Chance:
+    """Return a share with its 95 % interval (Wilson 1927), which also holds for shares near 0 and 1.
+
+    >>> wilson(10, 10).low
+    0.7224672001371107
+    """
+    share, square = successes / flights, Z_95 * Z_95 / flights
+    middle = (share + square / 2) / (1 + square)
+    half = Z_95 / (1 + square) * math.sqrt(share * (1 - share) / flights + square / (4 * flights))
+    return Chance(share, max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Log:
+    """Chance and fate of each flight; those of one mean time between failures beside each other."""
+
+    life_s: FloatArray
+    """(flights, k): flight seconds after which a vehicle fails."""
+    charge_pct: FloatArray
+    """(flights, k): planned energy after which its battery is empty."""
+    undone: IntArray
+    """(flights, max_losses + 1): segments left, with at most 0, 1, ... re-plans, as the next two."""
+    undone_m: FloatArray
+    losses: IntArray
+    culprit: IntArray
+    """(flights,): the vehicle whose loss was not repaired, -1 for none."""
+    culprit_s: FloatArray
+
+    @staticmethod
+    def of(campaign: Campaign, chunk: Chunk) -> _Log:
+        chance = np.random.default_rng(chunk.seed)
+        shape, values = (chunk.flights, len(campaign.plan.routes)), len(campaign.mtbf_h)
+        life = chance.standard_exponential(shape)
+        factor = _factors(chance, campaign.battery_spread_pct / 100.0, shape)
+        charge = np.array([vehicle.budget_pct for vehicle in campaign.instance.vehicles]) + campaign.reserve_pct
+        total, policies = values * chunk.flights, campaign.max_losses + 1
+        return _Log(
+            life_s=np.concatenate([3600.0 * hours * life for hours in campaign.mtbf_h]),
+            charge_pct=np.tile(charge / factor, (values, 1)),
+            undone=np.zeros((total, policies), dtype=np.int64),
+            undone_m=np.zeros((total, policies)),
+            losses=np.zeros((total, policies), dtype=np.int64),
+            culprit=np.full(total, -1, dtype=np.int64),
+            culprit_s=np.zeros(total),
+        )
+
+
+def _factors(chance: np.random.Generator, spread: float, shape: tuple[int, int]) -> FloatArray:
+    """Return factors of consumption, normal about 1 and drawn again where they are not positive."""
+    factors = chance.normal(1.0, spread, shape)
+    while np.any(wrong := factors <= 0):
+        factors[wrong] = chance.normal(1.0, spread, int(wrong.sum()))
+    return factors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Flights that have come to the same state."""
+
+    state: Aftermath
+    who: IntArray
+    """(m,): their rows in the log."""
+    since_s: FloatArray
+    """(m,): when each came to it."""
+    at_s: float
+    """When the plan for it was made: the beginning of the interval that holds all of ``since_s``."""
+    replans: int
+    losses: int
+    """Behind each of them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fate:
+    """What would become of a group's flights if nobody re-planned any more: (m, vehicles of the state) each."""
+
+    lost_s: FloatArray
+    """When a vehicle is lost, infinite if it is not."""
+    undone: IntArray
+    """Segments that its loss leaves."""
+    undone_m: FloatArray
+
+
+def _fly(campaign: Campaign, log: _Log, group: _Group) -> None:
+    """Write down the fate of a group's flights, and fly on those that are re-planned."""
+    fate = _fate(log, group)
+    log.undone[group.who, group.replans :] = fate.undone.sum(axis=1)[:, np.newaxis]
+    log.undone_m[group.who, group.replans :] = fate.undone_m.sum(axis=1)[:, np.newaxis]
+    log.losses[group.who, group.replans :] = group.losses + np.isfinite(fate.lost_s).sum(axis=1)[:, np.newaxis]
+    broken = np.flatnonzero(fate.undone.sum(axis=1) > 0)
+    if len(broken) == 0:
+        return
+    lost_s, undone = fate.lost_s[broken], fate.undone[broken]
+    # The first loss that leaves something; vehicles lost before it had nothing left to inspect.
+    culprit = np.where(undone > 0, lost_s, np.inf).argmin(axis=1)
+    at_s = lost_s[np.arange(len(broken)), culprit]
+    who = group.who[broken]
+    log.culprit[who] = np.array(group.state.fleet)[culprit]
+    log.culprit_s[who] = at_s
+    if group.replans == campaign.max_losses:
+        return
+    for rows, vehicle, interval_s, gone in _alike(group.state, culprit, at_s, lost_s):
+        since_s = max(interval_s, group.at_s)
+        after = _answered(campaign, group, vehicle, since_s, gone)
+        if after is not None:
+            log.culprit[who[rows]] = -1
+            losses = group.losses + 1 + len(gone)
+            _fly(campaign, log, _Group(after, who[rows], at_s[rows], since_s, group.replans + 1, losses))
+
+
+def _fate(log: _Log, group: _Group) -> _Fate:
+    state, shape = group.state, (len(group.who), len(group.state.fleet))
+    lost_s, undone, undone_m = np.full(shape, np.inf), np.zeros(shape, dtype=np.int64), np.zeros(shape)
+    for vehicle, number in enumerate(state.fleet):
+        flown, ends_s = state.flown(vehicle), state.ends_s(vehicle)
+        fails_s = _when(log.life_s[group.who, number], flown.airborne_s, flown.time_s)
+        empty_s = _when(log.charge_pct[group.who, number], flown.used_pct, flown.time_s)
+        # A re-plan may have it take off within the interval of the loss, somewhat before the loss itself.
+        lost_s[:, vehicle] = np.maximum(group.since_s, np.minimum(fails_s, empty_s))
+        done = np.searchsorted(ends_s, lost_s[:, vehicle] + SAME_TIME_S, side="right")
+        undone[:, vehicle] = len(ends_s) - done
+        undone_m[:, vehicle] = np.append(np.cumsum(state.values(vehicle)[::-1])[::-1], 0.0)[done]
+    return _Fate(lost_s, undone, undone_m)
+
+
+def _when(level: FloatArray, column: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return when an ascending column passes each level, infinite where it does not."""
+    return np.where(level < column[-1], np.interp(level, column, time_s), np.inf)
+
+
+def _alike(
+    state: Aftermath, culprit: IntArray, at_s: FloatArray, lost_s: FloatArray
+) -> Iterator[tuple[IntArray, int, float, tuple[int, ...]]]:
+    """Yield flights that one re-plan serves: their rows, who is lost, the interval's beginning, who is gone before."""
+    events = np.array(events_s(state.instance, state.plan))
+    interval = np.searchsorted(events, at_s + SAME_TIME_S, side="right") - 1
+    gone = lost_s < at_s[:, np.newaxis]
+    kinds, kind_of = np.unique(np.column_stack([culprit, interval, gone]), axis=0, return_inverse=True)
+    order = np.argsort(kind_of.ravel(), kind="stable")
+    bounds = np.searchsorted(kind_of.ravel()[order], np.arange(len(kinds) + 1))
+    for number, kind in enumerate(kinds):
+        rows = order[bounds[number] : bounds[number + 1]]
+        yield rows, int(kind[0]), float(events[kind[1]]), tuple(int(one) for one in np.flatnonzero(kind[2:]))
+
+
+def _answered(campaign: Campaign, group: _Group, vehicle: int, at_s: float, gone: tuple[int, ...]) -> Aftermath | None:
+    """Return the state after a loss that a re-plan repairs, None if none does."""
+    state = group.state
+    if group.replans == 0 and not gone:
+        plan = next((row.plan for row in campaign.table if (row.vehicle, row.from_s) == (vehicle, at_s)), None)
+        return None if plan is None else state.after(remaining(campaign.instance, campaign.plan, vehicle, at_s), plan)
+    if gone:
+        vehicle -= sum(one < vehicle for one in gone)
+        state = state.without(gone)
+    answer = repair(state, vehicle, at_s, effort=campaign.effort)
+    return None if answer is None else state.after(*answer)
+
+
+def _tally(campaign: Campaign, log: _Log, rows: slice) -> Tally:
+    fleet, longest_s = len(campaign.plan.routes), _longest_s(campaign)
+    failed = log.culprit[rows] >= 0
+    culprit, culprit_s = log.culprit[rows][failed], log.culprit_s[rows][failed]
+    part = np.minimum(TIME_BINS * culprit_s / longest_s, TIME_BINS - 1).astype(np.int64)
+    failures = np.bincount(culprit * TIME_BINS + part, minlength=fleet * TIME_BINS).reshape(fleet, TIME_BINS)
+    finished = np.sum(log.undone[rows] == 0, axis=0)
+    return Tally(
+        flights=len(log.culprit[rows]),
+        finished=tuple(int(count) for count in finished),
+        undone_m=tuple(float(metres) for metres in log.undone_m[rows].sum(axis=0)),
+        losses=tuple(int(count) for count in np.bincount(log.losses[rows, -1], minlength=fleet + 1)),
+        failures=tuple(tuple(int(count) for count in row) for row in failures),
+    )
+
+
+def _risk(campaign: Campaign, mtbf_h: float, tallies: Sequence[Tally]) -> Risk:
+    flights = sum(tally.flights for tally in tallies)
+    finished = np.sum([tally.finished for tally in tallies], axis=0)
+    undone_m = np.sum([tally.undone_m for tally in tallies], axis=0) / flights
+    losses = np.sum([tally.losses for tally in tallies], axis=0)
+    failures = np.sum([tally.failures for tally in tallies], axis=0)
+    failed = int(failures.sum())
+    more = flights - int(losses[:2].sum())
+    return Risk(
+        mtbf_h=mtbf_h,
+        flights=flights,
+        finished=tuple(wilson(int(count), flights) for count in finished),
+        undone_m=tuple(float(metres) for metres in undone_m),
+        expected_losses=float(losses @ np.arange(len(losses))) / flights,
+        losses_share=(float(losses[0]) / flights, float(losses[1]) / flights, more / flights),
+        blame_share=tuple(float(count) / max(1, failed) for count in failures.sum(axis=1)),
+        worst=_worst(failures, _longest_s(campaign)),
+    )
+
+
+def _worst(failures: IntArray, longest_s: float) -> Blame | None:
+    if not failures.any():
+        return None
+    vehicle, part = (int(place) for place in np.unravel_index(failures.argmax(), failures.shape))
+    step_s = longest_s / TIME_BINS
+    return Blame(vehicle, part * step_s, (part + 1) * step_s, float(failures[vehicle, part] / failures.sum()))
+
+
+def _longest_s(campaign: Campaign) -> float:
+    return events_s(campaign.instance, campaign.plan)[-1]
