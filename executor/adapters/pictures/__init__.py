@@ -5,28 +5,35 @@ Only matplotlib's objects are used, and each figure's own Agg canvas: no window,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from executor.adapters.pictures.battery import battery_figure
+from executor.adapters.pictures.front import FrontPoint, front_figure
 from executor.adapters.pictures.maps import map_figure, plan_figure
 from executor.adapters.pictures.risk import risk_figure
 from executor.adapters.pictures.style import DPI
+from executor.adapters.pictures.window import window_figure
 from executor.core.record import FlightRecord
 from missions import PlanFile
-from planner import Risk
+from planner import LossRepair, ReplanWindow, Risk
 
 __all__ = [
+    "FrontPoint",
     "battery_figure",
     "draw_battery",
+    "draw_front",
     "draw_map",
     "draw_plan",
     "draw_risk",
+    "draw_window",
+    "front_figure",
     "map_figure",
     "plan_figure",
     "risk_figure",
+    "window_figure",
 ]
 
 
@@ -64,6 +71,35 @@ def draw_risk(swept: Sequence[Risk], given: Risk, path: Path) -> None:
         OSError: the file cannot be written.
     """
     _save(risk_figure(swept, given), path)
+
+
+def draw_window(content: PlanFile, found: ReplanWindow, repairs: Sequence[LossRepair], path: Path) -> None:
+    """Write a plan's battery consumption with its re-plan window and the re-plans at its beginning.
+
+    Args:
+        content: the plan.
+        found: its window.
+        repairs: the answers to the losses at ``found.earliest_s``.
+        path: of the PNG file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(window_figure(content, found, repairs), path)
+
+
+def draw_front(front: Sequence[FrontPoint], references: Mapping[str, FrontPoint], path: Path) -> None:
+    """Write the plans that no other one beats, by longest route, earliest loss and energy.
+
+    Args:
+        front: numbered from 1 in this order.
+        references: other plans by their names, to compare with.
+        path: of the PNG file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(front_figure(front, references), path)
 
 
 def _save(figure: Figure, path: Path) -> None:

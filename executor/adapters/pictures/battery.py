@@ -32,7 +32,7 @@ CHARACTER = 0.0085
 
 
 @dataclass(frozen=True, slots=True)
-class _End:
+class End:
     """Where a vehicle's lines end, and what is to be said of it."""
 
     t_s: float
@@ -42,7 +42,7 @@ class _End:
 
 
 @dataclass(frozen=True, slots=True)
-class _Moment:
+class Moment:
     """A vertical line."""
 
     t_s: float
@@ -73,12 +73,12 @@ def battery_figure(record: FlightRecord) -> Figure:
     if far:
         place = (LEFT, (BELOW_IN + PLOT_IN - STRIP_IN) / height_in, RIGHT - LEFT, STRIP_IN / height_in)
         panels.append(_strip(figure.add_axes(place), axes, limits))
-    _draw_limits(panels[-1], limits, end_s)
+    draw_limits(panels[-1], limits, end_s)
     _draw_plans(axes, record, styles)
     _draw_measured(axes, record, styles)
     _draw_losses(panels, record)
-    _draw_moments(panels, moments)
-    _name_lines(axes, _ends(record, styles))
+    draw_moments(panels, moments)
+    name_lines(axes, _ends(record, styles))
     axes.set_xlabel("time since launch (s)")
     axes.set_ylabel("battery used (%)")
     title = "Battery consumption: planned and measured"
@@ -136,7 +136,8 @@ def _strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
     return axes
 
 
-def _draw_limits(axes: Axes, limits: Mapping[str, float], end_s: float) -> None:
+def draw_limits(axes: Axes, limits: Mapping[str, float], end_s: float) -> None:
+    """Draw horizontal lines with their words on them."""
     for name, limit in limits.items():
         axes.axhline(limit, color=INK, lw=1.2, ls=(0, (8.0, 2.0, 1.0, 2.0)), zorder=1)
         axes.text(0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=cased(2.0))
@@ -178,24 +179,32 @@ def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
                 axes.axvline(fault.happened_s, color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), zorder=2)
 
 
-def _moments(record: FlightRecord, end_s: float) -> list[_Moment]:
-    """Return the vertical lines; each with the lowest line of words above the plot that has room for its own."""
+def _moments(record: FlightRecord, end_s: float) -> list[Moment]:
     found = [(record.longest_route_s, f"longest route, {record.longest_route_s:.0f} s", INK)]
     found += [
         (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {fault.detected_s:.0f} s", LOSS)
         for vehicle, fault in record.lost
     ]
+    return stacked(found, end_s)
+
+
+def stacked(found: Sequence[tuple[float, str, str]], end_s: float) -> list[Moment]:
+    """Return vertical lines for times, words and colours.
+
+    Each has the lowest line of words above the plot that has room for its own; the plot ends at ``end_s``.
+    """
     taken_s = [-math.inf] * len(found)
     moments = []
     for t_s, words, colour in sorted(found):
         half_s = 0.5 * CHARACTER * end_s * len(words)
         line = next(number for number, until_s in enumerate(taken_s) if until_s < t_s - half_s)
         taken_s[line] = t_s + half_s
-        moments.append(_Moment(t_s, words, colour, line))
+        moments.append(Moment(t_s, words, colour, line))
     return moments
 
 
-def _draw_moments(panels: Sequence[Axes], moments: Sequence[_Moment]) -> None:
+def draw_moments(panels: Sequence[Axes], moments: Sequence[Moment]) -> None:
+    """Draw vertical lines through all panels, with their words above the last."""
     for moment in moments:
         for axes in panels:
             axes.axvline(moment.t_s, color=moment.colour, lw=1.8, zorder=2)
@@ -211,7 +220,7 @@ def _draw_moments(panels: Sequence[Axes], moments: Sequence[_Moment]) -> None:
         )
 
 
-def _ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[_End]:
+def _ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[End]:
     ends = []
     for vehicle in record.vehicles:
         routes = [route for revision in record.revisions for route in revision.routes if route.vehicle == vehicle.name]
@@ -225,11 +234,11 @@ def _ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[_End
             place = (t_s, used_pct)
             words += f", used {used_pct:.0f} %"
         if place is not None:
-            ends.append(_End(*place, words, styles[vehicle.name].colour))
+            ends.append(End(*place, words, styles[vehicle.name].colour))
     return ends
 
 
-def _name_lines(axes: Axes, ends: Sequence[_End]) -> None:
+def name_lines(axes: Axes, ends: Sequence[End]) -> None:
     """Write each vehicle's name to the right of the plot, as high as its line ends, and not onto another name."""
     place = axes.get_position()
     share = place.height / axes.get_ylim()[1]
