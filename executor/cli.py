@@ -15,6 +15,7 @@ from typing import NoReturn
 import typer
 from typer.exceptions import TyperException
 
+from executor.bench.cli import cli as bench
 from executor.commands import OUR_ERRORS, flights, plans
 
 cli = typer.Typer(
@@ -35,6 +36,7 @@ for command in (
     flights.fly,
 ):
     cli.command()(command)
+cli.add_typer(bench)
 
 INTERRUPTED = 1
 INTERNAL = 70

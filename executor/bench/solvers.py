@@ -1,0 +1,26 @@
+"""The planner's solvers behind one call, so that they can be measured in the same way."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from planner import Cost, Instance, Result, StopRule, solve
+
+
+class Solver(StrEnum):
+    """Who plans."""
+
+    SEARCH = "search"
+
+
+def run(
+    solver: Solver, instance: Instance, *, cost: Cost, stop: StopRule, seed: int, all_vehicles: bool = False
+) -> Result:
+    """Return what a solver finds.
+
+    Raises:
+        planner.PlannerError: the solver does not take the instance.
+    """
+    match solver:
+        case Solver.SEARCH:
+            return solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
