@@ -23,6 +23,7 @@ from planner.evaluate import (
     spent_pct,
 )
 from planner.exact import EXACT_SEGMENTS, covers
+from planner.grasp import grasp
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
@@ -88,6 +89,7 @@ __all__ = [
     "cost_value",
     "covers",
     "evaluate",
+    "grasp",
     "is_reversed",
     "loss_table",
     "pct_per_s",

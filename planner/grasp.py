@@ -1,0 +1,193 @@
+"""The paper's own solver, as the baseline that the search is measured by.
+
+Greedy randomised adaptive search of Nekovar, Faigl and Saska (2021), "Multi-tour Set Traveling Salesman Problem in
+planning power transmission line inspection", after what the authors' public solver does
+(github.com/fnekovar/ms-tsp-solver). A run:
+
+- construction: of all insertions of an open segment, into any route, at any place, in either direction, one is drawn
+  from the quarter that gives the cheapest routes;
+- local search in rounds of as many neighbours as there are segments. The first neighbour of a round is taken even if it
+  is worse, then each that is better than the last, unless it is one of the last n / 4 solutions that ended a round
+  (tabu);
+- four neighbourhoods: a random visit to a random place, to the best place, exchanged with the best other visit, or
+  turned around. No move takes a vehicle's last visit. They are drawn in relation to their scores: 5 each at first and
+  again after every 20 rounds, 1 for the neighbourhood that a round ended with, 5 for the one drawn last when the round
+  gave a new best solution, and 1 in any case for the first of them;
+- the run ends after 200 rounds without a new best solution; then a dynamic program chooses the directions of each
+  route.
+
+The best place and the best other visit are what the authors' code takes for it, see ``shift_best`` and ``swap_best``.
+Judged by the whole plan's cost instead, the neighbourhoods lower the median by 3 to 8 %: a better solver, but not the
+one that the paper used.
+
+What differs from theirs: all three cost functions, vehicles each with its own budget and energies, equal candidates in
+the list counted as often as they occur. Where every neighbour is tabu the round counts as one without improvement;
+theirs would never end. Where no vehicle has two visits, a last one may be taken; theirs would never end either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.bounds import why_impossible
+from planner.costs import K_C, Cost
+from planner.errors import InstanceError
+from planner.evaluate import Evaluation, evaluate
+from planner.model import Instance, Plan
+from planner.result import Result
+from planner.solve import solve
+from planner.stop import Progress, StopRule, Stopwatch
+
+if TYPE_CHECKING:
+    from planner.kernels.grasp import Walk
+
+RUNS = 50
+"""Runs of the paper, of which the best plan is kept."""
+PATIENCE = 200
+"""Rounds without improvement that end a run."""
+BATCH = 20
+"""Rounds between two questions to the stop rule: some milliseconds."""
+
+
+def grasp(
+    instance: Instance,
+    *,
+    cost: Cost,
+    stop: StopRule,
+    seed: int = 0,
+    runs: int = RUNS,
+    all_vehicles: bool = False,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Result:
+    """Return the best plan of a number of runs of the paper's solver.
+
+    Every segment is inspected, if need be beyond a budget: c-MinSum and MinComb charge K_C for that, MinMax does not
+    look at budgets at all. ``Result.feasible`` and the violations of the evaluation say whether it happened.
+
+    Args:
+        instance: the problem.
+        cost: what to minimise.
+        stop: ends the solver before its last run. An iteration is one round of the local search; it is asked at least
+            every 20. Time does not include loading the kernels.
+        seed: of all randomness.
+        runs: how many.
+        all_vehicles: charge plans that leave a vehicle without a visit. Few are without any charge, because no move
+            takes a vehicle's last visit.
+        on_progress: called whenever ``stop`` is asked.
+
+    Raises:
+        InstanceError: ``runs`` is less than 1.
+    """
+    if runs < 1:
+        raise InstanceError(f"runs is {runs}, expected 1 or more")
+    if instance.segments == 0:
+        return solve(instance, cost=cost, stop=stop)
+    return _Baseline(instance, cost, seed, all_vehicles=all_vehicles).run(runs, stop, on_progress)
+
+
+class _Baseline:
+    """The runs one after the other, and the best plan so far."""
+
+    def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
+        # Only here, as in solve.py: it loads numba.
+        from planner.construct import problem_of, random_state, true_weights
+        from planner.kernels import grasp
+
+        self._watch = Stopwatch()
+        self._kernels = grasp
+        self._instance = instance
+        self._cost = cost
+        self._impossible = why_impossible(instance)
+        self._problem = problem_of(instance)
+        soft = 0.0 if cost is Cost.MINMAX else K_C
+        self._weights = true_weights(self._problem, cost, all_vehicles=all_vehicles)._replace(excess=soft)
+        self._rng = random_state(seed)
+        self._iterations = 0
+        self._improved_at = 0
+        self._lowest = np.inf
+        self._plan: Plan
+        self._evaluation: Evaluation
+        self._walk = self._new_walk()
+        self._keep_better()
+
+    def run(self, runs: int, stop: StopRule, on_progress: Callable[[Progress], None] | None) -> Result:
+        """Make the runs, until ``stop`` says so."""
+        done, reason = 0, "runs"
+        while done < runs:
+            progress = self._progress()
+            if on_progress is not None:
+                on_progress(progress)
+            verdict = stop(progress)
+            if verdict.allowed <= 0:
+                reason = verdict.reason
+                break
+            if self._advance(min(BATCH, verdict.allowed)):
+                done += 1
+                self._walk = self._new_walk()
+        return Result(
+            plan=self._plan,
+            evaluation=self._evaluation,
+            feasible=not self._evaluation.violations,
+            iterations=self._iterations,
+            seconds=self._watch.seconds,
+            stopped_by=reason,
+            impossible=self._impossible,
+        )
+
+    def _new_walk(self) -> Walk:
+        """Return a run that has been constructed only."""
+        from planner.construct import copy_of, empty_state
+
+        fleet, segments = len(self._problem.budget), len(self._problem.value)
+        current = empty_state(self._problem)
+        self._kernels.construct(self._problem, self._weights, current, self._rng)
+        tabu = max(1, segments // 4)
+        walk = self._kernels.Walk(
+            current=current,
+            trial=copy_of(current),
+            best=copy_of(current),
+            cost=np.array([self._kernels.plan_cost(self._problem, self._weights, current)]),
+            scores=np.zeros(4, dtype=np.int64),
+            counts=np.zeros(3, dtype=np.int64),
+            tabu_visits=np.zeros((tabu, segments), dtype=np.int64),
+            tabu_lengths=np.zeros((tabu, fleet), dtype=np.int64),
+        )
+        self._kernels.forbid_current(walk)
+        return walk
+
+    def _advance(self, rounds: int) -> bool:
+        """Run up to ``rounds`` rounds; return whether the run has ended."""
+        done = self._kernels.improve(self._problem, self._weights, self._walk, rounds, PATIENCE, self._rng)
+        self._iterations += done
+        self._keep_better()
+        return done < rounds
+
+    def _keep_better(self) -> None:
+        """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
+        from planner.construct import copy_of, plan_of
+        from planner.kernels.tours import orient
+
+        state = copy_of(self._walk.best)
+        came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)
+        for route in range(len(state.lengths)):
+            orient(self._problem, state, route, came_from)
+        cost = self._kernels.plan_cost(self._problem, self._weights, state)
+        if cost < self._lowest:
+            self._lowest = cost
+            self._plan = plan_of(state)
+            self._evaluation = evaluate(self._instance, self._plan, self._cost)
+            self._improved_at = self._iterations
+
+    def _progress(self) -> Progress:
+        return Progress(
+            iterations=self._iterations,
+            since_improvement=self._iterations - self._improved_at,
+            seconds=self._watch.seconds,
+            value=self._evaluation.value,
+            uncovered=0,
+            feasible=not self._evaluation.violations,
+            impossible=self._impossible is not None,
+        )
