@@ -84,6 +84,66 @@ def solvers(
         print(f"uav{number}: " + " ".join(_stop_name(stop) for stop in route))
 
 
+@cli.command()
+def table(
+    network: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Instead of the paper's network in the data directory; 'default' is faultline's own."
+        ),
+    ] = None,
+    radius: Annotated[
+        list[float] | None, typer.Option(min=1, metavar="M", help="Only this one; may be repeated.")
+    ] = None,
+    tightness: Annotated[
+        list[float] | None,
+        typer.Option(min=0.01, max=1, metavar="SHARE", help="Best MinMax over the budget; may be repeated."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Plans for each solver and cost function.")] = 10,
+    seconds: Annotated[float, typer.Option(min=0.01, help="For each of those plans.")] = 2.0,
+    window_seconds: Annotated[
+        float, typer.Option(min=0.01, help="For each plan that is chosen for its window.")
+    ] = 30.0,
+    iterations: Annotated[
+        int | None, typer.Option(min=1, help="Instead of all seconds: the same table on every machine.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
+) -> None:
+    """Make the paper's table: re-plan windows by cost function, radius and tightness (about 40 minutes on 2 cores).
+
+    An interrupted run goes on where it was.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.table.command import make_table
+    from executor.bench.table.settings import RADII_M, TIGHTNESS, TableSettings
+
+    settings = TableSettings(
+        network=_network_path(network, data),
+        radii_m=tuple(radius or RADII_M),
+        tightness=tuple(tightness or TIGHTNESS),
+        seeds=seeds,
+        seconds=seconds,
+        window_seconds=window_seconds,
+        iterations=iterations,
+    )
+    summary = make_table(settings, out, jobs=jobs or cores(), fresh=fresh)
+    print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb; see {out / 'table.md'}")
+
+
+def _network_path(network: str | None, data: Path | None) -> Path | None:
+    from executor.bench.data import NECHRANICE, data_directory
+
+    if network is not None:
+        return None if network == "default" else Path(network)
+    found = data_directory(data)
+    if found is None or not (found / NECHRANICE).is_file():
+        raise BenchError(f"--data: expected a directory with {NECHRANICE}; --network default needs none")
+    return found / NECHRANICE
+
+
 def _stop_name(stop: int | dict[str, int | bool]) -> str:
     if isinstance(stop, int):
         return str(stop)

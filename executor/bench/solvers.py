@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from planner import Cost, Instance, Result, StopRule, solve
+from planner import Cost, Instance, Result, StopRule, grasp, solve
 
 
 class Solver(StrEnum):
     """Who plans."""
 
     SEARCH = "search"
+    GRASP = "grasp"
 
 
 def run(
@@ -24,3 +25,5 @@ def run(
     match solver:
         case Solver.SEARCH:
             return solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+        case Solver.GRASP:
+            return grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
