@@ -28,6 +28,7 @@ from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_o
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
 from planner.result import Result
+from planner.robust import WindowResult, solve_window
 from planner.solve import solve, warm_up
 from planner.stop import (
     AnyOf,
@@ -83,6 +84,7 @@ __all__ = [
     "Vehicle",
     "Verdict",
     "Wind",
+    "WindowResult",
     "any_of",
     "build_instance",
     "completions_s",
@@ -102,6 +104,7 @@ __all__ = [
     "route_energy_pct",
     "segment_of",
     "solve",
+    "solve_window",
     "spent_pct",
     "travel_for",
     "usable_wh",

@@ -36,7 +36,7 @@ class Losses:
         self._base = base_of(self._problem, [route.visits for route in plan.routes])
         self._clock = clock_of(self._problem, self._timing, self._base)
         self._loss = loss_of(self._problem)
-        self._repairs = no_repairs(self._problem)
+        self._repairs = no_repairs(self._problem, len(plan.routes))
         self._current, self._trial = copy_of(self._base), copy_of(self._base)
         self._ends_s = [completions_s(instance, route) for route in plan.routes]
         self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
@@ -162,16 +162,16 @@ def loss_of(problem: Problem) -> Loss:
     return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
 
 
-def no_repairs(problem: Problem) -> Repairs:
-    """Return room for a repair of each vehicle's loss, none of them known."""
+def no_repairs(problem: Problem, losses: int) -> Repairs:
+    """Return room for the repairs of a number of losses, none of them known."""
     fleet, segments = len(problem.budget), len(problem.value)
     return Repairs(
-        visits=np.zeros((fleet, fleet, segments), dtype=np.int64),
-        legs=np.zeros((fleet, fleet, segments + 1)),
-        lengths=np.zeros((fleet, fleet), dtype=np.int64),
-        loads=np.zeros((fleet, fleet)),
-        route_of=np.full((fleet, segments), -1, dtype=np.int64),
-        known=np.zeros(fleet, dtype=np.int64),
+        visits=np.zeros((losses, fleet, segments), dtype=np.int64),
+        legs=np.zeros((losses, fleet, segments + 1)),
+        lengths=np.zeros((losses, fleet), dtype=np.int64),
+        loads=np.zeros((losses, fleet)),
+        route_of=np.full((losses, segments), -1, dtype=np.int64),
+        known=np.zeros(losses, dtype=np.int64),
     )
 
 

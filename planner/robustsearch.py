@@ -1,0 +1,370 @@
+"""The search behind ``solve_window``: plans to begin with, then rounds of walks on the window itself."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from planner.construct import copy_of, problem_of, random_state
+from planner.costs import Cost
+from planner.evaluate import evaluate, route_duration_s, route_energy_pct
+from planner.kernels.arrays import FloatArray, RandomState, State
+from planner.kernels.robust import Limits, Walk, assess, earliest, set_clocks, walk
+from planner.kernels.tours import measure
+from planner.kernels.window import Loss, Repairs
+from planner.losses import base_of, clock_of, loss_of, no_repairs, timing_of
+from planner.model import Instance, Plan, Route
+from planner.robust import WindowResult
+from planner.solve import solve
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, Verdict, any_of
+from planner.window import replan_window
+
+PROBES = 3
+"""Times at which losses are looked at in a walk: the aim, and two at which windows broke although the aim held."""
+LOOK = 200
+"""Effort for a loss when a plan's whole window is looked at."""
+FOLLOW = 20
+"""Effort for a loss in a walk, where the repair follows another."""
+CYCLE = 2_000
+"""Iterations of a walk from hot to cold."""
+BATCH = 250
+"""Iterations of each walk between two questions to the stop rule."""
+HOT, COLD = 0.4, 0.02
+"""Temperatures of a walk, as shares of what is lacking when it begins."""
+FIRST_STEP, LAST_STEP = 0.08, 0.01
+"""How far below the earliest time so far a walk aims, as shares of the longest route."""
+RISE = 0.03
+"""How much more energy a plan may use than the one before it, as a share of the first plan's."""
+SHARE = 4
+"""Cycles after which a walk goes on from the best plan of all walks."""
+MINMAX_ITERATIONS = 20_000
+"""Of each search for the MinMax plan whose longest route is the measure."""
+OTHER_ITERATIONS = 10_000
+"""Of each search for other plans to begin with."""
+MINMAX_SEARCHES = 2
+"""Searches for the MinMax plan."""
+OTHER_SEARCHES = 4
+"""Searches for each other cost."""
+FINALISTS = 4
+"""The best plans, whose windows are computed in full in the end."""
+MOST_FLIPPED = 6
+"""Vehicles up to which all orientations of the routes are tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A plan with its window's begin, as far as a look showed."""
+
+    routes: tuple[tuple[int, ...], ...]
+    earliest_s: float
+
+
+@dataclass(slots=True)
+class Walker:
+    """One walk: its place, its aim, its chance."""
+
+    here: Walk
+    there: Walk
+    loss: Loss
+    current: State
+    trial: State
+    full: Repairs
+    """Work space for whole windows."""
+    rng: RandomState
+    best: Found
+    step: float = FIRST_STEP
+    probes_s: FloatArray = field(default_factory=lambda: np.full(PROBES, -1.0))
+    temperature: FloatArray = field(default_factory=lambda: np.zeros(1))
+    left: int = 0
+    """Iterations until the cycle ends."""
+    cycles: int = 0
+    """Cycles since the walk last found something."""
+    found: list[Found] = field(default_factory=list)
+    """What it has found since that was last gathered."""
+
+
+@dataclass(slots=True)
+class Outer:
+    """The stop rule of the whole search, as the searches inside ask it."""
+
+    stop: StopRule
+    on_progress: Callable[[Progress], None] | None
+    watch: Stopwatch
+    earliest_s: float = math.inf
+    iterations: int = 0
+    """Done before the search inside began."""
+    improved_at: int = 0
+    reason: str = ""
+
+    def __call__(self, progress: Progress) -> Verdict:
+        """Ask the outer rule, with all iterations so far."""
+        iterations = self.iterations + progress.iterations
+        known = math.isfinite(self.earliest_s)
+        outer = Progress(
+            iterations=iterations,
+            since_improvement=iterations - self.improved_at if known else 0,
+            seconds=self.watch.seconds,
+            value=self.earliest_s,
+            uncovered=0 if known else progress.uncovered,
+            feasible=known,
+            impossible=progress.impossible,
+        )
+        if self.on_progress is not None:
+            self.on_progress(outer)
+        verdict = self.stop(outer)
+        if verdict.allowed <= 0:
+            self.reason = verdict.reason
+        return verdict
+
+    def inside(self) -> Verdict:
+        """Ask it from where nothing else counts."""
+        return self(Progress(0, 0, 0.0, 0.0, 1, feasible=False, impossible=False))
+
+
+class RobustSearch:
+    """One search; ``run`` is all that there is to call."""
+
+    def __init__(
+        self, instance: Instance, outer: Outer, *, seed: int, all_vehicles: bool, starts: int, fly_again: bool
+    ) -> None:
+        self._instance = instance
+        self._outer = outer
+        self._seed = seed
+        self._all_vehicles = all_vehicles
+        self._starts = max(1, starts)
+        self._fly_again = fly_again
+        self._problem = problem_of(instance)
+        self._timing = timing_of(instance)
+        self._cap_s = math.inf
+        self._longest_s = 0.0
+        self._looker = self._walker(seed, Found((), math.inf))
+        self.archive: list[Found] = []
+        """All complete plans looked at, and those that were the best when a walk found them."""
+
+    def run(self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan]) -> WindowResult:
+        """Find plans to begin with, then improve until the stop rule says so."""
+        searches = range(MINMAX_SEARCHES)
+        plans = [self._solved(self._instance, Cost.MINMAX, number, MINMAX_ITERATIONS) for number in searches]
+        plans += initial
+        complete = [plan for plan in plans if self._is_complete(plan)]
+        if complete:
+            shortest_s = min(self._route_s(plan) for plan in complete)
+            self._longest_s = shortest_s if longest_s is None else longest_s
+            self._cap_s = (1 + stretch) * self._longest_s * (1 + 1e-12)
+            plans += self._others(min(complete, key=self._route_s))
+            for plan in plans:
+                self._look_at(plan)
+        if self.archive:
+            self._walk()
+        return self._result(plans)
+
+    def _others(self, minmax: Plan) -> Iterator[Plan]:
+        """Yield plans of the other costs, their budgets cut to the energy of about the length allowed."""
+        longest = max(minmax.routes, key=lambda route: route_duration_s(self._instance, route))
+        rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
+        for number in range(OTHER_SEARCHES):
+            # Energy and time are not quite proportional: the second of each pair is a little shorter.
+            cap_pct = self._cap_s * rate * (1.0 - 0.01 * (number % 2))
+            capped = replace(self._instance, vehicles=tuple(
+                replace(vehicle, budget_pct=min(vehicle.budget_pct, cap_pct)) for vehicle in self._instance.vehicles
+            ))  # fmt: skip
+            for cost in (Cost.MINCOMB, Cost.MINSUM):
+                yield self._solved(capped, cost, number, OTHER_ITERATIONS)
+
+    def _solved(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
+        result = solve(
+            instance, cost=cost, stop=any_of(Iterations(iterations), self._outer), seed=self._seed + number,
+            all_vehicles=self._all_vehicles,
+        )  # fmt: skip
+        self._outer.iterations += result.iterations
+        return result.plan
+
+    def _route_s(self, plan: Plan) -> float:
+        return max(route_duration_s(self._instance, route) for route in plan.routes)
+
+    def _is_complete(self, plan: Plan) -> bool:
+        if self._all_vehicles and not all(route.visits for route in plan.routes):
+            return False
+        return not plan.uncovered and not evaluate(self._instance, plan, Cost.MINMAX).violations
+
+    def _look_at(self, plan: Plan) -> None:
+        """Enter a plan into the archive, in its best orientation, if it is one that is allowed."""
+        if not self._is_complete(plan) or self._route_s(plan) > self._cap_s:
+            return
+        routes = [route.visits for route in plan.routes]
+        used = [vehicle for vehicle, visits in enumerate(routes) if visits]
+        choices = itertools.product((False, True), repeat=len(used) if len(used) <= MOST_FLIPPED else 0)
+        found = [self._look_along(routes, dict(zip(used, flipped, strict=False))) for flipped in choices]
+        self._enter(min(found, key=lambda one: one.earliest_s))
+
+    def _look_along(self, routes: Sequence[tuple[int, ...]], flipped: Mapping[int, bool]) -> Found:
+        turned = tuple(
+            tuple(visit ^ 1 for visit in reversed(visits)) if flipped.get(vehicle, False) else visits
+            for vehicle, visits in enumerate(routes)
+        )
+        looker = self._looker
+        self._place(looker, turned)
+        base, clock = looker.here.base, looker.here.clock
+        if (base.loads > self._problem.budget).any() or clock.durations_s.max() > self._cap_s:
+            return Found(turned, math.inf)
+        return Found(turned, self._earliest(looker)[0])
+
+    def _enter(self, found: Found) -> None:
+        if math.isfinite(found.earliest_s):
+            self.archive.append(found)
+            if found.earliest_s < self._outer.earliest_s:
+                self._outer.earliest_s = found.earliest_s
+                self._outer.improved_at = self._outer.iterations
+
+    def _walk(self) -> None:
+        """Walk from the best plans, side by side, until the stop rule ends it or the window is full."""
+        elite = sorted(self.archive, key=lambda found: found.earliest_s)
+        walkers = [
+            self._walker(self._seed + 1_000 + number, elite[number % len(elite)]) for number in range(self._starts)
+        ]
+        with ThreadPoolExecutor(self._starts) as threads:
+            while self._outer.earliest_s > 0:
+                allowed = self._outer.inside().allowed // self._starts
+                if allowed <= 0:
+                    break
+                batch = min(BATCH, allowed)
+                list(threads.map(self._advance, walkers, [batch] * len(walkers)))
+                self._outer.iterations += batch * len(walkers)
+                self._gather(walkers)
+
+    def _gather(self, walkers: Sequence[Walker]) -> None:
+        """Enter what the walks have found; those that have long found nothing go on from the best of all."""
+        for walker in walkers:
+            for found in walker.found:
+                self._enter(found)
+            walker.found.clear()
+        best = min((walker.best for walker in walkers), key=lambda found: found.earliest_s)
+        for walker in walkers:
+            if walker.cycles >= SHARE:
+                walker.best, walker.cycles, walker.left = best, 0, 0
+
+    def _walker(self, seed: int, best: Found) -> Walker:
+        fleet = len(self._instance.vehicles)
+        base = base_of(self._problem, [()] * fleet)
+        return Walker(
+            here=self._room(base), there=self._room(copy_of(base)), loss=loss_of(self._problem),
+            current=copy_of(base), trial=copy_of(base), full=no_repairs(self._problem, fleet),
+            rng=random_state(seed), best=best,
+        )  # fmt: skip
+
+    def _room(self, base: State) -> Walk:
+        slots = PROBES * len(base.lengths)
+        return Walk(
+            base, clock_of(self._problem, self._timing, base), no_repairs(self._problem, slots), np.zeros(slots)
+        )
+
+    def _place(self, walker: Walker, routes: Sequence[tuple[int, ...]]) -> None:
+        """Put both plans of a walker at given routes, without repairs."""
+        for walk_at in (walker.here, walker.there):
+            walk_at.base.route_of[:] = -1
+            for route, visits in enumerate(routes):
+                walk_at.base.visits[route, : len(visits)] = visits
+                walk_at.base.lengths[route] = len(visits)
+                measure(self._problem, walk_at.base, route)
+            set_clocks(self._problem, self._timing, walk_at.base, walk_at.clock)
+            walk_at.repairs.known[:] = 0
+
+    def _earliest(self, walker: Walker) -> tuple[float, float]:
+        return earliest(
+            self._problem, self._timing, walker.here.base, walker.here.clock, self._fly_again, walker.loss,
+            walker.full, walker.current, walker.trial, LOOK, walker.rng,
+        )  # fmt: skip
+
+    def _advance(self, walker: Walker, iterations: int) -> None:
+        while iterations > 0:
+            if walker.left <= 0:
+                self._begin_cycle(walker)
+            done = walk(
+                self._problem, self._timing, walker.here, walker.there, walker.loss, walker.current, walker.trial,
+                walker.probes_s, self._limits(walker), walker.temperature, (COLD / HOT) ** (1 / CYCLE),
+                min(iterations, walker.left), walker.rng,
+            )  # fmt: skip
+            iterations -= max(1, done)
+            walker.left -= max(1, done)
+            if walker.here.lacks.sum() <= 0:
+                self._arrive(walker)
+                if walker.best.earliest_s <= 0:
+                    return
+            elif walker.left <= 0:
+                walker.step = walker.step / 2 if walker.step > LAST_STEP else FIRST_STEP
+                walker.cycles += 1
+
+    def _limits(self, walker: Walker) -> Limits:
+        return Limits(
+            self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, RISE * float(walker.here.base.loads.sum())
+        )
+
+    def _begin_cycle(self, walker: Walker) -> None:
+        self._place(walker, walker.best.routes)
+        walker.probes_s[1:] = -1.0
+        self._aim(walker)
+
+    def _aim(self, walker: Walker) -> None:
+        """Aim a step below the best of a walk, and begin to cool."""
+        longest_s = float(walker.here.clock.durations_s.max())
+        walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
+        lacks = assess(
+            self._problem, self._timing, walker.here, walker.there, walker.loss, walker.current, walker.trial,
+            walker.probes_s, self._limits(walker), np.inf, walker.rng,
+        )  # fmt: skip
+        walker.here.lacks[:] = walker.there.lacks
+        for ours, theirs in zip(walker.here.repairs, walker.there.repairs, strict=True):
+            ours[...] = theirs
+        walker.temperature[0] = HOT * lacks
+        walker.left = CYCLE
+
+    def _arrive(self, walker: Walker) -> None:
+        """Look at the whole window of a plan whose losses at the probes can be repaired, and aim anew."""
+        earliest_s, broken_s = self._earliest(walker)
+        if earliest_s < walker.best.earliest_s:
+            base = walker.here.base
+            routes = tuple(
+                tuple(int(visit) for visit in base.visits[route, :length]) for route, length in enumerate(base.lengths)
+            )
+            walker.best = Found(routes, earliest_s)
+            walker.found.append(walker.best)
+            walker.step = min(FIRST_STEP, 1.5 * walker.step)
+            walker.cycles = 0
+        elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
+            # A repair that a walk has and a look does not find: elsewhere then.
+            walker.left = 0
+            walker.cycles += 1
+            return
+        if broken_s > walker.probes_s[0]:
+            walker.probes_s[2] = walker.probes_s[1]
+            walker.probes_s[1] = broken_s
+        self._aim(walker)
+
+    def _result(self, plans: Sequence[Plan]) -> WindowResult:
+        outer, fly_again = self._outer, self._fly_again
+        best = sorted(self.archive, key=lambda found: found.earliest_s)[:FINALISTS]
+        candidates = [as_plan(found.routes) for found in best] or [
+            min(plans, key=lambda plan: (len(plan.uncovered), self._route_s(plan)))
+        ]
+        windows = [replan_window(self._instance, plan, fly_again=fly_again) for plan in candidates]
+        chosen = min(range(len(windows)), key=lambda number: windows[number].earliest_s)
+        return WindowResult(
+            plan=candidates[chosen],
+            window=windows[chosen],
+            evaluation=evaluate(self._instance, candidates[chosen], Cost.MINMAX),
+            longest_allowed_s=self._cap_s,
+            feasible=bool(best),
+            iterations=outer.iterations,
+            seconds=outer.watch.seconds,
+            stopped_by=outer.reason or "full window",
+        )
+
+
+def as_plan(routes: Sequence[tuple[int, ...]]) -> Plan:
+    """Return routes as a plan that leaves nothing out."""
+    return Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))
