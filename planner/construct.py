@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.costs import Cost
 from planner.evaluate import BUDGET_TOLERANCE_PCT
-from planner.kernels.arrays import Problem, RandomState, State, Weights
+from planner.kernels.arrays import Memory, Problem, RandomState, State, Weights
 from planner.kernels.insertion import insert_by_regret
 from planner.kernels.tours import measure
 from planner.model import Instance, Plan, Route, segment_of
@@ -54,6 +54,7 @@ def problem_of(instance: Instance) -> Problem:
         prize=np.maximum(worth, effort) + 1e-6,
         effort=effort,
         near=_nearest(move[0]),
+        twin=_twins(instance),
     )
 
 
@@ -111,6 +112,22 @@ def empty_state(problem: Problem) -> State:
     for route in range(fleet):
         measure(problem, state, route)
     return state
+
+
+def memory_of(problem: Problem) -> Memory:
+    """Return the work space of an annealing that has not begun."""
+    fleet, segments = len(problem.budget), len(problem.value)
+    return Memory(
+        waiting=np.zeros(segments, dtype=np.int64),
+        pending=np.zeros(segments, dtype=np.int64),
+        keys=np.zeros(segments),
+        touched=np.zeros(fleet, dtype=np.int64),
+        came_from=np.zeros((segments, 2), dtype=np.int64),
+        versions=np.ones(fleet, dtype=np.int64),
+        version=np.zeros((segments, fleet), dtype=np.int64),
+        added=np.zeros((segments, fleet)),
+        place=np.zeros((segments, fleet), dtype=np.int64),
+    )
 
 
 def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
@@ -193,6 +210,18 @@ def _empty_weight(problem: Problem) -> float:
     return 2 * float((problem.start + problem.home).max(initial=0.0)) + 1
 
 
+def _twins(instance: Instance) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return (k,) int64, for each vehicle the one before it that differs in nothing but its name, or -1."""
+    before: dict[object, int] = {}
+    twins = np.full(len(instance.vehicles), -1, dtype=np.int64)
+    for number, vehicle in enumerate(instance.vehicles):
+        ways = (instance.start_pct[number].tobytes(), instance.home_pct[number].tobytes())
+        kind = (vehicle.budget_pct, vehicle.consumption, instance.profile[number], instance.idle_pct[number], ways)
+        twins[number] = before.get(kind, -1)
+        before[kind] = number
+    return twins
+
+
 def _nearest(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
     """Return (n, m) int64, for each segment itself and the nearest others by the least transit between them."""
     segments = len(move) // 2
@@ -203,5 +232,9 @@ def _nearest(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]
         between = between - between.min(axis=0)
     between = np.minimum(between, between.T)
     np.fill_diagonal(between, -1.0)
-    order: np.ndarray[tuple[int, int], np.dtype[np.int64]] = np.argsort(between, axis=1, kind="stable")
-    return np.array(order[:, :NEAREST], dtype=np.int64, order="C")
+    if segments > NEAREST:
+        near = np.sort(np.argpartition(between, NEAREST - 1, axis=1)[:, :NEAREST], axis=1)
+    else:
+        near = np.broadcast_to(np.arange(segments), between.shape)
+    order = np.argsort(np.take_along_axis(between, near, axis=1), axis=1, kind="stable")
+    return np.array(np.take_along_axis(near, order, axis=1), dtype=np.int64, order="C")

@@ -1,8 +1,9 @@
-"""The improvement loop around the annealing kernel: cycles, batches, the stop rule.
+"""The improvement loop around the annealing kernel: cycles, batches, the stop rule, starts side by side.
 
 Annealing needs to know its length beforehand and a stop rule does not tell. So it runs in cycles of growing length,
 each starting from the best plan so far: whenever the search is stopped, a good part of the work has gone into one
-cycle.
+cycle. Several starts run the same cycle in threads and wait for each other at its end, so that the seed, the number of
+starts and of iterations decide the plan, however the threads take turns.
 
 While the best plan leaves something out, every second cycle is soft: it may pass through routes beyond their budgets.
 Where budgets just suffice that finds the complete plan five times as often; where they do not it finds nothing, so
@@ -12,14 +13,13 @@ the hard cycles between choose what to leave out.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
-
-import numpy as np
 
 from planner.bounds import why_impossible
 from planner.construct import (
     POWERS,
-    copy_of,
     guide_weights,
     insert_open,
     plan_of,
@@ -30,15 +30,14 @@ from planner.construct import (
 )
 from planner.costs import Cost
 from planner.evaluate import Evaluation, evaluate
-from planner.kernels.anneal import anneal, left_out, objective
-from planner.kernels.arrays import FloatArray, Problem, RandomState, State, Weights
-from planner.kernels.tours import copy_route
+from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan
 from planner.result import Result
+from planner.starts import Start
 from planner.stop import Progress, StopRule, Stopwatch
 
 BATCH = 500
-"""Iterations between two questions to the stop rule: some milliseconds."""
+"""Iterations of a start between two questions to the stop rule: some milliseconds."""
 FIRST_CYCLE = 4_000
 """Iterations of the first cycle."""
 HOT = 6.0
@@ -47,37 +46,46 @@ COLD = 0.01
 """Temperature at the end of a cycle."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Cycle:
-    """One annealing from hot to cold."""
+    """One annealing from hot to cold, the same for all starts."""
 
     length: int
-    temperature: FloatArray
-    """(1,) float64, as the kernel has left it."""
-    cooling: float
+    hot: float
+    """The temperature at the begin."""
     scale: float
     """The largest load at the begin."""
     soft: bool
     """Whether routes may go beyond their budgets on the way."""
-    done: int = 0
 
     @property
-    def power(self) -> float:
-        """The p-norm's p: the cycle has as many stages as there are powers."""
-        return POWERS[self.done * len(POWERS) // self.length]
+    def cooling(self) -> float:
+        """Factor on the temperature after each iteration."""
+        return float((COLD / HOT) ** (1 / self.length))
 
-    @property
-    def stage_left(self) -> int:
-        """Iterations until the power changes or the cycle ends."""
-        stage = self.done * len(POWERS) // self.length
-        return -(-(stage + 1) * self.length // len(POWERS)) - self.done
+    def power(self, done: int) -> float:
+        """Return the p-norm's p: the cycle has as many stages as there are powers."""
+        return POWERS[done * len(POWERS) // self.length]
+
+    def stage_left(self, done: int) -> int:
+        """Return the iterations until the power changes or the cycle ends, 0 at its end."""
+        stage = min(done * len(POWERS) // self.length, len(POWERS) - 1)
+        return -(-(stage + 1) * self.length // len(POWERS)) - done
 
 
 class Search:
     """One search, from a first plan to the best found; ``run`` is all that there is to call."""
 
     def __init__(
-        self, instance: Instance, *, cost: Cost, seed: int, initial: Plan | None, all_vehicles: bool, watch: Stopwatch
+        self,
+        instance: Instance,
+        *,
+        cost: Cost,
+        seed: int,
+        initial: Plan | None,
+        all_vehicles: bool,
+        watch: Stopwatch,
+        starts: int = 1,
     ) -> None:
         self._impossible = why_impossible(instance)
         self._instance = instance
@@ -85,30 +93,27 @@ class Search:
         self._all_vehicles = all_vehicles
         self._watch = watch
         self._problem: Problem = problem_of(instance)
-        self._rng: RandomState = random_state(seed)
-        self._truth: Weights = true_weights(self._problem, cost, all_vehicles=all_vehicles)
-        self._best: State = self._first(initial)
-        self._current: State = copy_of(self._best)
-        self._trial: State = copy_of(self._best)
-        self._key = np.array(
-            [left_out(self._problem, self._best)[0], objective(self._problem, self._truth, self._best)]
-        )
-        self._cycle = self._cycle_of(FIRST_CYCLE, soft=self._may_be_soft())
+        self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
+        truth = true_weights(self._problem, cost, all_vehicles=all_vehicles)
+        first = self._first(initial)
+        self._starts = [Start(self._problem, truth, first, random_state(seed + number)) for number in range(starts)]
+        self._leader = self._starts[0]
         self._iterations = 0
         self._improved_at = 0
-        self._plan = plan_of(self._best)
-        self._evaluation: Evaluation = evaluate(instance, self._plan, cost)
+        self._begin(FIRST_CYCLE, soft=self._may_be_soft())
+        self._publish()
 
     def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
         """Improve until ``stop`` says so."""
-        while True:
-            progress = self._progress()
-            if on_progress is not None:
-                on_progress(progress)
-            verdict = stop(progress)
-            if verdict.allowed <= 0:
-                break
-            self._advance(min(BATCH, verdict.allowed))
+        with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
+            while True:
+                progress = self._progress()
+                if on_progress is not None:
+                    on_progress(progress)
+                verdict = stop(progress)
+                if verdict.allowed <= 0:
+                    break
+                self._advance(min(BATCH * len(self._starts), verdict.allowed), threads)
         return Result(
             plan=self._plan,
             evaluation=self._evaluation,
@@ -130,57 +135,75 @@ class Search:
             self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft
         )
 
-    def _next_cycle(self) -> _Cycle:
-        if self._cycle.soft:
-            return self._cycle_of(self._cycle.length, soft=False)
-        return self._cycle_of(2 * self._cycle.length, soft=self._may_be_soft())
-
     def _may_be_soft(self) -> bool:
-        return self._impossible is None and bool((self._best.route_of < 0).any())
+        return self._impossible is None and bool((self._leader.best.route_of < 0).any())
 
-    def _cycle_of(self, length: int, *, soft: bool) -> _Cycle:
-        for route in range(len(self._best.lengths)):
-            copy_route(self._best, self._current, route)
-            copy_route(self._best, self._trial, route)
-        self._current.route_of[:] = self._best.route_of
-        self._trial.route_of[:] = self._best.route_of
-        hot = np.array([HOT * self._mean_transit()])
-        return _Cycle(length, hot, (COLD / HOT) ** (1 / length), scale=float(self._best.loads.max()), soft=soft)
+    def _begin(self, length: int, *, soft: bool) -> None:
+        best = self._leader.best
+        self._cycle = _Cycle(length, HOT * self._mean_transit(best), float(best.loads.max()), soft)
+        for start in self._starts:
+            start.begin(self._leader, self._cycle.hot)
 
-    def _mean_transit(self) -> float:
+    def _next(self) -> None:
+        """Begin the next cycle, twice as long; after a soft one a hard one of its length."""
+        if self._cycle.soft:
+            self._begin(self._cycle.length, soft=False)
+        else:
+            self._begin(2 * self._cycle.length, soft=self._may_be_soft())
+
+    def _mean_transit(self, best: State) -> float:
         """Return the mean energy that the best plan spends from visit to visit, inspections not counted."""
-        inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
-        covered = self._best.route_of >= 0
-        moves = int(covered.sum()) + int((self._best.lengths > 0).sum())
-        transit = float(self._best.loads.sum() - inspections[covered].sum()) / max(1, moves)
+        covered = best.route_of >= 0
+        moves = int(covered.sum()) + int((best.lengths > 0).sum())
+        transit = float(best.loads.sum() - self._inspections[covered].sum()) / max(1, moves)
         return max(transit, 1e-6 * float(self._problem.effort.max()), 1e-9)
 
-    def _advance(self, iterations: int) -> None:
-        """Run ``iterations``; how they are split over calls makes no difference."""
+    def _advance(self, iterations: int, threads: Executor | None = None) -> None:
+        """Run ``iterations`` over all starts; how they are split over calls makes no difference to a single one."""
         while iterations > 0:
-            batch = min(iterations, self._cycle.stage_left)
-            self._batch(batch)
-            iterations -= batch
+            iterations -= self._round(iterations, threads)
 
-    def _batch(self, iterations: int) -> None:
-        guide = self._weights(self._cycle.scale, self._cycle.power, soft=self._cycle.soft)
-        improved = anneal(
-            self._problem, guide, self._truth, self._current, self._trial, self._best,
-            self._key, self._cycle.temperature, self._cycle.cooling, iterations, self._rng,
-        )  # fmt: skip
-        if improved > 0:
-            self._improved_at = self._iterations + improved
-            self._plan = plan_of(self._best)
-            self._evaluation = evaluate(self._instance, self._plan, self._cost)
-        self._iterations += iterations
-        self._cycle.done += iterations
-        if self._cycle.done == self._cycle.length:
-            self._cycle = self._next_cycle()
+    def _round(self, iterations: int, threads: Executor | None) -> int:
+        """Have each start do its share of ``iterations``, as far as its stage goes; return how many were done."""
+        shares: list[tuple[Start, Weights, int]] = []
+        given = 0
+        for number, start in enumerate(sorted(self._starts, key=lambda start: start.done)):
+            fair = -(-(iterations - given) // (len(self._starts) - number))
+            share = min(fair, self._cycle.stage_left(start.done))
+            if share > 0:
+                power = self._cycle.power(start.done)
+                shares.append((start, self._weights(self._cycle.scale, power, soft=self._cycle.soft), share))
+                given += share
+        cooling = self._cycle.cooling
+        if threads is None:
+            found = [start.run(guide, cooling, share) for start, guide, share in shares]
+        else:
+            found = list(threads.map(lambda work: work[0].run(work[1], cooling, work[2]), shares))
+        self._take_best(max(found))
+        self._iterations += given
+        if all(start.done == self._cycle.length for start in self._starts):
+            self._next()
+        return given
+
+    def _take_best(self, latest: int) -> None:
+        """Publish the best start's plan if one improved, in the iteration ``latest`` of its round at the latest."""
+        if latest == 0:
+            return
+        leader = min(self._starts, key=lambda start: start.key.tolist())
+        if leader.key.tolist() < self._best_key:
+            self._leader = leader
+            self._improved_at = self._iterations + latest * len(self._starts)
+            self._publish()
+
+    def _publish(self) -> None:
+        self._best_key: list[float] = self._leader.key.tolist()
+        self._plan = plan_of(self._leader.best)
+        self._evaluation: Evaluation = evaluate(self._instance, self._plan, self._cost)
 
     def _progress(self) -> Progress:
         return Progress(
             iterations=self._iterations,
-            since_improvement=self._iterations - self._improved_at,
+            since_improvement=max(0, self._iterations - self._improved_at),
             seconds=self._watch.seconds,
             value=self._evaluation.value,
             uncovered=len(self._plan.uncovered),

@@ -21,6 +21,7 @@ def solve(
     seed: int = 0,
     initial: Plan | None = None,
     all_vehicles: bool = False,
+    starts: int = 1,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
     """Return the best plan found until ``stop`` ends the search.
@@ -36,11 +37,15 @@ def solve(
         seed: of all randomness.
         initial: a plan to begin with; visits beyond a budget are taken out of it, open segments put in.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
+        starts: searches side by side, a thread each, that share their best plan from time to time; iterations are
+            counted over all of them. As many as there are processors is best. Part of what decides the plan.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
-        PlanError: ``initial`` is not a plan for this instance.
+        PlanError: ``initial`` is not a plan for this instance, or ``starts`` is none.
     """
+    if starts < 1:
+        raise PlanError(f"starts is {starts}, expected 1 or more")
     if initial is not None:
         check_tails(instance, [route.visits for route in initial.routes])
     if instance.segments == 0:
@@ -49,7 +54,9 @@ def solve(
     from planner.search import Search
 
     watch = Stopwatch()
-    search = Search(instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch)
+    search = Search(
+        instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts
+    )
     return search.run(stop, on_progress)
 
 

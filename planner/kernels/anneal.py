@@ -5,29 +5,31 @@ from __future__ import annotations
 import math
 
 import numba as nb
-import numpy as np
 
 from planner.kernels.arrays import (
     FLOATS,
     INTS,
+    MEMORY,
     PROBLEM,
     RANDOM,
     STATE,
     WEIGHTS,
     FloatArray,
     IntArray,
+    Memory,
     Problem,
     RandomState,
     State,
     Weights,
 )
 from planner.kernels.chance import below, uniform
-from planner.kernels.insertion import insert_cheapest, peak_of
+from planner.kernels.compiled import inner, kernel
+from planner.kernels.insertion import insert_cheapest, peak_of, raised
 from planner.kernels.ruin import remove_strings
 from planner.kernels.tours import copy_route, measure, orient
 
 
-@nb.njit(nb.types.UniTuple(nb.float64, 2)(PROBLEM, STATE), cache=True)
+@kernel(nb.types.UniTuple(nb.float64, 2)(PROBLEM, STATE))
 def left_out(problem: Problem, state: State) -> tuple[float, float]:
     """Return the value and the prizes of the segments that no route visits."""
     value = 0.0
@@ -39,7 +41,7 @@ def left_out(problem: Problem, state: State) -> tuple[float, float]:
     return value, prizes
 
 
-@nb.njit(nb.float64(PROBLEM, STATE), cache=True)
+@inner(nb.float64(PROBLEM, STATE))
 def excess(problem: Problem, state: State) -> float:
     """Return what routes with a visit spend beyond their budgets."""
     total = 0.0
@@ -49,7 +51,7 @@ def excess(problem: Problem, state: State) -> float:
     return total
 
 
-@nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE), cache=True)
+@kernel(nb.float64(PROBLEM, WEIGHTS, STATE))
 def objective(problem: Problem, weights: Weights, state: State) -> float:
     """Return the objective of the routes, without what is left out."""
     total = 0.0
@@ -59,7 +61,7 @@ def objective(problem: Problem, weights: Weights, state: State) -> float:
         load = state.loads[route]
         total += load
         if weights.norm > 0.0:
-            powers += (load / weights.scale) ** weights.power
+            powers += raised(load / weights.scale, weights.power)
         empty += int(state.lengths[route] == 0)
     value = weights.total * total + weights.empty * empty
     if weights.excess > 0.0:
@@ -71,19 +73,22 @@ def objective(problem: Problem, weights: Weights, state: State) -> float:
     return value
 
 
-@nb.njit(nb.int64(STATE, INTS, RANDOM, nb.boolean), cache=True)
+@inner(nb.int64(STATE, INTS, RANDOM, nb.boolean))
 def choose_seed(state: State, waiting: IntArray, rng: RandomState, balance: bool) -> int:
     """Return the segment around which to ruin: often one that is left out, or one of the longest route."""
     if len(waiting) > 0 and uniform(rng) < 0.5:
         return int(waiting[below(rng, len(waiting))])
     if balance and uniform(rng) < 0.5:
-        route = int(np.argmax(state.loads))
+        route = 0
+        for other in range(1, len(state.loads)):
+            if state.loads[other] > state.loads[route]:
+                route = other
         if state.lengths[route] > 0:
             return int(state.visits[route, below(rng, state.lengths[route])] >> 1)
     return below(rng, len(state.route_of))
 
 
-@nb.njit(nb.void(PROBLEM, INTS, FLOATS, RANDOM), cache=True)
+@inner(nb.void(PROBLEM, INTS, FLOATS, RANDOM))
 def order_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: RandomState) -> None:
     """Sort ``pending`` for insertion: 4 in 11 at random, 4 valuable first, 2 far first, 1 near first.
 
@@ -113,9 +118,11 @@ def order_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: Ra
         pending[hole] = segment
 
 
-@nb.njit(nb.int64(STATE, INTS, nb.int64, RANDOM), cache=True)
-def gather_waiting(state: State, waiting: IntArray, most: int, rng: RandomState) -> int:
-    """Set the first entries of ``waiting`` to at most ``most`` segments that are left out; return how many."""
+@inner(nb.int64(STATE, INTS, nb.int64, nb.int64, RANDOM))
+def gather_waiting(state: State, waiting: IntArray, out: int, most: int, rng: RandomState) -> int:
+    """Set the first entries of ``waiting`` to at most ``most`` of the ``out`` segments left out; return how many."""
+    if out == 0:
+        return 0
     count = 0
     for segment in range(len(state.route_of)):
         if state.route_of[segment] < 0:
@@ -127,33 +134,42 @@ def gather_waiting(state: State, waiting: IntArray, most: int, rng: RandomState)
     return min(count, most)
 
 
-@nb.njit(nb.boolean(PROBLEM, WEIGHTS, STATE, STATE, FLOATS), cache=True)
-def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: FloatArray) -> bool:
-    """Copy ``trial`` to ``best`` if it is within the budgets and better; return whether it was.
+@inner(nb.boolean(PROBLEM, WEIGHTS, STATE, STATE, FLOATS, nb.float64))
+def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: FloatArray, value: float) -> bool:
+    """Copy ``trial``, which leaves out ``value``, to ``best`` if it is within the budgets and better; return whether.
 
     Better is: less value left out, then a lower ``truth``. ``key`` (2,) holds both of the best.
     """
-    if excess(problem, trial) > 0.0:
-        return False
-    value = left_out(problem, trial)[0]
-    cost = objective(problem, truth, trial)
     same_value = abs(value - key[0]) <= 1e-9 * (1.0 + key[0])
-    if (same_value and cost < key[1] - 1e-9 * (1.0 + abs(key[1]))) or (not same_value and value < key[0]):
-        key[0] = value
-        key[1] = cost
-        for route in range(len(trial.lengths)):
-            copy_route(trial, best, route)
-        best.route_of[:] = trial.route_of
-        return True
-    return False
+    if not same_value and value > key[0]:
+        return False
+    cost = objective(problem, truth, trial)
+    if (same_value and cost >= key[1] - 1e-9 * (1.0 + abs(key[1]))) or excess(problem, trial) > 0.0:
+        return False
+    key[0] = value
+    key[1] = cost
+    for route in range(len(trial.lengths)):
+        copy_route(trial, best, route)
+    for segment in range(len(trial.route_of)):
+        best.route_of[segment] = trial.route_of[segment]
+    return True
 
 
-@nb.njit(
-    nb.int64(PROBLEM, WEIGHTS, WEIGHTS, STATE, STATE, STATE, FLOATS, FLOATS, nb.float64, nb.int64, RANDOM), cache=True
-)
+@inner(nb.void(STATE, STATE, INTS, INTS))
+def take_over(source: State, target: State, touched: IntArray, moved: IntArray) -> None:
+    """Copy the ``touched`` routes and the routes of the segments ``moved``; the rest is equal already."""
+    for route in range(len(touched)):
+        if touched[route] == 1:
+            copy_route(source, target, route)
+    for place in range(len(moved)):
+        target.route_of[moved[place]] = source.route_of[moved[place]]
+
+
+@kernel(nb.int64(PROBLEM, WEIGHTS, WEIGHTS, STATE, STATE, STATE, FLOATS, FLOATS, nb.float64, nb.int64, RANDOM, MEMORY))
 def anneal(
     problem: Problem, weights: Weights, truth: Weights, current: State, trial: State, best: State,
     key: FloatArray, temperature: FloatArray, cooling: float, iterations: int, rng: RandomState,
+    memory: Memory,
 ) -> int:  # fmt: skip
     """Run ``iterations`` of ruin and recreate; two calls of half as many do exactly the same.
 
@@ -169,6 +185,7 @@ def anneal(
         cooling: factor on the temperature after each iteration.
         iterations: how many.
         rng: random state.
+        memory: of this annealing; changed.
 
     Returns:
         The number of the last iteration, counted from 1, that found a new best; 0 if none did.
@@ -179,42 +196,50 @@ def anneal(
     waiting_tried = 20
     segments = len(current.route_of)
     routes = len(current.lengths)
-    waiting = np.empty(segments, dtype=np.int64)
-    pending = np.empty(segments, dtype=np.int64)
-    keys = np.empty(segments)
-    touched = np.zeros(routes, dtype=np.int64)
-    came_from = np.zeros((segments, 2), dtype=np.int64)
+    waiting = memory.waiting
+    pending = memory.pending
+    keys = memory.keys
+    touched = memory.touched
+    out = 0
+    for segment in range(segments):
+        out += int(current.route_of[segment] < 0)
     here = objective(problem, weights, current) + weights.prize * left_out(problem, current)[1]
     improved = 0
     for iteration in range(1, iterations + 1):
-        waits = gather_waiting(trial, waiting, waiting_tried, rng)
+        waits = gather_waiting(trial, waiting, out, waiting_tried, rng)
         seed = choose_seed(trial, waiting[:waits], rng, weights.norm > 0.0)
-        removed = remove_strings(problem, trial, pending, touched, seed, mean_removed, longest_string, rng)
-        pending[removed : removed + waits] = waiting[:waits]
-        order_pending(problem, pending[: removed + waits], keys, rng)
-        for place in range(removed + waits):
-            route = insert_cheapest(problem, weights, trial, pending[place], blink, rng)
+        taken = remove_strings(problem, trial, pending, touched, seed, mean_removed, longest_string, rng)
+        still_out = out + taken
+        for place in range(waits):
+            pending[taken] = waiting[place]
+            taken += 1
+        order_pending(problem, pending[:taken], keys, rng)
+        for place in range(taken):
+            route = insert_cheapest(problem, weights, trial, pending[place], blink, touched, memory, rng)
             if route >= 0:
                 touched[route] = 1
+                still_out -= 1
         for route in range(routes):
             if touched[route] == 1:
                 measure(problem, trial, route)
-                orient(problem, trial, route, came_from)
-        there = objective(problem, weights, trial) + weights.prize * left_out(problem, trial)[1]
-        if keep_best(problem, truth, trial, best, key):
+                orient(problem, trial, route, memory.came_from)
+        value = 0.0
+        there = objective(problem, weights, trial)
+        if still_out > 0:
+            value, prizes = left_out(problem, trial)
+            there += weights.prize * prizes
+        if keep_best(problem, truth, trial, best, key, value):
             improved = iteration
         accepted = there < here - temperature[0] * math.log(1.0 - uniform(rng))
-        for route in range(routes):
-            if touched[route] == 1:
-                touched[route] = 0
-                if accepted:
-                    copy_route(trial, current, route)
-                else:
-                    copy_route(current, trial, route)
         if accepted:
-            current.route_of[:] = trial.route_of
-            here = there
+            take_over(trial, current, touched, pending[:taken])
         else:
-            trial.route_of[:] = current.route_of
+            take_over(current, trial, touched, pending[:taken])
+        for route in range(routes):
+            memory.versions[route] += touched[route] * int(accepted)
+            touched[route] = 0
+        if accepted:
+            here = there
+            out = still_out
         temperature[0] *= cooling
     return improved

@@ -43,6 +43,8 @@ class Problem(NamedTuple):
     """(n,): the least energy of a route of this segment alone."""
     near: IntArray
     """(n, m): the segments nearest to a segment, itself first."""
+    twin: IntArray
+    """(k,): the vehicle before it that is equal in everything, -1 if there is none: of idle twins one is tried."""
 
 
 class Weights(NamedTuple):
@@ -55,7 +57,7 @@ class Weights(NamedTuple):
     norm: float
     """Of their p-norm: a max that also feels the second largest."""
     power: float
-    """The p of it."""
+    """The p of it, a whole number."""
     scale: float
     """Loads are divided by this before they are raised to p; positive."""
     prize: float
@@ -83,12 +85,37 @@ class State(NamedTuple):
     """(n,): the route that visits the segment, -1 if none does."""
 
 
+class Memory(NamedTuple):
+    """Work space of an annealing: lists, and the cheapest places found with the versions of the routes in question."""
+
+    waiting: IntArray
+    """(n,)"""
+    pending: IntArray
+    """(n,)"""
+    keys: FloatArray
+    """(n,)"""
+    touched: IntArray
+    """(k,): zeros."""
+    came_from: IntArray
+    """(n, 2)"""
+
+    versions: IntArray
+    """(k,): positive, counted up whenever a route changes for good."""
+    version: IntArray
+    """(n, k): of the route when the place for the segment was looked for; 0 if never."""
+    added: FloatArray
+    """(n, k): what the segment adds to the route there."""
+    place: IntArray
+    """(n, k): 2 * position + 1 if it is visited in reverse."""
+
+
 FLOATS = nb.types.Array(nb.float64, 1, "C")
 TABLE = nb.types.Array(nb.float64, 2, "C")
 INTS = nb.types.Array(nb.int64, 1, "C")
 INT_TABLE = nb.types.Array(nb.int64, 2, "C")
 RANDOM = nb.types.Array(nb.uint64, 1, "C")
 CUBE = nb.types.Array(nb.float64, 3, "C")
-PROBLEM = nb.types.NamedTuple((INTS, CUBE, CUBE, TABLE, TABLE) + (FLOATS,) * 6 + (INT_TABLE,), Problem)
+PROBLEM = nb.types.NamedTuple((INTS, CUBE, CUBE, TABLE, TABLE) + (FLOATS,) * 6 + (INT_TABLE, INTS), Problem)
 WEIGHTS = nb.types.NamedUniTuple(nb.float64, 9, Weights)
 STATE = nb.types.NamedTuple((INT_TABLE, TABLE, INTS, FLOATS, INTS), State)
+MEMORY = nb.types.NamedTuple((INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, INT_TABLE, TABLE, INT_TABLE), Memory)

@@ -9,9 +9,10 @@ import numba as nb
 import numpy as np
 
 from planner.kernels.arrays import RANDOM, RandomState
+from planner.kernels.compiled import kernel
 
 
-@nb.njit(nb.float64(RANDOM), cache=True)
+@kernel(nb.float64(RANDOM), inline=True)
 def uniform(rng: RandomState) -> float:
     """Return a number in [0, 1); ``rng`` is (1,) uint64 and not zero."""
     x = rng[0]
@@ -22,7 +23,7 @@ def uniform(rng: RandomState) -> float:
     return float(x >> np.uint64(11)) * 2.0**-53
 
 
-@nb.njit(nb.int64(RANDOM, nb.int64), cache=True)
+@kernel(nb.int64(RANDOM, nb.int64), inline=True)
 def below(rng: RandomState, limit: int) -> int:
     """Return an integer in [0, limit)."""
     return int(uniform(rng) * limit)

@@ -2,67 +2,90 @@
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
 from planner.kernels.arrays import (
     FLOATS,
     INTS,
+    MEMORY,
     PROBLEM,
     RANDOM,
     STATE,
     WEIGHTS,
     FloatArray,
     IntArray,
+    Memory,
     Problem,
     RandomState,
     State,
     Weights,
 )
 from planner.kernels.chance import uniform
+from planner.kernels.compiled import inner, kernel
 from planner.kernels.tours import insert
 
+NEVER = 2**40
+"""More places than any route has."""
 _PLACE = nb.types.Tuple((nb.float64, nb.int64, nb.int64))
 
 
-@nb.njit(_PLACE(PROBLEM, STATE, nb.int64, nb.int64, nb.float64, RANDOM), cache=True)
+@inner(nb.int64(nb.float64, RANDOM), inline=True)
+def overlooked(blink: float, rng: RandomState) -> int:
+    """Return how many places are seen before the next one that is overlooked: one draw instead of one a place."""
+    if blink <= 0.0:
+        return NEVER
+    return int(math.log(1.0 - uniform(rng)) / math.log(1.0 - blink))
+
+
+@kernel(_PLACE(PROBLEM, STATE, nb.int64, nb.int64, nb.float64, RANDOM), inline=True)
 def cheapest_place(
     problem: Problem, state: State, route: int, segment: int, blink: float, rng: RandomState
 ) -> tuple[float, int, int]:
     """Return (added energy, position, visit) of the cheapest place for a segment in a route.
 
-    Each place is overlooked with probability ``blink``; (inf, 0, 0) if all were.
+    Each position is overlooked with probability ``blink`` < 1; (inf, 0, 0) if all were.
     """
     length = state.lengths[route]
-    visits = state.visits[route]
-    legs = state.legs[route]
     consumption = problem.consumption[route]
     profile = problem.profile[route]
+    forward = 2 * segment
+    backward = forward + 1
     best = np.inf
     best_position = 0
     best_visit = 0
-    for visit in range(2 * segment, 2 * segment + 2):
-        into = problem.move_into[profile, visit]
-        out = problem.move[profile, visit]
-        for position in range(length + 1):
-            if blink > 0.0 and uniform(rng) < blink:
-                continue
-            if position == 0:
-                added = problem.start[route, visit] - legs[0]
-            else:
-                added = consumption * into[visits[position - 1]] - legs[position]
-            if position == length:
-                added += problem.home[route, visit]
-            else:
-                added += consumption * out[visits[position]]
-            if added < best:
-                best = added
-                best_position = position
-                best_visit = visit
+    hidden = overlooked(blink, rng)
+    ahead = problem.start[route, forward]
+    astern = problem.start[route, backward]
+    for position in range(length + 1):
+        added = ahead - state.legs[route, position]
+        added_backward = astern - state.legs[route, position]
+        if position == length:
+            added += problem.home[route, forward]
+            added_backward += problem.home[route, backward]
+        else:
+            after = state.visits[route, position]
+            added += consumption * problem.move[profile, forward, after]
+            added_backward += consumption * problem.move[profile, backward, after]
+            ahead = consumption * problem.move_into[profile, forward, after]
+            astern = consumption * problem.move_into[profile, backward, after]
+        if position == hidden:
+            hidden += 1 + overlooked(blink, rng)
+            continue
+        if added < best:
+            best = added
+            best_position = position
+            best_visit = forward
+        if added_backward < best:
+            best = added_backward
+            best_position = position
+            best_visit = backward
     return best, best_position, best_visit
 
 
-@nb.njit(nb.float64(FLOATS), cache=True)
+@inner(nb.float64(FLOATS), inline=True)
 def peak_of(loads: FloatArray) -> float:
     """Return the largest load."""
     peak = float(loads[0])
@@ -71,7 +94,27 @@ def peak_of(loads: FloatArray) -> float:
     return peak
 
 
-@nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, nb.float64), cache=True)
+@inner(nb.float64(nb.float64, nb.float64), inline=True)
+def raised(base: float, power: float) -> float:
+    """Return ``base`` to a whole power of at least 1, by squaring: some times faster than the general power."""
+    result = 1.0
+    exponent = int(power)
+    while exponent > 0:
+        if exponent & 1:
+            result *= base
+        base *= base
+        exponent >>= 1
+    return result
+
+
+@inner(nb.boolean(PROBLEM, STATE, nb.int64), inline=True)
+def needless(problem: Problem, state: State, route: int) -> bool:
+    """Return whether a route is empty as its vehicle's twin's is: whatever is put here can be put there."""
+    twin = problem.twin[route]
+    return bool(twin >= 0 and state.lengths[route] == 0 and state.lengths[twin] == 0)
+
+
+@inner(nb.float64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, nb.float64), inline=True)
 def increase(problem: Problem, weights: Weights, state: State, route: int, added: float, peak: float) -> float:
     """Return what the objective gains when a route's load grows by ``added``; ``peak`` is the largest load now."""
     load = state.loads[route]
@@ -83,25 +126,44 @@ def increase(problem: Problem, weights: Weights, state: State, route: int, added
         gain += weights.peak * max(0.0, load + added - peak)
     if weights.norm > 0.0:
         # The sum of powers instead of its root: the same order among routes, and no need of the other loads.
-        powers = ((load + added) / weights.scale) ** weights.power - (load / weights.scale) ** weights.power
+        powers = raised((load + added) / weights.scale, weights.power) - raised(load / weights.scale, weights.power)
         gain += weights.norm * weights.scale / weights.power * powers
     if state.lengths[route] == 0:
         gain -= weights.empty
     return gain
 
 
-@nb.njit(nb.int64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, RANDOM), cache=True)
+@inner(nb.int64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, INTS, MEMORY, RANDOM), inline=True)
 def insert_cheapest(
-    problem: Problem, weights: Weights, state: State, segment: int, blink: float, rng: RandomState
-) -> int:
-    """Insert a segment where the objective gains least, budgets and slack permitting; return the route, or -1."""
-    peak = peak_of(state.loads)
+    problem: Problem, weights: Weights, state: State, segment: int, blink: float, touched: IntArray, memory: Memory,
+    rng: RandomState,
+) -> int:  # fmt: skip
+    """Insert a segment where the objective gains least, budgets and slack permitting; return the route, or -1.
+
+    Routes that are not ``touched`` are as they were when the memory's versions were counted; the cheapest place in
+    one of them is looked up if it was looked for before, and overlooked with probability ``blink`` as a whole.
+    """
+    peak = peak_of(state.loads) if weights.peak > 0.0 else 0.0
     best = np.inf
     best_route = -1
     best_position = 0
     best_visit = 0
     for route in range(len(state.lengths)):
-        added, position, visit = cheapest_place(problem, state, route, segment, blink, rng)
+        if needless(problem, state, route):
+            continue
+        known = touched[route] == 0
+        if known and uniform(rng) < blink:
+            continue
+        if known and memory.version[segment, route] == memory.versions[route]:
+            added = memory.added[segment, route]
+            position = memory.place[segment, route] >> 1
+            visit = 2 * segment + (memory.place[segment, route] & 1)
+        else:
+            added, position, visit = cheapest_place(problem, state, route, segment, 0.0 if known else blink, rng)
+            if known:
+                memory.version[segment, route] = memory.versions[route]
+                memory.added[segment, route] = added
+                memory.place[segment, route] = 2 * position + (visit & 1)
         if state.loads[route] + added > problem.budget[route] * (1.0 + weights.slack):
             continue
         gain = increase(problem, weights, state, route, added, peak)
@@ -115,7 +177,7 @@ def insert_cheapest(
     return best_route
 
 
-@nb.njit(nb.void(PROBLEM, WEIGHTS, STATE, INTS, RANDOM), cache=True)
+@kernel(nb.void(PROBLEM, WEIGHTS, STATE, INTS, RANDOM), counted=True)
 def insert_by_regret(problem: Problem, weights: Weights, state: State, segments: IntArray, rng: RandomState) -> None:
     """Insert ``segments`` (m,) int64, first those that would lose most by waiting, as far as budgets allow."""
     routes = len(state.lengths)
@@ -136,7 +198,7 @@ def insert_by_regret(problem: Problem, weights: Weights, state: State, segments:
             second = np.inf
             best_route = -1
             for route in range(routes):
-                if state.loads[route] + added[place, route] > problem.budget[route]:
+                if state.loads[route] + added[place, route] > problem.budget[route] or needless(problem, state, route):
                     continue
                 gain = increase(problem, weights, state, route, added[place, route], peak)
                 if gain < best:

@@ -10,10 +10,11 @@ import numba as nb
 
 from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Problem, RandomState, State
 from planner.kernels.chance import below, uniform
+from planner.kernels.compiled import inner
 from planner.kernels.tours import measure
 
 
-@nb.njit(nb.int64(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS, nb.int64), cache=True)
+@inner(nb.int64(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS, nb.int64))
 def cut(
     state: State, route: int, begin: int, end: int, spare_begin: int, spare_end: int, removed: IntArray, count: int
 ) -> int:
@@ -36,7 +37,7 @@ def cut(
     return count
 
 
-@nb.njit(nb.int64(STATE, nb.int64, nb.int64), cache=True)
+@inner(nb.int64(STATE, nb.int64, nb.int64))
 def position_of(state: State, route: int, segment: int) -> int:
     """Return where a route visits a segment that it does visit."""
     visits = state.visits[route]
@@ -46,7 +47,7 @@ def position_of(state: State, route: int, segment: int) -> int:
     return position
 
 
-@nb.njit(nb.int64(PROBLEM, STATE, INTS, INTS, nb.int64, nb.float64, nb.float64, RANDOM), cache=True)
+@inner(nb.int64(PROBLEM, STATE, INTS, INTS, nb.int64, nb.float64, nb.float64, RANDOM))
 def remove_strings(
     problem: Problem, state: State, removed: IntArray, touched: IntArray, seed: int,
     mean_removed: float, longest: float, rng: RandomState,

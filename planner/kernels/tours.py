@@ -5,9 +5,10 @@ from __future__ import annotations
 import numba as nb
 
 from planner.kernels.arrays import INT_TABLE, PROBLEM, STATE, IntArray, Problem, State
+from planner.kernels.compiled import kernel
 
 
-@nb.njit(nb.void(PROBLEM, STATE, nb.int64), cache=True)
+@kernel(nb.void(PROBLEM, STATE, nb.int64))
 def measure(problem: Problem, state: State, route: int) -> None:
     """Set the legs and the load of a route from its visits, and enter the route of their segments."""
     length = state.lengths[route]
@@ -29,7 +30,7 @@ def measure(problem: Problem, state: State, route: int) -> None:
     state.loads[route] = load + legs[length]
 
 
-@nb.njit(nb.void(PROBLEM, STATE, nb.int64, nb.int64, nb.int64), cache=True)
+@kernel(nb.void(PROBLEM, STATE, nb.int64, nb.int64, nb.int64))
 def insert(problem: Problem, state: State, route: int, position: int, visit: int) -> None:
     """Put a visit into a route and bring legs and load up to date."""
     length = state.lengths[route]
@@ -55,7 +56,7 @@ def insert(problem: Problem, state: State, route: int, position: int, visit: int
     state.route_of[visit >> 1] = route
 
 
-@nb.njit(nb.void(STATE, STATE, nb.int64), cache=True)
+@kernel(nb.void(STATE, STATE, nb.int64))
 def copy_route(source: State, target: State, route: int) -> None:
     """Copy one route; ``route_of`` is the caller's."""
     length = source.lengths[route]
@@ -67,7 +68,7 @@ def copy_route(source: State, target: State, route: int) -> None:
     target.legs[route, length] = source.legs[route, length]
 
 
-@nb.njit(nb.void(PROBLEM, STATE, nb.int64, INT_TABLE), cache=True)
+@kernel(nb.void(PROBLEM, STATE, nb.int64, INT_TABLE))
 def orient(problem: Problem, state: State, route: int, came_from: IntArray) -> None:
     """Give the visits of a route the directions that are best together, their order kept.
 

@@ -26,6 +26,7 @@ from planner import (
     solve,
     why_impossible,
 )
+from planner.construct import plan_of
 from planner.search import Search
 from planner.stop import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
@@ -57,8 +58,8 @@ def test_the_seed_and_the_iterations_decide(cost: Cost) -> None:
     other._advance(600)
     for batch in (1, 99, 500):
         short._advance(batch)
-    assert other._current.visits.tolist() == short._current.visits.tolist()
-    assert other._rng.tolist() == short._rng.tolist()
+    assert other._starts[0]._current.visits.tolist() == short._starts[0]._current.visits.tolist()
+    assert other._starts[0]._rng.tolist() == short._starts[0]._rng.tolist()
 
 
 def test_two_seeds_walk_differently() -> None:
@@ -67,8 +68,44 @@ def test_two_seeds_walk_differently() -> None:
     for seed in (0, 1):
         search = Search(instance, cost=Cost.MINSUM, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
         search._advance(50)
-        walks.append(search._current.visits.tolist())
+        walks.append(search._starts[0]._current.visits.tolist())
     assert walks[0] != walks[1]
+
+
+@pytest.mark.parametrize(("starts", "each"), [(2, 9001), (3, 4001), (20, 501)])
+def test_starts_in_threads_are_as_certain_as_one(starts: int, each: int) -> None:
+    instance = random_instance(5, 25, fleet(40.0, 40.0, 60.0))
+    first, again = (
+        solve(instance, cost=Cost.MINCOMB, stop=Iterations(each * starts), seed=4, starts=starts) for _ in range(2)
+    )
+    assert first.plan == again.plan
+    assert first.iterations == again.iterations == each * starts
+    assert first.feasible
+
+
+def test_starts_share_the_best_plan() -> None:
+    instance = random_instance(5, 40, fleet(1000.0, 1000.0, 1000.0))
+    watch = Stopwatch()
+    search = Search(instance, cost=Cost.MINMAX, seed=0, initial=None, all_vehicles=False, watch=watch, starts=3)
+    search._advance(3 * 3999)
+    assert len({tuple(start.key) for start in search._starts}) > 1  # they walked on their own
+    best = min(start.key.tolist() for start in search._starts)
+    search._advance(3)
+    assert all(start.key.tolist() == best for start in search._starts) or search._leader.key.tolist() < best
+    assert search._plan == plan_of(search._leader.best)
+
+
+def test_iterations_are_counted_over_all_starts() -> None:
+    seen: list[Progress] = []
+    instance = random_instance(8, 12, fleet(500.0))
+    result = solve(instance, cost=Cost.MINSUM, stop=Iterations(2003), starts=4, on_progress=seen.append)
+    assert [progress.iterations for progress in seen] == [0, 2000, 2003]
+    assert result.stopped_by == "iterations"
+
+
+def test_no_start_is_no_search() -> None:
+    with pytest.raises(PlanError, match="starts is 0, expected 1 or more"):
+        solve(line(1, 10.0), cost=Cost.MINSUM, stop=Iterations(1), starts=0)
 
 
 def test_what_does_not_fit_is_left_out_by_least_value() -> None:

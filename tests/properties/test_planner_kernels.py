@@ -51,14 +51,14 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
     search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
     for iterations in (1, 7, 40):
         search._advance(iterations)
-        for state in (search._best, search._current, search._trial):
+        for state in (search._leader.best, search._starts[0]._current, search._starts[0]._trial):
             plan = plan_of(state)
             evaluation = evaluate(instance, plan, cost)
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
             for vehicle, route in zip(instance.vehicles, plan.routes, strict=True):
                 # What is given a visit is within its budget; one that cannot even get home is given none. On its
                 # way the search may go beyond.
-                most = vehicle.budget_pct if state is search._best else vehicle.budget_pct * (1 + SLACK)
+                most = vehicle.budget_pct if state is search._leader.best else vehicle.budget_pct * (1 + SLACK)
                 assert not route.visits or state.loads[route.vehicle] <= most + 1e-6
             accounted = [visit >> 1 for route in plan.routes for visit in route.visits] + list(plan.uncovered)
             assert sorted(accounted) == list(range(instance.segments))
@@ -70,9 +70,9 @@ def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost:
     search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
     search._advance(20)
     truth = true_weights(problem_of(instance), cost, all_vehicles=False)
-    evaluation = evaluate(instance, plan_of(search._best), cost)
+    evaluation = evaluate(instance, plan_of(search._leader.best), cost)
     if not evaluation.violations:
-        assert objective(problem_of(instance), truth, search._best) == pytest.approx(
+        assert objective(problem_of(instance), truth, search._leader.best) == pytest.approx(
             evaluation.value, rel=1e-5, abs=1e-9
         )
 
