@@ -65,16 +65,20 @@ def solvers(
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,
     solver: Annotated[Solver, typer.Option(help="Who plans.")] = Solver.SEARCH,
+    starts: Annotated[
+        int | None, typer.Option(min=1, help="Searches side by side; by default one for each core.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Solve one instance (--instance or --radius)."""
+    from executor.bench.machine import cores
     from executor.bench.problems import problem_of
     from executor.bench.single import solve_single
 
     if instance is None and radius is None:
         raise BenchError("expected --instance FILE or --radius M")
     problem = problem_of(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
-    result = solve_single(problem, solver, cost=Cost(cost.value), seconds=seconds, seed=seed)
+    result = solve_single(problem, solver, cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores())
     if as_json:
         print(json.dumps(result))
         return

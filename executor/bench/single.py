@@ -26,13 +26,13 @@ class SingleResult(TypedDict):
     solver: str
 
 
-def solve_single(problem: Problem, solver: Solver, *, cost: Cost, seconds: float, seed: int) -> SingleResult:
+def solve_single(problem: Problem, solver: Solver, *, cost: Cost, seconds: float, seed: int, starts: int) -> SingleResult:
     """Solve one problem; the time does not include loading compiled code.
 
     Raises:
         planner.PlannerError: the solver does not take the instance.
     """
-    result = run(solver, problem.instance, cost=cost, stop=Seconds(seconds), seed=seed)
+    result = run(solver, problem.instance, cost=cost, stop=Seconds(seconds), seed=seed, starts=starts)
     return single_result(problem, solver, result)
 
 

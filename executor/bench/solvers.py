@@ -15,15 +15,22 @@ class Solver(StrEnum):
 
 
 def run(
-    solver: Solver, instance: Instance, *, cost: Cost, stop: StopRule, seed: int, all_vehicles: bool = False
+    solver: Solver,
+    instance: Instance,
+    *,
+    cost: Cost,
+    stop: StopRule,
+    seed: int,
+    starts: int = 1,
+    all_vehicles: bool = False,
 ) -> Result:
-    """Return what a solver finds.
+    """Return what a solver finds; ``starts``, threads side by side, are the search's alone.
 
     Raises:
         planner.PlannerError: the solver does not take the instance.
     """
     match solver:
         case Solver.SEARCH:
-            return solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+            return solve(instance, cost=cost, stop=stop, seed=seed, starts=starts, all_vehicles=all_vehicles)
         case Solver.GRASP:
             return grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)

@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 from executor.bench.problems import network_of
+from executor.bench.solvers import Solver
 from executor.bench.store import Json, Store
 from executor.bench.table.cells import Cell, Found, Series, Stretched, best_mincomb
 from executor.bench.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
@@ -118,11 +119,13 @@ def _robust_task(frame: _Frame, stretch: float) -> Task:
 
 
 def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
-    def of(solver: str, cost: Cost) -> tuple[Found, ...]:
+    def of(solver: Solver, cost: Cost) -> tuple[Found, ...]:
+        wanted = (frame.radius_m, frame.tightness, solver, cost)
         return tuple(
-            Found.of(result) for task, result in plans.items()
-            if (task.radius_m, task.tightness, task.solver, task.cost) == (frame.radius_m, frame.tightness, solver, cost)
-        )  # fmt: skip
+            Found.of(result)
+            for task, result in plans.items()
+            if (task.radius_m, task.tightness, task.solver, task.cost) == wanted
+        )
 
     return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
 

@@ -51,14 +51,15 @@ def _preamble(settings: TableSettings) -> str:
 
 def _in_short(cells: Sequence[Cell]) -> str:
     summary = summary_of(cells)
-    mean = "there is no such cell"
+    mean = "there is no such cell."
     if summary.mean_reduction is not None:
-        mean = f"t* is {100 * summary.mean_reduction:.1f} % less on average over the {summary.open} cells of that kind"
+        mean = f"t* is {100 * summary.mean_reduction:.1f} % less on average (cells of that kind: {summary.open})"
     return (
         f"- At the stretch that the best MinComb plan takes (by its window, over all seeds and both solvers), the plan "
         f"chosen for its window has the larger window and the earlier t* in {summary.gains} of {summary.cells} cells.\n"
         f"- Where the bound leaves {100 * LEAVES:.0f} % of t* or more to gain: {mean}.\n"
-        f"- In {summary.settled} cells the best MinComb plan is as good as the bound allows: nothing is left to gain."
+        f"- Cells in which nothing is left to gain, for the best MinComb plan is as good as the bound allows: "
+        f"{summary.settled} of {summary.cells}."
     )
 
 

@@ -26,7 +26,6 @@ from planner import (
     travel_for,
 )
 
-
 Routes = tuple[tuple[int, ...], ...]
 
 

@@ -80,8 +80,8 @@ def test_the_report_shows_the_figures() -> None:
     ]
     text = report(cells, settings, machine(), "table.png")
     assert "in 1 of 2 cells" in text
-    assert "25.0 % less on average over the 1 cells" in text
-    assert "In 1 cells the best MinComb plan is as good" in text
+    assert "25.0 % less on average (cells of that kind: 1)" in text
+    assert "as good as the bound allows: 1 of 2" in text
     assert "| 500 | 0.80 | 5.0 | 60.0 | 70.0 | 400 | 300 | 100 | 25.0 | 75.0 |" in text
     assert "| 0.80 | 20.0; 800 (>= 0) | 70.0; 300 (>= 120) | 5.0 %: 70.0; 300 (>= 120) | 100 |" in text
     assert "| 0.80 | 100.0 | 6.2 (6.2) | 5.0 (5.0) | 60.0 (32.5) |" in text
