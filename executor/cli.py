@@ -30,6 +30,7 @@ for command in (
     flights.demo,
     plans.plan,
     plans.check,
+    plans.window,
     plans.replan,
     plans.export,
     flights.simulate,

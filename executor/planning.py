@@ -2,34 +2,138 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 
 from executor import build
 from executor.build import Ground
-from missions import PlanFile, PlanFileError, Solved, Task, make_plan_file
-from planner import Cost, NoImprovement, Plan, Progress, Remainder, Seconds, any_of, remaining, replan, solve
+from missions import PlanFile, PlanFileError, Solved, Task, Window, make_plan_file
+from planner import (
+    Cost,
+    Instance,
+    NoImprovement,
+    Plan,
+    Progress,
+    Remainder,
+    ReplanWindow,
+    Result,
+    Seconds,
+    StopRule,
+    any_of,
+    grasp,
+    remaining,
+    replan,
+    replan_window,
+    solve,
+    solve_exact,
+    solve_window,
+)
 
-SOLVER = "search"
+WINDOW_UNASKED = 1_000
+"""Vehicles times segments up to which each plan comes with its re-plan window."""
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
 
-def first_plan(
-    ground: Ground,
-    *,
-    cost: Cost,
-    seconds: float,
-    seed: int,
-    all_vehicles: bool,
-    on_progress: Callable[[Progress], None] | None = None,
-) -> PlanFile:
-    """Plan a whole site."""
+class Solver(Enum):
+    """Who plans."""
+
+    SEARCH = "search"
+    GRASP = "grasp"
+    EXACT = "exact"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a first plan is asked to be."""
+
+    cost: Cost | None
+    """None: the largest re-plan window."""
+    seconds: float
+    """The solver's time."""
+    seed: int
+    solver: Solver = Solver.SEARCH
+    all_vehicles: bool = False
+    """Keep no vehicle on the ground."""
+    stretch: float = 0.1
+    """With a window: how much longer than the best MinMax plan's the longest route may be, as a share of it."""
+    starts: int = 0
+    """Searches side by side; 0 for as many as there are processors."""
+
+    def __post_init__(self) -> None:
+        """Check that the solver can do it.
+
+        Raises:
+            PlanFileError: the window is asked of a solver that does not know it.
+        """
+        if self.cost is None and self.solver is not Solver.SEARCH:
+            raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+
+    @property
+    def threads(self) -> int:
+        """Searches side by side."""
+        return self.starts or os.cpu_count() or 1
+
+
+def first_plan(ground: Ground, wanted: Wanted, on_progress: Callable[[Progress], None] | None = None) -> PlanFile:
+    """Plan a whole site.
+
+    Raises:
+        planner.PlannerError: the solver cannot take this problem.
+    """
     task = build.task_of(ground)
-    stop = any_of(Seconds(seconds), NoImprovement(SETTLED))
-    result = solve(task.instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, on_progress=on_progress)
-    solved = Solved(solver=SOLVER, seed=seed, seconds=result.seconds)
-    return make_plan_file(ground.network, task, ground.travel, result.plan, cost, solved, inspection=ground.inspection)
+    window: Window | None
+    if wanted.cost is None:
+        found = solve_window(
+            task.instance, stretch=wanted.stretch, stop=Seconds(wanted.seconds), seed=wanted.seed,
+            all_vehicles=wanted.all_vehicles, starts=wanted.threads, on_progress=on_progress,
+        )  # fmt: skip
+        plan, seconds, window = found.plan, found.seconds, window_in(found.window)
+    else:
+        result = _solved(task.instance, wanted, wanted.cost, on_progress)
+        plan, seconds, window = result.plan, result.seconds, _window_unasked(task.instance, result.plan)
+    solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
+    return make_plan_file(
+        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
+    )
+
+
+def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callable[[Progress], None] | None) -> Result:
+    limit = Seconds(wanted.seconds)
+    match wanted.solver:
+        case Solver.GRASP:
+            return grasp(
+                instance, cost=cost, stop=limit, seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+                on_progress=on_progress,
+            )  # fmt: skip
+        case Solver.EXACT:
+            return solve_exact(
+                instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, on_progress=on_progress
+            )
+        case Solver.SEARCH:
+            return solve(
+                instance, cost=cost, stop=_settled(wanted.seconds), seed=wanted.seed, starts=wanted.threads,
+                all_vehicles=wanted.all_vehicles, on_progress=on_progress,
+            )  # fmt: skip
+
+
+def _settled(seconds: float) -> StopRule:
+    return any_of(Seconds(seconds), NoImprovement(SETTLED))
+
+
+def window_in(found: ReplanWindow) -> Window:
+    """Return a re-plan window as plan files keep it."""
+    return Window(found.window_pct, found.earliest_s, found.longest_route_s)
+
+
+def _window_unasked(instance: Instance, plan: Plan) -> Window | None:
+    """Return the window of a plan where it takes a second or two at most, else None."""
+    fleet = len(instance.vehicles)
+    if fleet < 2 or fleet * instance.segments > WINDOW_UNASKED:
+        return None
+    return window_in(replan_window(instance, plan))
 
 
 def fits(plan: PlanFile, ground: Ground, source: str) -> None:
@@ -68,10 +172,9 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
     task = plan.task()
     left = remaining(task.instance, plan.plan, names.index(lost), at_s)
-    stop = any_of(Seconds(seconds), NoImprovement(SETTLED))
-    result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
+    result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
     reduced = Task(left.instance, left.open_segments)
-    solved = Solved(solver=SOLVER, seed=seed, seconds=result.seconds)
+    solved = Solved(solver=Solver.SEARCH.value, seed=seed, seconds=result.seconds)
     content = make_plan_file(
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
     )

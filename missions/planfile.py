@@ -18,10 +18,12 @@ from planner import (
     Instance,
     InstanceError,
     Plan,
+    PlanError,
     Travel,
     Vehicle,
     build_instance,
     evaluate,
+    replan_window,
     segment_of,
 )
 
@@ -194,16 +196,34 @@ def make_plan_file(
     )
 
 
-def check_plan(content: PlanFile) -> list[str]:
+def check_plan(content: PlanFile, *, search_window: bool = True) -> list[str]:
     """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
 
     Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
-    what the window says of the longest route.
+    the re-plan window.
+
+    Args:
+        content: The file.
+        search_window: Whether the window is searched for anew: a second or two for a hundred segments. Otherwise only
+            its percentage and longest route are recomputed.
 
     Raises:
         PlanFileError: its vehicles or coordinates make no planning problem at all.
     """
-    return list(_findings(content))
+    findings = list(_findings(content))
+    if search_window and content.window is not None and not findings:
+        findings.extend(_window_findings(content, content.window))
+    return findings
+
+
+def _window_findings(content: PlanFile, written: Window) -> Iterator[str]:
+    try:
+        found = replan_window(content.instance(), content.plan)
+    except PlanError as error:
+        yield f"window: {error}"
+        return
+    if not _agree(written.earliest_s, found.earliest_s):
+        yield f"window.earliest_s is {written.earliest_s:.6g}, its content gives {found.earliest_s:.6g}"
 
 
 def _findings(content: PlanFile) -> Iterator[str]:

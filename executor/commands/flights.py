@@ -28,6 +28,7 @@ from executor.config import check_site, read_site
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
+from executor.planning import Wanted
 from missions import read_plan
 from planner import Cost
 
@@ -50,7 +51,7 @@ def demo(
     ground = build.ground_of(site, Path())
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
-    plan = first_plan(ground, console, Cost.MINMAX, 3.0, seed, all_vehicles=True)
+    plan = first_plan(ground, console, Wanted(Cost.MINMAX, 3.0, seed, all_vehicles=True))
     directory = new_run_directory(run)
     order = flying.Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     flying.keep(order)
@@ -102,7 +103,7 @@ def fly(
         if getattr(content, name) is not None:
             console.say(Level.WARNING, f"{site}: [{name}]: this version does not serve it; the flight goes on without")
     if plan is None:
-        routes = first_plan(ground, console, Cost.MINMAX, 5.0, 1, all_vehicles=True)
+        routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True))
     else:
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))

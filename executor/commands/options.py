@@ -10,17 +10,28 @@ import typer
 
 
 class CostName(StrEnum):
-    """What a plan is chosen by."""
+    """What a re-plan is chosen by."""
 
     MINMAX = "minmax"
     MINSUM = "minsum"
     MINCOMB = "mincomb"
 
 
+class PlanCostName(StrEnum):
+    """What a first plan is chosen by."""
+
+    MINMAX = "minmax"
+    MINSUM = "minsum"
+    MINCOMB = "mincomb"
+    WINDOW = "window"
+
+
 class SolverName(StrEnum):
     """Who plans."""
 
     SEARCH = "search"
+    GRASP = "grasp"
+    EXACT = "exact"
 
 
 class FormatName(StrEnum):

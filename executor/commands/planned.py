@@ -9,35 +9,38 @@ from executor import build, planning
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.errors import SiteError
+from executor.planning import Wanted
 from missions import PlanFile, check_plan
-from planner import Cost, Progress
+from planner import Progress
 
 
-def first_plan(
-    ground: build.Ground, console: TerminalConsole, cost: Cost, seconds: float, seed: int, *, all_vehicles: bool
-) -> PlanFile:
+def first_plan(ground: build.Ground, console: TerminalConsole, wanted: Wanted) -> PlanFile:
     """Plan a site and say how it goes.
 
     Raises:
         SiteError: the plan does not hold what it must.
+        planner.PlannerError: the solver cannot take this problem.
     """
+    progressed = announced(ground, console, wanted)
+    content = planning.first_plan(ground, wanted, progressed)
+    console.progress("")
+    for line in check_plan(content, search_window=False):
+        raise SiteError(f"the plan of --solver {wanted.solver.value} does not hold: {line}")
+    return content
+
+
+def announced(ground: build.Ground, console: TerminalConsole, wanted: Wanted) -> Callable[[Progress], None]:
+    """Say what is planned, and return how to say how far it is."""
     segments, vehicles = len(ground.network.segments), len(ground.names)
-    console.say(
-        Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({cost.value}, {seconds:g} s at most)"
-    )
+    name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
+    console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {wanted.seconds:g} s)")
 
     def progressed(progress: Progress) -> None:
         console.progress(
-            f"{progress.iterations} iterations, {cost.value} {progress.value:.2f}, left out {progress.uncovered}"
+            f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
         )
 
-    content = planning.first_plan(
-        ground, cost=cost, seconds=seconds, seed=seed, all_vehicles=all_vehicles, on_progress=progressed
-    )
-    console.progress("")
-    for line in check_plan(content):
-        raise SiteError(f"the plan does not hold: {line}")
-    return content
+    return progressed
 
 
 def writable(path: Path, write: Callable[[], object]) -> None:

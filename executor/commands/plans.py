@@ -17,6 +17,7 @@ from executor.commands.options import (
     FormatName,
     JsonOption,
     PlanArgument,
+    PlanCostName,
     SecondsOption,
     SeedOption,
     SiteArgument,
@@ -26,6 +27,7 @@ from executor.commands.planned import first_plan, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
 from executor.errors import SiteError
+from executor.planning import Solver, Wanted
 from missions import (
     PlanFile,
     check_plan,
@@ -39,25 +41,55 @@ from missions import (
     read_plan,
     write_plan,
 )
-from planner import Cost
+from planner import Cost, ReplanWindow, repairs_at, replan_window
 
 
 def plan(
     site: SiteArgument,
-    cost: CostOption = CostName.MINCOMB,
-    solver: Annotated[SolverName, typer.Option(help="Who plans.")] = SolverName.SEARCH,
+    cost: Annotated[
+        PlanCostName,
+        typer.Option(
+            help="minmax: the longest route; minsum: all routes; mincomb: both; window: the largest re-plan window, so "
+            "that any one vehicle may be lost as early as possible."
+        ),
+    ] = PlanCostName.MINCOMB,
+    solver: Annotated[
+        SolverName,
+        typer.Option(help="search: the strongest; grasp: the paper's; exact: proven, for a few segments."),
+    ] = SolverName.SEARCH,
+    stretch: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=1000,
+            metavar="PCT",
+            help="With --cost window: how much longer than the shortest possible the "
+            "longest route may be. A window is bought with time.",
+        ),
+    ] = 10.0,
     all_vehicles: Annotated[bool, typer.Option("--all-vehicles", help="Keep no vehicle on the ground.")] = False,
     seconds: SecondsOption = 5.0,
     seed: SeedOption = 1,
+    starts: Annotated[
+        int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")
+    ] = 0,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan there.")] = None,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget."""
-    del solver  # there is one; the option names it for scripts that will choose
+    wanted = Wanted(
+        cost=None if cost is PlanCostName.WINDOW else Cost(cost.value),
+        seconds=seconds,
+        seed=seed,
+        solver=Solver(solver.value),
+        all_vehicles=all_vehicles,
+        stretch=stretch / 100,
+        starts=starts,
+    )
     ground = build.ground_of(read_site(site), site.parent)
     console = TerminalConsole(quiet=as_json, yes=True)
-    content = first_plan(ground, console, Cost(cost.value), seconds, seed, all_vehicles=all_vehicles)
+    content = first_plan(ground, console, wanted)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
     if picture is not None:
@@ -77,6 +109,29 @@ def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
             print(line)
     if wrong:
         raise typer.Exit(1)
+
+
+def window(
+    plan: PlanArgument,
+    seed: SeedOption = 0,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw consumption over time, with the re-plans at the earliest.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say how early any one vehicle may be lost so that the others can still finish, and what breaks it before.
+
+    The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
+    that was found and checked. The certified time is a bound: before it some loss certainly cannot be repaired.
+    """
+    content = read_plan(plan)
+    found = replan_window(content.instance(), content.plan, seed=seed)
+    if picture is not None:
+        from executor.adapters.pictures import draw_window
+
+        repairs = repairs_at(content.instance(), content.plan, found.earliest_s, seed=seed)
+        writable(picture, lambda: draw_window(content, found, repairs, picture))
+    _print_window(content, found, as_json=as_json)
 
 
 def replan(
@@ -125,6 +180,40 @@ def export(
         print(path)
 
 
+def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> None:
+    breaking = found.breaking
+    if as_json:
+        print(
+            json.dumps({
+                "window_pct": found.window_pct,
+                "earliest_s": found.earliest_s,
+                "certified_earliest_s": found.certified_earliest_s,
+                "certified_window_pct": found.certified_window_pct,
+                "longest_route_s": found.longest_route_s,
+                "breaking": None if breaking is None else {
+                    "vehicle": content.vehicles[breaking.vehicle].name,
+                    "from_s": breaking.from_s,
+                    "to_s": breaking.to_s,
+                },
+            })
+        )  # fmt: skip
+        return
+    print(
+        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s on any one vehicle may be lost "
+        f"(longest route {found.longest_route_s:.0f} s)"
+    )
+    if breaking is not None:
+        name = content.vehicles[breaking.vehicle].name
+        print(
+            f"before that it breaks: {name} lost between {breaking.from_s:.0f} s and {breaking.to_s:.0f} s leaves more "
+            "than the others were found to be able to do"
+        )
+        print(
+            f"certified: no re-plan for every loss exists before {found.certified_earliest_s:.0f} s, so no window of "
+            f"this plan is larger than {found.certified_window_pct:.1f} %"
+        )
+
+
 def _print_plan(content: PlanFile, *, as_json: bool) -> None:
     uncovered = planning.segment_ids(content, content.plan)
     if as_json:
@@ -138,5 +227,10 @@ def _print_plan(content: PlanFile, *, as_json: bool) -> None:
             f"(budget {vehicle.budget_pct:g} %)"
         )
     print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
+    if content.window is not None:
+        print(
+            f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
+            "vehicle may be lost"
+        )
     if uncovered:
         print(f"the budgets do not cover segments {', '.join(map(str, uncovered))}")

@@ -85,7 +85,7 @@ def test_three_fly_one_falls_silent(autopilot: str, variable: str, port: int, la
         "test",
     )
     ground = build.ground_of(site, tmp_path)
-    plan = planning.first_plan(ground, cost=Cost.MINMAX, seconds=3.0, seed=1, all_vehicles=True)
+    plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
     order = app.Order(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
     order.run.mkdir()
     app.keep(order)
