@@ -22,7 +22,7 @@ from planner.evaluate import (
     route_energy_pct,
     spent_pct,
 )
-from planner.exact import EXACT_SEGMENTS, covers
+from planner.exact import covers, solve_exact
 from planner.grasp import grasp
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
@@ -43,6 +43,7 @@ from planner.stop import (
     Verdict,
     any_of,
 )
+from planner.subsets import EXACT_SEGMENTS
 from planner.window import Breaking, LossRepair, LossRow, Repair, ReplanWindow, loss_table, repairs_at, replan_window
 
 __all__ = [
@@ -104,6 +105,7 @@ __all__ = [
     "route_energy_pct",
     "segment_of",
     "solve",
+    "solve_exact",
     "solve_window",
     "spent_pct",
     "travel_for",

@@ -1,48 +1,29 @@
-"""Small instances exactly: whether a plan that covers everything exists."""
+"""Small instances exactly: whether a plan that covers everything exists, and the best plan with its proof.
+
+The best plan is a choice of routes, one for each vehicle, that share the segments among them: set partitioning over all
+routes within the budgets (the best through each set of segments), solved by HiGHS. Vehicles that are alike share their
+columns and are only counted. Of the columns most go before branching: a plan by the search is an upper bound, the
+linear relaxation a lower one, and a column whose reduced cost is more than lies between them is in no better plan.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.errors import InstanceError
-from planner.evaluate import BUDGET_TOLERANCE_PCT
+from planner.costs import Cost
+from planner.evaluate import evaluate
 from planner.model import Instance, Plan, Route
-from planner.moves import FloatArray
+from planner.partition import SAME, partition, prove
+from planner.result import Result
+from planner.solve import solve
+from planner.stop import Iterations, Progress, StopRule, Stopwatch
+from planner.subsets import Subsets, cover_all, most_valuable, route_subsets
 
-EXACT_SEGMENTS = 16
-"""Segments up to which all their sets are looked at; two more take four times the memory and up to nine times the time.
-
-For 3 vehicles ``covers`` takes some 5 ms with 12 segments, 50 ms with 14, 0.2 s with 16.
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class Subsets:
-    """The best route of one vehicle through each set of segments; a set is a number with a bit for each segment."""
-
-    energy_pct: FloatArray
-    """(2^n,) float64: of the best route through exactly this set, inf where none is within the budget."""
-    spent_pct: FloatArray
-    """(2^n, 2n) float64: the least that is spent at the end of visit j when it is the last of the set."""
-    home_pct: FloatArray
-    """(2n,) float64: from the end of a visit home."""
-    move_pct: FloatArray
-    """(2n, 2n) float64: from visit to visit with the vehicle's consumption."""
-
-    def route(self, chosen: int) -> tuple[int, ...]:
-        """Return the visits of the best route through a set that has one."""
-        route: list[int] = []
-        onward = self.home_pct
-        while chosen > 0:
-            last = int((self.spent_pct[chosen] + onward).argmin())
-            route.append(last)
-            chosen ^= 1 << (last >> 1)
-            onward = self.move_pct[:, last]
-        return tuple(reversed(route))
+SEARCH_ITERATIONS = 3000
+"""Of the search for the plan that bounds the cost from above."""
 
 
 def covers(instance: Instance) -> Plan | None:
@@ -56,81 +37,142 @@ def covers(instance: Instance) -> Plan | None:
     """
     subsets = route_subsets(instance)
     fits = [np.isfinite(own.energy_pct) for own in subsets]
-    parts = _parts(fits)
-    if parts is None:
-        return None
-    return Plan(tuple(Route(vehicle, own.route(parts[vehicle])) for vehicle, own in enumerate(subsets)))
+    parts = cover_all(fits)
+    return None if parts is None else _plan(instance, subsets, parts)
 
 
-def route_subsets(instance: Instance) -> tuple[Subsets, ...]:
-    """Return the best routes of each vehicle through all sets of segments; vehicles that are alike share theirs.
+def solve_exact(
+    instance: Instance,
+    *,
+    cost: Cost,
+    stop: StopRule,
+    seed: int = 0,
+    all_vehicles: bool = False,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Result:
+    """Return a plan with the proof of how good it is: ``Result.bound`` and ``Result.gap``.
+
+    As with ``solve``, no route exceeds its vehicle's budget and what cannot be covered is left out, the least value
+    first; then, if all vehicles are to fly, as many fly as can; then the cost decides.
+
+    Args:
+        instance: the problem, of at most EXACT_SEGMENTS segments.
+        cost: what to minimise.
+        stop: ends the proof before the gap is closed. An iteration is a node of the branch and bound. The search for a
+            first plan takes a fraction of a second and is not stopped by it.
+        seed: of that search.
+        all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
+        on_progress: called whenever ``stop`` is asked.
 
     Raises:
         InstanceError: more than EXACT_SEGMENTS segments.
     """
-    if instance.segments > EXACT_SEGMENTS:
-        raise InstanceError(f"{instance.segments} segments, expected at most {EXACT_SEGMENTS} for an exact answer")
-    known: dict[tuple[bytes | float, ...], Subsets] = {}
-    answer = []
-    for vehicle, kind in enumerate(kinds(instance)):
-        if kind not in known:
-            known[kind] = _subsets_of(instance, vehicle)
-        answer.append(known[kind])
-    return tuple(answer)
+    if instance.segments == 0:
+        done = solve(instance, cost=cost, stop=stop)
+        return replace(done, bound=done.evaluation.value)
+    watch = Stopwatch()
+    subsets = route_subsets(instance)
+    first = _first(instance, subsets, cost, seed, all_vehicles=all_vehicles)
+    return _prove(instance, subsets, cost, first, _Asker(first, stop, on_progress, watch), all_vehicles=all_vehicles)
 
 
-def kinds(instance: Instance) -> list[tuple[bytes | float, ...]]:
-    """Return for each vehicle what its routes' energies depend on: alike for those that can stand for each other."""
-    return [
-        (
-            instance.profile[number],
-            vehicle.consumption,
-            vehicle.budget_pct,
-            float(instance.idle_pct[number]),
-            instance.start_pct[number].tobytes(),
-            instance.home_pct[number].tobytes(),
+class _Asker:
+    """Asks the stop rule while HiGHS works."""
+
+    def __init__(
+        self, first: Result, stop: StopRule, on_progress: Callable[[Progress], None] | None, watch: Stopwatch
+    ) -> None:
+        self._first = first
+        self._stop = stop
+        self._on_progress = on_progress
+        self._watch = watch
+        self.reason = "optimal"
+
+    def __call__(self, nodes: int) -> bool:
+        """Return whether to stop."""
+        progress = Progress(
+            iterations=nodes,
+            since_improvement=nodes,
+            seconds=self.seconds,
+            value=self._first.evaluation.value,
+            uncovered=len(self._first.plan.uncovered),
+            feasible=self._first.feasible,
+            impossible=not self._first.feasible,
         )
-        for number, vehicle in enumerate(instance.vehicles)
-    ]
+        if self._on_progress is not None:
+            self._on_progress(progress)
+        verdict = self._stop(progress)
+        if verdict.allowed <= 0:
+            self.reason = verdict.reason
+        return verdict.allowed <= 0
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the call of the solver."""
+        return self._watch.seconds
 
 
-def _subsets_of(instance: Instance, number: int) -> Subsets:
-    # Only here: it loads numba.
-    from planner.kernels.subsets import best_routes
+def _first(instance: Instance, subsets: Sequence[Subsets], cost: Cost, seed: int, *, all_vehicles: bool) -> Result:
+    """Return a good plan that covers as much value as any."""
+    from planner.construct import problem_of
 
-    vehicle, every = instance.vehicles[number], np.arange(2 * instance.segments)
-    start = np.array(instance.start_pct[number], dtype=np.float64)
-    home = np.array(instance.home_pct[number], dtype=np.float64)
-    pct = instance.moves.pct(instance.profile[number], every[:, np.newaxis], every[np.newaxis])
-    move = np.array(vehicle.consumption * pct, dtype=np.float64, order="C")
-    most = vehicle.budget_pct + BUDGET_TOLERANCE_PCT
-    sets = 2**instance.segments
-    spent, energy = np.empty((sets, len(every))), np.empty(sets)
-    idle = float(instance.idle_pct[number])
-    energy[0] = idle if idle <= most else np.inf
-    best_routes(start, home, move, most, spent, energy)
-    return Subsets(energy, spent, home, move)
+    stop = Iterations(SEARCH_ITERATIONS)
+    found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+    if not found.plan.uncovered:
+        return found
+    plan = _plan(instance, subsets, most_valuable(subsets, problem_of(instance).value))
+    again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles)
+    if _worth(instance, again.plan) >= _worth(instance, plan) * (1 - SAME):
+        return again
+    # A route within the last of the tolerance, from which the search takes a visit.
+    return replace(again, plan=plan, evaluation=evaluate(instance, plan, cost))
 
 
-def _parts(fits: Sequence[npt.NDArray[np.bool_]]) -> list[int] | None:
-    """Return a set for each vehicle that fits it, together everything; None where there are none."""
-    from planner.kernels.subsets import join
+def _prove(
+    instance: Instance, subsets: Sequence[Subsets], cost: Cost, first: Result, ask: _Asker, *, all_vehicles: bool
+) -> Result:
+    """Return the best plan and what is proved of it, beginning with a plan of the value that a plan can have."""
+    from planner.construct import problem_of, true_weights
 
-    sets = len(fits[0])
-    covered = np.arange(sets) == 0
-    steps = []
-    for own in fits[:-1]:
-        together, part_of = np.zeros(sets, dtype=np.bool_), np.zeros(sets, dtype=np.int64)
-        join(covered, own, together, part_of)
-        steps.append(part_of)
-        covered = together
-    # The last vehicle must take all that the others leave.
-    complete = covered & fits[-1][::-1]
-    chosen = int(complete.argmax())
-    if not complete[chosen]:
-        return None
-    parts = [sets - 1 - chosen]
-    for part_of in reversed(steps):
-        parts.append(int(part_of[chosen]))
-        chosen ^= parts[-1]
-    return parts[::-1]
+    numbers = problem_of(instance)
+    grounded = true_weights(numbers, cost, all_vehicles=all_vehicles).empty
+    everybody = len(instance.vehicles)
+
+    def charge(plan: Plan) -> float:
+        """Return what vehicles without a visit add to the cost."""
+        return grounded * (everybody - sum(bool(route.visits) for route in plan.routes))
+
+    ceiling = first.evaluation.value + charge(first.plan)
+    least_value = _worth(instance, first.plan) if first.plan.uncovered else np.inf
+    program = partition(
+        instance, subsets, cost, ceiling=ceiling, grounded=grounded, value=numbers.value, least_value=least_value
+    )
+    proof = prove(program, ceiling, ask)
+    plan = first.plan if proof.parts is None else _plan(instance, subsets, proof.parts)
+    evaluation = evaluate(instance, plan, cost)
+    bound = None if proof.bound is None else min(evaluation.value, proof.bound - charge(plan))
+    return Result(
+        plan=plan,
+        evaluation=evaluation,
+        feasible=not plan.uncovered and not evaluation.violations,
+        iterations=proof.nodes,
+        seconds=ask.seconds,
+        stopped_by=ask.reason,
+        impossible=first.impossible or ("the budgets do not suffice for every segment" if plan.uncovered else None),
+        bound=bound,
+    )
+
+
+def _worth(instance: Instance, plan: Plan) -> float:
+    """Return the value of what a plan inspects, as the search weighs it."""
+    from planner.construct import problem_of
+
+    value = problem_of(instance).value
+    return float(value.sum() - value[list(plan.uncovered)].sum())
+
+
+def _plan(instance: Instance, subsets: Sequence[Subsets], parts: Sequence[int]) -> Plan:
+    """Return the plan that gives each vehicle its best route through a set of segments."""
+    routes = tuple(Route(vehicle, own.route(parts[vehicle])) for vehicle, own in enumerate(subsets))
+    inspected = sum(parts)
+    return Plan(routes, tuple(segment for segment in range(instance.segments) if not inspected >> segment & 1))

@@ -33,7 +33,7 @@ from planner import (
     solve,
     travel_for,
 )
-from planner.exact import route_subsets
+from planner.subsets import route_subsets
 from tests.planner.builders import fleet, line, random_instance
 
 # A coarse grid, so that coincident pylons and segments without length are common.
