@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.costs import TABLES_UP_TO
 from planner.evaluate import BUDGET_TOLERANCE_PCT
 from planner.model import Instance
 from planner.moves import FloatArray
@@ -29,6 +30,8 @@ def why_impossible(instance: Instance) -> str | None:
     lost = np.flatnonzero(~reach.any(axis=0))
     if len(lost) > 0:
         return f"segment {int(lost[0])} is out of every vehicle's reach"
+    if instance.segments > TABLES_UP_TO:
+        return None  # the least total takes a table of all moves
     useful = reach.any(axis=1)
     needed, available = least_total_pct(instance, useful), float(budget[useful].sum())
     if needed > available:

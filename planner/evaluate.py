@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from planner.costs import K_C, Cost
 from planner.errors import PlanError
@@ -57,14 +58,10 @@ def completions_s(instance: Instance, route: Route) -> tuple[float, ...]:
         PlanError: the vehicle or a visit is not in the instance.
     """
     _check_known(instance, route)
-    profile = instance.profile[route.vehicle]
-    ends: list[float] = []
-    for before, visit in _steps(route):
-        if before is None:
-            ends.append(float(instance.start_s[route.vehicle, visit]))
-        else:
-            ends.append(ends[-1] + float(instance.moves.seconds(profile, before, visit)))
-    return tuple(ends)
+    if not route.visits:
+        return ()
+    moves_s = instance.moves.seconds(instance.profile[route.vehicle], list(route.visits[:-1]), list(route.visits[1:]))
+    return tuple(accumulate(moves_s.tolist(), initial=float(instance.start_s[route.vehicle, route.visits[0]])))
 
 
 def spent_pct(instance: Instance, route: Route, visits: int) -> float:
@@ -74,14 +71,12 @@ def spent_pct(instance: Instance, route: Route, visits: int) -> float:
         PlanError: the vehicle or a visit is not in the instance.
     """
     _check_known(instance, route)
-    profile, consumption = instance.profile[route.vehicle], instance.vehicles[route.vehicle].consumption
-    spent = 0.0
-    for before, visit in list(_steps(route))[:visits]:
-        if before is None:
-            spent += float(instance.start_pct[route.vehicle, visit])
-        else:
-            spent += consumption * float(instance.moves.pct(profile, before, visit))
-    return spent
+    flown = route.visits[:visits]
+    if not flown:
+        return 0.0
+    consumption = instance.vehicles[route.vehicle].consumption
+    moves_pct = consumption * instance.moves.pct(instance.profile[route.vehicle], list(flown[:-1]), list(flown[1:]))
+    return sum(moves_pct.tolist(), start=float(instance.start_pct[route.vehicle, flown[0]]))
 
 
 def cost_value(instance: Instance, plan: Plan, cost: Cost) -> float:
@@ -90,13 +85,19 @@ def cost_value(instance: Instance, plan: Plan, cost: Cost) -> float:
     Raises:
         PlanError: a vehicle or a visit is not in the instance.
     """
-    energies = [route_energy_pct(instance, route) for route in plan.routes]
-    longest = max(energies)
+    return cost_of(instance, [route_energy_pct(instance, route) for route in plan.routes], cost)
+
+
+def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
+    """Return the paper's cost of routes that use ``energies_pct``, one for each vehicle."""
+    longest = max(energies_pct)
     if cost is Cost.MINMAX:
         return longest
     budgets = [vehicle.budget_pct for vehicle in instance.vehicles]
-    soft_sum = sum(energy + K_C * _excess_pct(energy, budget) for energy, budget in zip(energies, budgets, strict=True))
-    return soft_sum if cost is Cost.MINSUM else soft_sum + longest / len(energies)
+    soft_sum = sum(
+        energy + K_C * _excess_pct(energy, budget) for energy, budget in zip(energies_pct, budgets, strict=True)
+    )
+    return soft_sum if cost is Cost.MINSUM else soft_sum + longest / len(energies_pct)
 
 
 def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
@@ -116,7 +117,7 @@ def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
     durations = tuple(route_duration_s(instance, route) for route in known.routes)
     energies = tuple(route_energy_pct(instance, route) for route in known.routes)
     return Evaluation(
-        value=cost_value(instance, known, cost),
+        value=cost_of(instance, energies, cost),
         durations_s=durations,
         energies_pct=energies,
         longest_route_s=max(durations),
@@ -138,14 +139,6 @@ def _violations(instance: Instance, plan: Plan, energies_pct: tuple[float, ...])
 def _excess_pct(energy_pct: float, budget_pct: float) -> float:
     excess = energy_pct - budget_pct
     return excess if excess > BUDGET_TOLERANCE_PCT else 0.0
-
-
-def _steps(route: Route) -> Iterator[tuple[int | None, int]]:
-    """Yield each visit with the one before it."""
-    before: int | None = None
-    for visit in route.visits:
-        yield before, visit
-        before = visit
 
 
 def _check_known(instance: Instance, route: Route) -> None:

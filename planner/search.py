@@ -53,6 +53,8 @@ class _Cycle:
     length: int
     hot: float
     """The temperature at the begin."""
+    cold: float
+    """At the end."""
     scale: float
     """The largest load at the begin."""
     soft: bool
@@ -61,7 +63,7 @@ class _Cycle:
     @property
     def cooling(self) -> float:
         """Factor on the temperature after each iteration."""
-        return float((COLD / HOT) ** (1 / self.length))
+        return float((self.cold / self.hot) ** (1 / self.length))
 
     def power(self, done: int) -> float:
         """Return the p-norm's p: the cycle has as many stages as there are powers."""
@@ -86,12 +88,14 @@ class Search:
         all_vehicles: bool,
         watch: Stopwatch,
         starts: int = 1,
+        hot: float = HOT,
     ) -> None:
         self._impossible = why_impossible(instance)
         self._instance = instance
         self._cost = cost
         self._all_vehicles = all_vehicles
         self._watch = watch
+        self._hot = hot
         self._problem: Problem = problem_of(instance)
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         truth = true_weights(self._problem, cost, all_vehicles=all_vehicles)
@@ -140,7 +144,8 @@ class Search:
 
     def _begin(self, length: int, *, soft: bool) -> None:
         best = self._leader.best
-        self._cycle = _Cycle(length, HOT * self._mean_transit(best), float(best.loads.max()), soft)
+        transit = self._mean_transit(best)
+        self._cycle = _Cycle(length, self._hot * transit, COLD * transit, float(best.loads.max()), soft)
         for start in self._starts:
             start.begin(self._leader, self._cycle.hot)
 

@@ -12,6 +12,9 @@ from planner.moves import Travel
 from planner.result import Result
 from planner.stop import Iterations, Progress, StopRule, Stopwatch
 
+WHOLE_UP_TO = 500
+"""Segments up to which all routes are searched at once."""
+
 
 def solve(
     instance: Instance,
@@ -51,10 +54,11 @@ def solve(
     if instance.segments == 0:
         return _nothing_to_do(instance, cost)
     # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
+    from planner.large import LargeSearch
     from planner.search import Search
 
     watch = Stopwatch()
-    search = Search(
+    search = (LargeSearch if instance.segments > WHOLE_UP_TO else Search)(
         instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts
     )
     return search.run(stop, on_progress)

@@ -1,0 +1,235 @@
+"""Networks of thousands of segments: a first plan along a curve, then a few neighbouring routes at a time.
+
+No table of all moves is made, and no iteration looks at all routes: a *region* is the routes next to some segment, and
+the ordinary search improves it as an instance of its own. A round improves as many regions as there are starts, in
+threads; they have no route in common, so the order in which threads end makes no difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.bounds import why_impossible
+from planner.costs import Cost
+from planner.evaluate import BUDGET_TOLERANCE_PCT, cost_of, evaluate, route_energy_pct
+from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.parts import curve_order, part_of, split
+from planner.result import Result
+from planner.search import Search
+from planner.stop import Iterations, Progress, StopRule, Stopwatch
+
+REGION = 100
+"""Segments of a region, about; two routes at least."""
+REGION_ROUTES = 12
+"""Routes of a region at most."""
+SPELL = 4_000
+"""Iterations that a region gets at a time: one annealing."""
+WARM = 1.5
+"""Temperature at the begin of a spell, in mean transits: most of the plan is kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Region:
+    """Some vehicles and the segments that they may share out among themselves."""
+
+    vehicles: tuple[int, ...]
+    segments: tuple[int, ...]
+    cost: Cost
+
+
+class LargeSearch:
+    """One search on a large instance; ``run`` is all that there is to call."""
+
+    def __init__(
+        self,
+        instance: Instance,
+        *,
+        cost: Cost,
+        seed: int,
+        initial: Plan | None,
+        all_vehicles: bool,
+        watch: Stopwatch,
+        starts: int = 1,
+    ) -> None:
+        self._impossible = why_impossible(instance)
+        self._instance = instance
+        self._cost = cost
+        self._all_vehicles = all_vehicles
+        self._watch = watch
+        self._starts = starts
+        self._chance = np.random.default_rng(seed)
+        self._middle_m = (instance.end_m[::2] + instance.end_m[1::2]) / 2
+        self._budgets = np.array([vehicle.budget_pct for vehicle in instance.vehicles])
+        self._routes: list[tuple[int, ...]] = self._first(initial)
+        self._energies = np.zeros(len(instance.vehicles))
+        self._route_of = np.full(instance.segments, -1, dtype=np.int64)
+        self._enter(range(len(self._routes)))
+        self._iterations = 0
+        self._improved_at = 0
+
+    def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
+        """Improve until ``stop`` says so."""
+        with ThreadPoolExecutor(self._starts) as threads:
+            while True:
+                progress = self._progress()
+                if on_progress is not None:
+                    on_progress(progress)
+                verdict = stop(progress)
+                if verdict.allowed <= 0:
+                    break
+                self._round(min(SPELL * self._starts, verdict.allowed), threads)
+        plan = Plan(
+            tuple(Route(vehicle, visits) for vehicle, visits in enumerate(self._routes)),
+            tuple(int(segment) for segment in self._open()),
+        )
+        return Result(
+            plan=plan,
+            evaluation=evaluate(self._instance, plan, self._cost),
+            feasible=progress.feasible,
+            iterations=self._iterations,
+            seconds=self._watch.seconds,
+            stopped_by=verdict.reason,
+            impossible=self._impossible,
+        )
+
+    def _first(self, initial: Plan | None) -> list[tuple[int, ...]]:
+        if initial is None:
+            return split(self._instance, curve_order(self._middle_m))
+        routes = [route.visits for route in initial.routes]
+        for vehicle, visits in enumerate(routes):
+            if visits and route_energy_pct(self._instance, Route(vehicle, visits)) > self._budgets[vehicle]:
+                region = _Region((vehicle,), tuple(segment_of(visit) for visit in visits), Cost.MINSUM)
+                routes[vehicle] = self._searched(region, [visits], seed=0, iterations=0)[0]
+        return routes
+
+    def _round(self, iterations: int, threads: ThreadPoolExecutor) -> None:
+        regions = self._regions()
+        shares = [iterations // len(regions) + int(place < iterations % len(regions)) for place in range(len(regions))]
+        seeds = self._chance.integers(0, 2**62, len(regions)).tolist()
+        before = self._key()
+
+        def improved(place: int) -> list[tuple[int, ...]]:
+            tours = [self._routes[vehicle] for vehicle in regions[place].vehicles]
+            return self._searched(regions[place], tours, seed=seeds[place], iterations=shares[place])
+
+        for region, routes in zip(regions, threads.map(improved, range(len(regions))), strict=True):
+            self._put_back(region, routes)
+        self._iterations += iterations
+        if self._key() < before:
+            self._improved_at = self._iterations
+
+    def _searched(
+        self, region: _Region, routes: Sequence[tuple[int, ...]], *, seed: int, iterations: int
+    ) -> list[tuple[int, ...]]:
+        """Return better routes for a region's vehicles, or the same."""
+        number = {segment: place for place, segment in enumerate(region.segments)}
+        search = Search(
+            part_of(self._instance, region.vehicles, region.segments),
+            cost=region.cost,
+            seed=seed,
+            initial=Plan(tuple(
+                Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits))
+                for place, visits in enumerate(routes)
+            )),
+            all_vehicles=self._all_vehicles,
+            watch=Stopwatch(),
+            hot=WARM,
+        )  # fmt: skip
+        plan = search.run(Iterations(iterations)).plan
+        return [
+            tuple(visit_of(region.segments[segment_of(visit)], is_reversed(visit)) for visit in route.visits)
+            for route in plan.routes
+        ]
+
+    def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
+        """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""
+        old = [self._routes[vehicle] for vehicle in region.vehicles]
+        before = self._key()
+        for vehicle, visits in zip(region.vehicles, routes, strict=True):
+            self._routes[vehicle] = visits
+        self._route_of[list(region.segments)] = -1
+        self._enter(region.vehicles)
+        if self._cost is Cost.MINCOMB and not self._all_vehicles and self._key() > before:
+            for vehicle, visits in zip(region.vehicles, old, strict=True):
+                self._routes[vehicle] = visits
+            self._route_of[list(region.segments)] = -1
+            self._enter(region.vehicles)
+
+    def _enter(self, vehicles: Sequence[int]) -> None:
+        for vehicle in vehicles:
+            visits = self._routes[vehicle]
+            self._energies[vehicle] = route_energy_pct(self._instance, Route(vehicle, visits))
+            self._route_of[[segment_of(visit) for visit in visits]] = vehicle
+
+    def _regions(self) -> list[_Region]:
+        """Return regions that have nothing in common, at least one and at most as many as there are starts."""
+        taken = np.zeros(len(self._routes), dtype=np.bool_)
+        claimed = np.zeros(self._instance.segments, dtype=np.bool_)
+        regions: list[_Region] = []
+        for place in range(self._starts):
+            longest = place == 0 and self._cost is not Cost.MINSUM and self._chance.random() < 0.5
+            seed = self._seed_segment(longest=longest)
+            if regions and (claimed[seed] or (self._route_of[seed] >= 0 and taken[self._route_of[seed]])):
+                continue
+            region = self._region(seed, taken, claimed, longest=longest)
+            taken[list(region.vehicles)] = True
+            claimed[list(region.segments)] = True
+            regions.append(region)
+        return regions
+
+    def _seed_segment(self, *, longest: bool) -> int:
+        """Return the middle of the next region: where something is left out, in the longest route, or anywhere."""
+        left = self._open()
+        if len(left) > 0 and self._chance.random() < 0.5:
+            return int(self._chance.choice(left))
+        visits = self._routes[int(self._energies.argmax())]
+        if longest and visits:
+            return segment_of(int(self._chance.choice(visits)))
+        return int(self._chance.integers(self._instance.segments))
+
+    def _region(
+        self, seed: int, taken: npt.NDArray[np.bool_], claimed: npt.NDArray[np.bool_], *, longest: bool
+    ) -> _Region:
+        """Return the free routes and the open segments nearest to a segment."""
+        away = np.hypot(*(self._middle_m - self._middle_m[seed]).T)
+        near = np.argsort(away, kind="stable")
+        vehicles: list[int] = []
+        segments: list[int] = []
+        for segment in near.tolist():
+            if len(vehicles) >= REGION_ROUTES or (len(segments) >= REGION and len(vehicles) > 1):
+                break
+            vehicle = int(self._route_of[segment])
+            if vehicle < 0 and not claimed[segment]:
+                segments.append(segment)
+            elif vehicle >= 0 and not taken[vehicle] and vehicle not in vehicles:
+                vehicles.append(vehicle)
+                segments += [segment_of(visit) for visit in self._routes[vehicle]]
+        idle = [vehicle for vehicle, visits in enumerate(self._routes) if not visits and not taken[vehicle]]
+        if idle:
+            vehicles.append(idle[int(self._chance.integers(len(idle)))])
+        cost = Cost.MINSUM if self._cost is Cost.MINCOMB and not longest else self._cost
+        return _Region(tuple(sorted(vehicles)), tuple(sorted(set(segments))), cost)
+
+    def _open(self) -> npt.NDArray[np.int64]:
+        return np.flatnonzero(self._route_of < 0)
+
+    def _key(self) -> tuple[float, float]:
+        """Return the value left out, then the cost: less is better."""
+        left = float(self._instance.value[self._route_of < 0].sum())
+        return left, cost_of(self._instance, self._energies.tolist(), self._cost)
+
+    def _progress(self) -> Progress:
+        return Progress(
+            iterations=self._iterations,
+            since_improvement=self._iterations - self._improved_at,
+            seconds=self._watch.seconds,
+            value=self._key()[1],
+            uncovered=len(self._open()),
+            feasible=not len(self._open()) and bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT)),
+            impossible=self._impossible is not None,
+        )
