@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from executor.bench.errors import BenchError
-from executor.bench.solvers import Solver
-from executor.commands.options import CostName, JsonOption, SecondsOption, SeedOption
+from executor.bench.parts.names import PartName
+from executor.commands.options import CostName, JsonOption, SecondsOption, SeedOption, SolverName
 from planner import Cost
 
 cli = typer.Typer(
@@ -19,6 +19,7 @@ cli = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
 
 RESULTS = Path("docs") / "results"
 
@@ -64,21 +65,37 @@ def solvers(
     ] = None,
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,
-    solver: Annotated[Solver, typer.Option(help="Who plans.")] = Solver.SEARCH,
+    solver: Annotated[SolverName, typer.Option(help="Who plans.")] = SolverName.SEARCH,
     starts: Annotated[
         int | None, typer.Option(min=1, help="Searches side by side; by default one for each core.")
     ] = None,
     as_json: JsonOption = False,
+    part: Annotated[
+        list[PartName] | None, typer.Option(help="Without an instance: measure this part alone; may be repeated.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only try the parts: a tenth of every time.")] = False,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
 ) -> None:
-    """Solve one instance (--instance or --radius)."""
+    """Solve one instance (--instance or --radius); without one, measure the solvers, part by part.
+
+    The parts: csum (c-MinSum beside PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
+    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part goes
+    on where it was.
+    """
+    if instance is None and radius is None:
+        _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
+        return
     from executor.bench.machine import cores
     from executor.bench.problems import problem_of
     from executor.bench.single import solve_single
+    from executor.planning import Solver
 
-    if instance is None and radius is None:
-        raise BenchError("expected --instance FILE or --radius M")
     problem = problem_of(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
-    result = solve_single(problem, solver, cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores())
+    result = solve_single(
+        problem, Solver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
+    )
     if as_json:
         print(json.dumps(result))
         return
@@ -86,6 +103,15 @@ def solvers(
     print(f"{result['value']:.4f} after {result['iterations']} iterations in {result['seconds']:.2f} s{left}")
     for number, route in enumerate(result["routes"], start=1):
         print(f"uav{number}: " + " ".join(_stop_name(stop) for stop in route))
+
+
+def _measure(
+    parts: list[PartName] | None, data: Path | None, out: Path, *, seed: int, quick: bool, fresh: bool
+) -> None:
+    from executor.bench.all_parts import make_parts
+    from executor.bench.data import data_directory
+
+    make_parts(parts or list(PartName), data_directory(data), out, seed=seed, quick=quick, fresh=fresh)
 
 
 @cli.command()

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TypedDict
 
 from executor.bench.problems import Problem
-from executor.bench.solvers import Solver, run
+from executor.bench.solvers import run
+from executor.planning import Solver
 from planner import Cost, Result, Seconds
 
 
@@ -22,11 +23,15 @@ class SingleResult(TypedDict):
     """Whether everything is visited within the budgets."""
     uncovered: list[int]
     """Cities or segments that no route visits."""
+    bound: float | None
+    """What no such plan is better than; None where the solver proves nothing."""
     instance: str
     solver: str
 
 
-def solve_single(problem: Problem, solver: Solver, *, cost: Cost, seconds: float, seed: int, starts: int) -> SingleResult:
+def solve_single(
+    problem: Problem, solver: Solver, *, cost: Cost, seconds: float, seed: int, starts: int
+) -> SingleResult:
     """Solve one problem; the time does not include loading compiled code.
 
     Raises:
@@ -47,6 +52,7 @@ def single_result(problem: Problem, solver: Solver, result: Result) -> SingleRes
         "iterations": result.iterations,
         "feasible": result.feasible,
         "uncovered": list(left) if names is None else [names[segment] for segment in left],
+        "bound": result.bound,
         "instance": problem.name,
         "solver": solver.value,
     }

@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-
-from planner import Cost, Instance, Result, StopRule, grasp, solve
-
-
-class Solver(StrEnum):
-    """Who plans."""
-
-    SEARCH = "search"
-    GRASP = "grasp"
+from executor.planning import Solver
+from planner import Cost, Instance, Result, StopRule, grasp, solve, solve_exact
 
 
 def run(
@@ -34,3 +26,5 @@ def run(
             return solve(instance, cost=cost, stop=stop, seed=seed, starts=starts, all_vehicles=all_vehicles)
         case Solver.GRASP:
             return grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+        case Solver.EXACT:
+            return solve_exact(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)

@@ -8,11 +8,11 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 from executor.bench.problems import network_of
-from executor.bench.solvers import Solver
 from executor.bench.store import Json, Store
 from executor.bench.table.cells import Cell, Found, Series, Stretched, best_mincomb
 from executor.bench.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
 from executor.bench.table.tasks import Kind, Routes, Task, do
+from executor.planning import Solver
 from planner import Cost, warm_up
 
 Results = dict[Task, Json]

@@ -9,9 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 
 from executor.bench.problems import line_instance, network_of, with_budget
-from executor.bench.solvers import Solver, run
+from executor.bench.solvers import run
 from executor.bench.store import Json
 from executor.bench.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
+from executor.planning import Solver
 from planner import (
     PRESETS,
     Cost,
