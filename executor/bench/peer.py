@@ -6,6 +6,7 @@ budget is each vehicle's longest distance. It minimises the sum: it has no min-m
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from importlib.util import find_spec
 
@@ -55,7 +56,10 @@ def solve_pyvrp(instance: Instance, *, seconds: float, seed: int, scale: float =
     data = pyvrp.ProblemData(
         locations, visits, depots, types, matrices, [np.zeros_like(one) for one in matrices], groups
     )
-    found = pyvrp.solve(data, pyvrp.stop.MaxRuntime(seconds), seed=seed, collect_stats=False, display=False).best
+    with warnings.catch_warnings():
+        # It warns where it does not find a plan within the budgets: here that is an answer.
+        warnings.simplefilter("ignore", pyvrp.exceptions.PenaltyBoundWarning)
+        found = pyvrp.solve(data, pyvrp.stop.MaxRuntime(seconds), seed=seed, collect_stats=False, display=False).best
     if not found.is_feasible():
         return PeerPlan(None, None)
     routes: list[tuple[int, ...]] = [()] * fleet
