@@ -15,6 +15,7 @@ from typing import NoReturn
 import typer
 from typer.exceptions import TyperException
 
+from executor.bench.cli import cli as bench
 from executor.commands import OUR_ERRORS, flights, plans, risk
 
 cli = typer.Typer(
@@ -37,6 +38,7 @@ for command in (
     flights.fly,
 ):
     cli.command()(command)
+cli.add_typer(bench)
 
 INTERRUPTED = 1
 INTERNAL = 70

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from executor import build
@@ -22,6 +22,7 @@ from planner import (
     Seconds,
     StopRule,
     any_of,
+    front,
     grasp,
     remaining,
     replan,
@@ -98,6 +99,37 @@ def first_plan(ground: Ground, wanted: Wanted, on_progress: Callable[[Progress],
     return make_plan_file(
         ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
     )
+
+
+def front_plans(
+    ground: Ground, wanted: Wanted, on_progress: Callable[[Progress], None] | None = None
+) -> tuple[PlanFile, ...]:
+    """Return the plans of a site that no other one found beats in longest route, energy and window at once.
+
+    Raises:
+        planner.PlanError: there is one vehicle only.
+    """
+    task = build.task_of(ground)
+    found = front(
+        task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+        starts=wanted.threads, on_progress=on_progress,
+    )  # fmt: skip
+    solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
+    return tuple(
+        make_plan_file(
+            ground.network, task, ground.travel, entry.plan, None, solved, window=window_in(entry.window),
+            inspection=ground.inspection,
+        )
+        for entry in found
+    )  # fmt: skip
+
+
+def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
+    """Return what each of the paper's cost functions gives in a tenth of the time, by its name: to compare with."""
+    plans = {}
+    for cost in Cost:
+        plans[cost.value] = first_plan(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
+    return plans
 
 
 def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callable[[Progress], None] | None) -> Result:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,7 +23,7 @@ from executor.commands.options import (
     SiteArgument,
     SolverName,
 )
-from executor.commands.planned import first_plan, writable
+from executor.commands.planned import announced, first_plan, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
 from executor.errors import SiteError
@@ -42,6 +42,9 @@ from missions import (
     write_plan,
 )
 from planner import Cost, ReplanWindow, repairs_at, replan_window
+
+if TYPE_CHECKING:
+    from executor.adapters.pictures import FrontPoint
 
 
 def plan(
@@ -73,13 +76,23 @@ def plan(
     starts: Annotated[
         int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")
     ] = 0,
+    front: Annotated[
+        bool,
+        typer.Option(
+            "--front",
+            help="Find the plans that are best trade-offs between longest route, energy and window, to choose from; -o "
+            "names a directory then, for a plan file each.",
+        ),
+    ] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan there.")] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget."""
     wanted = Wanted(
-        cost=None if cost is PlanCostName.WINDOW else Cost(cost.value),
+        cost=None if front or cost is PlanCostName.WINDOW else Cost(cost.value),
         seconds=seconds,
         seed=seed,
         solver=Solver(solver.value),
@@ -89,6 +102,9 @@ def plan(
     )
     ground = build.ground_of(read_site(site), site.parent)
     console = TerminalConsole(quiet=as_json, yes=True)
+    if front:
+        _plan_front(ground, console, wanted, output, picture, as_json=as_json)
+        return
     content = first_plan(ground, console, wanted)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
@@ -97,6 +113,53 @@ def plan(
 
         writable(picture, lambda: draw_plan(content, picture))
     _print_plan(content, as_json=as_json)
+
+
+def _plan_front(
+    ground: build.Ground,
+    console: TerminalConsole,
+    wanted: Wanted,
+    output: Path | None,
+    picture: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    plans = planning.front_plans(ground, wanted, announced(ground, console, wanted))
+    console.progress("")
+    if not plans:
+        raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
+    if output is not None:
+        writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+        for number, content in enumerate(plans, start=1):
+            writable(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
+    if as_json:
+        print(json.dumps({"front": [plan_document(content) for content in plans]}))
+    references = {} if as_json and picture is None else planning.reference_plans(ground, wanted)
+    if picture is not None:
+        from executor.adapters.pictures import draw_front
+
+        points = [_front_point(content) for content in plans]
+        others = {name: _front_point(content) for name, content in references.items() if content.window is not None}
+        writable(picture, lambda: draw_front(points, others, picture))
+    if not as_json:
+        print("         longest route   all energy   any loss from   window")
+        for number, content in enumerate(plans, start=1):
+            _print_trade(str(number), content)
+        for name, content in references.items():
+            _print_trade(name, content)
+
+
+def _front_point(content: PlanFile) -> FrontPoint:
+    from executor.adapters.pictures import FrontPoint
+
+    earliest_s = 0.0 if content.window is None else content.window.earliest_s
+    return FrontPoint(max(content.durations_s), earliest_s, sum(content.energies_pct))
+
+
+def _print_trade(name: str, content: PlanFile) -> None:
+    longest_s, energy_pct, found = max(content.durations_s), sum(content.energies_pct), content.window
+    text = f"{name:>7}  {longest_s / 60:9.1f} min  {energy_pct:9.1f} %"
+    print(text if found is None else f"{text}  {found.earliest_s / 60:10.1f} min  {found.window_pct:5.1f} %")
 
 
 def check(plan: PlanArgument, as_json: JsonOption = False) -> None:

@@ -1,0 +1,63 @@
+"""All parts of the measurements: each makes its page and its JSON."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from executor.bench.errors import BenchError
+from executor.bench.machine import machine, machine_line
+from executor.bench.markdown import page
+from executor.bench.parts import csum, exact, mtsp, replan, scale, start
+from executor.bench.parts.names import PartName
+from executor.bench.parts.setting import Setting
+from executor.bench.progress import ShownProgress
+from executor.bench.store import Json, Store, write_json, write_text
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    title: str
+    make: Callable[[Setting], Json]
+    report: Callable[[Json], str]
+    draw: Callable[[Json, Path], None] | None = None
+
+
+WORK = {
+    PartName.CSUM: _Work(csum.TITLE, csum.make, csum.report),
+    PartName.MTSP: _Work(mtsp.TITLE, mtsp.make, mtsp.report),
+    PartName.EXACT: _Work(exact.TITLE, exact.make, exact.report),
+    PartName.REPLAN: _Work(replan.TITLE, replan.make, replan.report),
+    PartName.SCALE: _Work(scale.TITLE, scale.make, scale.report, scale.draw),
+    PartName.START: _Work(start.TITLE, start.make, start.report),
+}
+NEED_DATA = frozenset({PartName.CSUM, PartName.MTSP})
+
+
+def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed: int, quick: bool, fresh: bool) -> None:
+    """Measure the parts one after the other, and write solvers-<part>.md and .json of each.
+
+    Raises:
+        BenchError: something that was measured cannot be, or the directory cannot be written.
+    """
+    for part in parts:
+        if data is None and part in NEED_DATA:
+            missing = "no ../shared/data beside the project or from here; --data DIR names it"
+            print(f"faultline: {part.value} is left out: {missing}", file=sys.stderr)
+            continue
+        work = WORK[part]
+        store = Store(out / "solvers" / part.value, fresh=fresh)
+        with ShownProgress() as shown:
+            result = work.make(Setting(data, store, shown.told, seed, quick))
+        about = machine()
+        write_json(out / f"solvers-{part.value}.json", {"machine": about, "seed": seed, "quick": quick, **result})
+        tried = "**Only tried: a tenth of every time, and fewer pieces.**" if quick else ""
+        write_text(out / f"solvers-{part.value}.md", page(work.title, machine_line(about), tried, work.report(result)))
+        if work.draw is not None:
+            try:
+                work.draw(result, out / f"solvers-{part.value}.png")
+            except OSError as error:
+                raise BenchError(f"{out}: cannot be written: {error.strerror}") from error
+        print(f"{out / f'solvers-{part.value}.md'} is written")

@@ -1,0 +1,180 @@
+"""The commands `faultline bench solvers` and `faultline bench table`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.bench.errors import BenchError
+from executor.bench.parts.names import PartName
+from executor.commands.options import CostName, JsonOption, SecondsOption, SeedOption, SolverName
+from planner import Cost
+
+cli = typer.Typer(
+    name="bench",
+    help="Measure the planner: against published figures, other solvers, and the clock.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+RESULTS = Path("docs") / "results"
+
+DataOption = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
+]
+OutOption = Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Start over; otherwise results that are there are kept.")]
+
+
+@cli.command()
+def solvers(
+    instance: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Solve one instance: a TSPLIB file (.tsp, EUC_2D, not rounded; the first city is the depot), or a "
+            "network (GeoJSON, or a graph file with the depot at 0, 0).",
+        ),
+    ] = None,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            min=1, metavar="M", help="Of a network, only segments within M metres; without a file, of faultline's own."
+        ),
+    ] = None,
+    dynamics: Annotated[
+        bool, typer.Option("--dynamics", help="With the authors' accelerations and turns; else speeds alone.")
+    ] = False,
+    vehicles: Annotated[int, typer.Option(min=1, help="How many vehicles.")] = 4,
+    cost: Annotated[
+        CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")
+    ] = CostName.MINMAX,
+    budget: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="X",
+            help="What a route may take: seconds for networks (5 m/s in transit, 1 m/s along the line), length for "
+            "cities, as the value that is printed. Without it there is no limit.",
+        ),
+    ] = None,
+    seconds: SecondsOption = 10.0,
+    seed: SeedOption = 1,
+    solver: Annotated[SolverName, typer.Option(help="Who plans.")] = SolverName.SEARCH,
+    starts: Annotated[
+        int | None, typer.Option(min=1, help="Searches side by side; by default one for each core.")
+    ] = None,
+    as_json: JsonOption = False,
+    part: Annotated[
+        list[PartName] | None, typer.Option(help="Without an instance: measure this part alone; may be repeated.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only try the parts: a tenth of every time.")] = False,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
+) -> None:
+    """Solve one instance (--instance or --radius); without one, measure the solvers, part by part.
+
+    The parts: csum (c-MinSum beside PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
+    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part goes
+    on where it was.
+    """
+    if instance is None and radius is None:
+        _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
+        return
+    from executor.bench.machine import cores
+    from executor.bench.problems import problem_of
+    from executor.bench.single import solve_single
+    from executor.planning import Solver
+
+    problem = problem_of(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
+    result = solve_single(
+        problem, Solver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
+    )
+    if as_json:
+        print(json.dumps(result))
+        return
+    left = f", {len(result['uncovered'])} left out" if result["uncovered"] else ""
+    print(f"{result['value']:.4f} after {result['iterations']} iterations in {result['seconds']:.2f} s{left}")
+    for number, route in enumerate(result["routes"], start=1):
+        print(f"uav{number}: " + " ".join(_stop_name(stop) for stop in route))
+
+
+def _measure(
+    parts: list[PartName] | None, data: Path | None, out: Path, *, seed: int, quick: bool, fresh: bool
+) -> None:
+    from executor.bench.all_parts import make_parts
+    from executor.bench.data import data_directory
+
+    make_parts(parts or list(PartName), data_directory(data), out, seed=seed, quick=quick, fresh=fresh)
+
+
+@cli.command()
+def table(
+    network: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Instead of the paper's network in the data directory; 'default' is faultline's own."
+        ),
+    ] = None,
+    radius: Annotated[
+        list[float] | None, typer.Option(min=1, metavar="M", help="Only this one; may be repeated.")
+    ] = None,
+    tightness: Annotated[
+        list[float] | None,
+        typer.Option(min=0.01, max=1, metavar="SHARE", help="Best MinMax over the budget; may be repeated."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Plans for each solver and cost function.")] = 10,
+    seconds: Annotated[float, typer.Option(min=0.01, help="For each of those plans.")] = 2.0,
+    window_seconds: Annotated[
+        float, typer.Option(min=0.01, help="For each plan that is chosen for its window.")
+    ] = 30.0,
+    iterations: Annotated[
+        int | None, typer.Option(min=1, help="Instead of all seconds: the same table on every machine.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
+) -> None:
+    """Make the paper's table: re-plan windows by cost function, radius and tightness (about 40 minutes on 2 cores).
+
+    An interrupted run goes on where it was.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.table.command import make_table
+    from executor.bench.table.settings import RADII_M, TIGHTNESS, TableSettings
+
+    settings = TableSettings(
+        network=_network_path(network, data),
+        radii_m=tuple(radius or RADII_M),
+        tightness=tuple(tightness or TIGHTNESS),
+        seeds=seeds,
+        seconds=seconds,
+        window_seconds=window_seconds,
+        iterations=iterations,
+    )
+    summary = make_table(settings, out, jobs=jobs or cores(), fresh=fresh)
+    print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb; see {out / 'table.md'}")
+
+
+def _network_path(network: str | None, data: Path | None) -> Path | None:
+    from executor.bench.data import NECHRANICE, data_directory
+
+    if network is not None:
+        return None if network == "default" else Path(network)
+    found = data_directory(data)
+    if found is None or not (found / NECHRANICE).is_file():
+        raise BenchError(f"--data: expected a directory with {NECHRANICE}; --network default needs none")
+    return found / NECHRANICE
+
+
+def _stop_name(stop: int | dict[str, int | bool]) -> str:
+    if isinstance(stop, int):
+        return str(stop)
+    return f"{stop['segment']}{'r' if stop['reversed'] else ''}"

@@ -1,0 +1,38 @@
+"""Tables in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+MISSING = "-"
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table whose columns are aligned to the right, but the first."""
+    lines = ["| " + " | ".join(columns) + " |", "| --- |" + " ---: |" * (len(columns) - 1)]
+    lines += ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def page(title: str, *parts: str) -> str:
+    """Return a page of paragraphs and tables."""
+    return "\n\n".join([f"# {title}", *(part for part in parts if part)]) + "\n"
+
+
+def number(value: float | None, digits: int = 1, unit: str = "") -> str:
+    """Return a figure with so many digits behind the point, or a dash where there is none."""
+    if value is None:
+        return MISSING
+    text = f"{value:.{digits}f}{unit}"
+    return text.lstrip("-") if float(f"{value:.{digits}f}") == 0 else text
+
+
+def percent_over(value: float | None, reference: float | None, digits: int = 2) -> str:
+    """Return how much more than a reference a value is, with its sign."""
+    if value is None or reference is None or reference == 0:
+        return MISSING
+    return f"{100.0 * (value / reference - 1.0):+.{digits}f} %"
+
+
+def _cell(value: object) -> str:
+    return MISSING if value is None else str(value).replace("|", "\\|").replace("\n", " ")

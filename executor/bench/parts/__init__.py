@@ -1,0 +1,1 @@
+"""The parts of `faultline bench solvers`, a module each: `make` measures, `report` writes its page."""

@@ -1,0 +1,66 @@
+"""Min-max multiple TSP: the longest tour against the best that is known."""
+
+from __future__ import annotations
+
+from statistics import fmean
+
+from executor.bench.data import TSPLIB, MtspReference, mtsp_references
+from executor.bench.markdown import number, percent_over, table
+from executor.bench.parts.setting import Setting
+from executor.bench.problems import cities_problem
+from executor.bench.store import Json
+from planner import Cost, Seconds, solve, warm_up
+
+TITLE = "Min-max multiple TSP"
+LIMIT_S = 10.0
+
+
+def make(setting: Setting) -> Json:
+    """Measure all instances."""
+    warm_up()
+    rows = []
+    references = mtsp_references(setting.directory)
+    for done, reference in enumerate(references):
+        setting.told(TITLE, done, len(references))
+        settings = {"seed": setting.seed, "quick": setting.quick, "starts": setting.starts}
+        key = f"mtsp-{reference.instance}-{reference.vehicles}"
+        rows.append(setting.store.known_or(key, settings, lambda row=reference: _row(setting, row)))  # type: ignore[misc]
+    setting.told(TITLE, len(references), len(references))
+    return {"rows": rows}
+
+
+def _row(setting: Setting, reference: MtspReference) -> Json:
+    path = setting.directory / TSPLIB / f"{reference.instance}.tsp"
+    instance = cities_problem(path, reference.vehicles).instance
+    stop = Seconds(setting.seconds(LIMIT_S))
+    found = solve(instance, cost=Cost.MINMAX, stop=stop, seed=setting.seed, starts=setting.starts)
+    there_and_back = (instance.start_pct[0] + instance.home_pct[0]).max()
+    return {
+        "instance": reference.instance,
+        "vehicles": reference.vehicles,
+        "best_known": reference.best_known,
+        "source": reference.source,
+        "value": found.evaluation.value if found.feasible else None,
+        "iterations": found.iterations,
+        "seconds": found.seconds,
+        "farthest": float(there_and_back),
+    }
+
+
+def report(result: Json) -> str:
+    """Return the page's part."""
+    rows = result["rows"]
+    gaps = [100 * (row["value"] / row["best_known"] - 1) for row in rows if row["value"] is not None]
+    shown = [
+        (
+            row["instance"], row["vehicles"], number(row["value"], 2), number(row["best_known"], 2),
+            percent_over(row["value"], row["best_known"]), number(row["farthest"], 2), row["source"],
+        )
+        for row in rows
+    ]  # fmt: skip
+    columns = ("instance", "vehicles", "found", "best known", "gap", "to the farthest city and back", "source")
+    return (
+        f"{LIMIT_S:g} s each, a start on each core. A city is a segment of no length, distances are not rounded. Where "
+        "the best value is the way to the farthest city and back it is optimal and tests little. "
+        f"Mean gap {fmean(gaps):.3f} %, largest {max(gaps):.3f} %.\n\n" + table(columns, shown)
+    )

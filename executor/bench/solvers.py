@@ -1,0 +1,30 @@
+"""The planner's solvers behind one call, so that they can be measured in the same way."""
+
+from __future__ import annotations
+
+from executor.planning import Solver
+from planner import Cost, Instance, Result, StopRule, grasp, solve, solve_exact
+
+
+def run(
+    solver: Solver,
+    instance: Instance,
+    *,
+    cost: Cost,
+    stop: StopRule,
+    seed: int,
+    starts: int = 1,
+    all_vehicles: bool = False,
+) -> Result:
+    """Return what a solver finds; ``starts``, threads side by side, are the search's alone.
+
+    Raises:
+        planner.PlannerError: the solver does not take the instance.
+    """
+    match solver:
+        case Solver.SEARCH:
+            return solve(instance, cost=cost, stop=stop, seed=seed, starts=starts, all_vehicles=all_vehicles)
+        case Solver.GRASP:
+            return grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+        case Solver.EXACT:
+            return solve_exact(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)

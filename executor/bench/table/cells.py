@@ -1,0 +1,157 @@
+"""The cells of a table, and what is read off them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from statistics import fmean
+
+from executor.bench.store import Json
+from planner import Cost
+
+NEAR_S = 1e-6
+"""Two times that differ by less are the same."""
+LEAVES = 0.15
+"""A bound leaves something to gain where t* can be lowered by this share of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The figures of one plan."""
+
+    window_pct: float
+    earliest_s: float
+    """t*."""
+    certified_earliest_s: float
+    """No window of this plan begins earlier."""
+    longest_s: float
+    longest_pct: float
+    feasible: bool
+    """Whether everything is inspected within the budgets; the window of any other plan is empty."""
+
+    @classmethod
+    def of(cls, content: Json) -> Found:
+        """Read the figures of a result."""
+        return cls(**{field.name: content[field.name] for field in fields(cls)})
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """The plans of one solver by one cost function, one for each seed."""
+
+    solver: str
+    cost: str
+    plans: tuple[Found, ...]
+
+    @property
+    def best(self) -> Found:
+        """The plan with the largest window, the earliest one of those alike."""
+        return best_by_window(self.plans)
+
+    @property
+    def best_earliest_s(self) -> float:
+        """The least t*, whichever plan's."""
+        return min(plan.earliest_s for plan in self.plans)
+
+    @property
+    def mean_window_pct(self) -> float:
+        """Over all seeds."""
+        return fmean(plan.window_pct for plan in self.plans)
+
+    @property
+    def mean_earliest_s(self) -> float:
+        """Over all seeds."""
+        return fmean(plan.earliest_s for plan in self.plans)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretched:
+    """A plan chosen for its window."""
+
+    stretch: float
+    """How much longer its longest route may be than that of the best MinMax plan."""
+    plan: Found
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One radius with one budget."""
+
+    radius_m: float
+    segments: int
+    tightness: float
+    c_max_pct: float
+    minmax_s: float
+    """The longest route of the best MinMax plan."""
+    series: tuple[Series, ...]
+    windows: tuple[Stretched, ...]
+    """At the fixed stretches."""
+    at_mincomb: Stretched
+    """At the stretch that the best MinComb plan takes."""
+    least_earliest_s: float
+    """No window of any plan begins earlier."""
+
+    @property
+    def mincomb(self) -> Found:
+        """The best MinComb plan by its window, whoever made it."""
+        return best_mincomb(self.series)
+
+    @property
+    def gains(self) -> bool:
+        """Whether the plan chosen for its window beats the best MinComb plan: a larger window, an earlier t*."""
+        mine, theirs = self.at_mincomb.plan, self.mincomb
+        return mine.window_pct > theirs.window_pct and mine.earliest_s < theirs.earliest_s - NEAR_S
+
+    @property
+    def reduction(self) -> float:
+        """How much earlier its t* is, as a share of the best MinComb plan's."""
+        theirs = self.mincomb.earliest_s
+        return 0.0 if theirs <= NEAR_S else 1.0 - self.at_mincomb.plan.earliest_s / theirs
+
+    @property
+    def most_reduction(self) -> float:
+        """What the bound leaves of such a reduction."""
+        theirs = self.mincomb.earliest_s
+        return 0.0 if theirs <= NEAR_S else max(0.0, 1.0 - self.least_earliest_s / theirs)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the best MinComb plan is as good as the bound allows: nothing is left to gain."""
+        return self.mincomb.earliest_s <= self.least_earliest_s + NEAR_S
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A table in a few figures."""
+
+    cells: int
+    gains: int
+    """Cells where the plan chosen for its window beats the best MinComb plan at the same stretch."""
+    settled: int
+    """Cells where nothing is left to gain."""
+    open: int
+    """Cells where the bound leaves at least LEAVES."""
+    mean_reduction: float | None
+    """Of t*, over those; None if there are none."""
+
+
+def summary_of(cells: Sequence[Cell]) -> Summary:
+    """Return the figures of a table."""
+    still_open = [cell for cell in cells if cell.most_reduction >= LEAVES]
+    return Summary(
+        cells=len(cells),
+        gains=sum(cell.gains for cell in cells),
+        settled=sum(cell.settled for cell in cells),
+        open=len(still_open),
+        mean_reduction=fmean(cell.reduction for cell in still_open) if still_open else None,
+    )
+
+
+def best_by_window(plans: Sequence[Found]) -> Found:
+    """Return the plan with the largest window, of those alike the one with the earliest t*."""
+    return max(plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
+
+
+def best_mincomb(series: Sequence[Series]) -> Found:
+    """Return the best MinComb plan by its window, whoever made it."""
+    return best_by_window([one.best for one in series if one.cost == Cost.MINCOMB.value])

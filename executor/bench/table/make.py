@@ -1,0 +1,159 @@
+"""Makes a table: stage by stage, the pieces of a stage on all cores, each kept as soon as it is there."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+
+from executor.bench.problems import network_of
+from executor.bench.store import Json, Store
+from executor.bench.table.cells import Cell, Found, Series, Stretched, best_mincomb
+from executor.bench.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
+from executor.bench.table.tasks import Kind, Routes, Task, do
+from executor.planning import Solver
+from planner import Cost, warm_up
+
+Results = dict[Task, Json]
+Told = Callable[[str, int, int], None]
+"""Called with the stage, and how many of its pieces are done of how many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Maker:
+    """Does the tasks of a table that have not been done."""
+
+    table: TableSettings
+    store: Store
+    jobs: int
+    told: Told
+
+    def all(self, stage: str, tasks: Sequence[Task]) -> Results:
+        """Return the results of all tasks: those that are there, and those that are made now."""
+        found = {task: self.store.known(task.key, task.settings(self.table)) for task in tasks}
+        results = {task: result for task, result in found.items() if result is not None}
+        self.told(stage, len(results), len(tasks))
+        for task, result in self._made([task for task in tasks if task not in results]):
+            results[task] = self.store.keep(task.key, task.settings(self.table), result)
+            self.told(stage, len(results), len(tasks))
+        return {task: results[task] for task in tasks}
+
+    def _made(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Json]]:
+        if self.jobs == 1 or len(tasks) < 2:
+            for task in tasks:
+                yield task, do(task, self.table)
+            return
+        warm_up()  # so that the processes find compiled kernels
+        # Not forked: a process that has the compiler's threads must not be.
+        pool = ProcessPoolExecutor(self.jobs, mp_context=multiprocessing.get_context("spawn"))
+        try:
+            futures = {pool.submit(do, task, self.table): task for task in tasks}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def make(maker: Maker) -> tuple[Cell, ...]:
+    """Return all cells of a table."""
+    table = maker.table
+    free = maker.all("MinMax without budgets", [
+        Task(Kind.PLAN, radius, solver=solver, cost=Cost.MINMAX, seed=seed)
+        for radius in table.radii_m for solver in SOLVERS for seed in range(table.seeds)
+    ])  # fmt: skip
+    frames = [_frame(radius, tightness, free) for radius in table.radii_m for tightness in table.tightness]
+    plans = maker.all("plans and their windows", [task for frame in frames for task in _plan_tasks(frame, free, table)])
+    bounds = maker.all("bounds", [frame.task(Kind.BOUND) for frame in frames])
+    series = {frame: _series(frame, plans) for frame in frames}
+    chosen = maker.all("plans chosen for their window", [
+        _robust_task(frame, stretch)
+        for frame in frames for stretch in dict.fromkeys((*STRETCHES, _taken(frame, series[frame])))
+    ])  # fmt: skip
+    return tuple(
+        _cell(frame, table, series[frame], chosen, bounds[frame.task(Kind.BOUND)]["least_earliest_s"])
+        for frame in frames
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """A cell before anything is in it."""
+
+    radius_m: float
+    tightness: float
+    budget_pct: float
+    best_routes: Routes
+    """Of the best MinMax plan, whoever found it."""
+    best_s: float
+
+    def task(self, kind: Kind) -> Task:
+        return Task(kind, self.radius_m, self.tightness, self.budget_pct)
+
+
+def _frame(radius_m: float, tightness: float, free: Results) -> _Frame:
+    of_radius = [result for task, result in free.items() if task.radius_m == radius_m]
+    best = min(of_radius, key=lambda result: float(result["longest_pct"]))
+    return _Frame(radius_m, tightness, best["longest_pct"] / tightness, _routes(best), best["longest_s"])
+
+
+def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[Task]:
+    """Yield the plans of a cell; a MinMax plan does not depend on the budget, its window does."""
+    radius, tightness, budget = frame.radius_m, frame.tightness, frame.budget_pct
+    for task, result in free.items():
+        if task.radius_m == radius:
+            yield Task(
+                Kind.WINDOW, radius, tightness, budget, task.solver, task.cost, task.seed, routes=_routes(result)
+            )
+    for solver in SOLVERS:
+        for cost in COSTS[1:]:
+            for seed in range(table.seeds):
+                yield Task(Kind.PLAN, radius, tightness, budget, solver, cost, seed)
+
+
+def _robust_task(frame: _Frame, stretch: float) -> Task:
+    return Task(
+        Kind.ROBUST, frame.radius_m, frame.tightness, frame.budget_pct,
+        stretch=stretch, routes=frame.best_routes, longest_s=frame.best_s,
+    )  # fmt: skip
+
+
+def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
+    def of(solver: Solver, cost: Cost) -> tuple[Found, ...]:
+        wanted = (frame.radius_m, frame.tightness, solver, cost)
+        return tuple(
+            Found.of(result)
+            for task, result in plans.items()
+            if (task.radius_m, task.tightness, task.solver, task.cost) == wanted
+        )
+
+    return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
+
+
+def _taken(frame: _Frame, series: Sequence[Series]) -> float:
+    """Return the stretch that the best MinComb plan takes; one that is shorter than MinMax takes none."""
+    longest_s = best_mincomb(series).longest_s
+    return max(0.0, longest_s / frame.best_s - 1.0)
+
+
+def _cell(
+    frame: _Frame, table: TableSettings, series: tuple[Series, ...], chosen: Results, least_earliest_s: float
+) -> Cell:
+    def at(stretch: float) -> Stretched:
+        return Stretched(stretch, Found.of(chosen[_robust_task(frame, stretch)]))
+
+    return Cell(
+        radius_m=frame.radius_m,
+        segments=len(network_of(table.network, frame.radius_m).segments),
+        tightness=frame.tightness,
+        c_max_pct=frame.budget_pct,
+        minmax_s=frame.best_s,
+        series=series,
+        windows=tuple(at(stretch) for stretch in STRETCHES),
+        at_mincomb=at(_taken(frame, series)),
+        least_earliest_s=least_earliest_s,
+    )
+
+
+def _routes(result: Json) -> Routes:
+    return tuple(tuple(route) for route in result["routes"])

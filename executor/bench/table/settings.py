@@ -1,0 +1,45 @@
+"""What the table is made of: cells, seeds, and how long each solver may take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from executor.planning import Solver
+from planner import Cost, Iterations, Seconds, StopRule
+
+RADII_M = (500.0, 700.0, 1000.0, 1200.0, 2000.0)
+TIGHTNESS = (0.78, 0.82, 0.86, 0.90)
+STRETCHES = (0.0, 0.05, 0.10, 0.20)
+DRONE = "mavic2"
+TRANSIT_M_S, INSPECTION_M_S = 5.0, 1.0
+VEHICLES = 4
+SOLVERS = (Solver.GRASP, Solver.SEARCH)
+COSTS = (Cost.MINMAX, Cost.MINSUM, Cost.MINCOMB)
+
+
+@dataclass(frozen=True, slots=True)
+class TableSettings:
+    """One table."""
+
+    network: Path | None
+    """A network file; None for the project's own network."""
+    radii_m: tuple[float, ...] = RADII_M
+    tightness: tuple[float, ...] = TIGHTNESS
+    """Best MinMax found / budget, for each row."""
+    seeds: int = 10
+    """Plans for each solver and cost function, of which the best and the mean are shown."""
+    seconds: float = 2.0
+    """For each plan."""
+    window_seconds: float = 30.0
+    """For each plan that is chosen for its window."""
+    iterations: int | None = None
+    """Instead of all seconds: the same table on every machine."""
+
+    def stop(self) -> StopRule:
+        """Return when a plan's search ends."""
+        return Seconds(self.seconds) if self.iterations is None else Iterations(self.iterations)
+
+    def window_stop(self) -> StopRule:
+        """Return when the search on the window ends."""
+        return Seconds(self.window_seconds) if self.iterations is None else Iterations(self.iterations)
