@@ -34,16 +34,18 @@ CYCLE = 2_000
 """Iterations of a walk from hot to cold."""
 BATCH = 250
 """Iterations of each walk between two questions to the stop rule."""
-HOT, COLD = 0.5, 0.03
+HOT, COLD = 2.0, 0.15
 """Temperatures of a walk, in mean transits of its plan."""
 FIRST_STEP, LAST_STEP = 0.08, 0.01
 """How far below the earliest time so far a walk aims, as shares of the longest route."""
-TOTAL = 0.05
+TOTAL = 0.0
 """What a percent that the plan uses counts in a walk beside one that its repairs lack."""
 RISE = 0.03
 """How much more energy a plan may use than the one before it, as a share of the first plan's."""
 SHARE = 4
 """Cycles after which a walk goes on from the best plan of all walks."""
+FULL_EFFORT_FROM = 40
+"""Segments below which searches for plans to begin with are shorter, in proportion."""
 MINMAX_ITERATIONS = 20_000
 """Of each search for the MinMax plan whose longest route is the measure."""
 OTHER_ITERATIONS = 10_000
@@ -179,10 +181,9 @@ class RobustSearch:
                 yield self._solved(capped, cost, number, OTHER_ITERATIONS)
 
     def _solved(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
-        result = solve(
-            instance, cost=cost, stop=any_of(Iterations(iterations), self._outer), seed=self._seed + number,
-            all_vehicles=self._all_vehicles,
-        )  # fmt: skip
+        share = min(1.0, instance.segments / FULL_EFFORT_FROM)
+        stop = any_of(Iterations(int(share * iterations)), self._outer)
+        result = solve(instance, cost=cost, stop=stop, seed=self._seed + number, all_vehicles=self._all_vehicles)
         self._outer.iterations += result.iterations
         return result.plan
 

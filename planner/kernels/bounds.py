@@ -8,6 +8,55 @@ import numpy as np
 from planner.kernels.arrays import FLOATS, INTS, TABLE, FloatArray, IntArray
 
 
+@nb.njit(nb.float64(TABLE, FLOATS, FLOATS, INTS, INTS, FLOATS, FLOATS, INTS), cache=True, nogil=True)
+def grow_tree(
+    links: FloatArray, potential: FloatArray, distance: FloatArray, inner: IntArray, outer: IntArray,
+    degree: FloatArray, used: FloatArray, last: IntArray,
+) -> float:  # fmt: skip
+    """Return the cost of the least spanning tree (Prim); count the end points and the vehicles that it uses.
+
+    Args:
+        links: as for ``tree_bound``.
+        potential: (2m,), added to the cost of what joins an end point.
+        distance: (m,), the least cost of entering a segment from the root; changed.
+        inner: (m,), at which end point; changed.
+        outer: (m,), from which one, or -1 - r from the start of vehicle r; changed.
+        degree: (2m,), counted up.
+        used: (r,), counted up.
+        last: (r,), the end point from which a vehicle that is used goes home.
+    """
+    segments = len(distance)
+    points = 2 * segments
+    reached = np.zeros(segments, dtype=np.bool_)
+    total = 0.0
+    for _ in range(segments):
+        nearest = -1
+        least = np.inf
+        for segment in range(segments):
+            if not reached[segment] and distance[segment] < least:
+                least = distance[segment]
+                nearest = segment
+        total += least
+        reached[nearest] = True
+        degree[inner[nearest]] += 1.0
+        if outer[nearest] >= 0:
+            degree[outer[nearest]] += 1.0
+        else:
+            vehicle = -1 - outer[nearest]
+            used[vehicle] += 1.0
+            degree[last[vehicle]] += 1.0
+        for point in range(2 * nearest, 2 * nearest + 2):
+            for other in range(points):
+                if reached[other >> 1]:
+                    continue
+                cost = links[point, other] + potential[point] + potential[other]
+                if cost < distance[other >> 1]:
+                    distance[other >> 1] = cost
+                    inner[other >> 1] = other
+                    outer[other >> 1] = point
+    return total
+
+
 @nb.njit(nb.float64(TABLE, TABLE, TABLE, FLOATS, INTS, nb.float64, nb.int64), cache=True, nogil=True)
 def tree_bound(
     links: FloatArray, starts: FloatArray, homes: FloatArray, idle: FloatArray, once: IntArray, enough: float,
@@ -40,14 +89,12 @@ def tree_bound(
     distance = np.empty(segments)
     inner = np.empty(segments, dtype=np.int64)
     outer = np.empty(segments, dtype=np.int64)
-    reached = np.empty(segments, dtype=np.bool_)
     for _ in range(iterations):
         degree = np.full(points, -1.0)
         used = np.full(fleet, -1.0)
         last = np.empty(fleet, dtype=np.int64)
         total = idle.sum() - potential.sum() - price.sum()
         distance[:] = np.inf
-        reached[:] = False
         for vehicle in range(fleet):
             way_home = homes[vehicle] + potential
             last[vehicle] = np.argmin(way_home)
@@ -58,31 +105,7 @@ def tree_bound(
                     distance[point >> 1] = cost
                     inner[point >> 1] = point
                     outer[point >> 1] = -1 - vehicle
-        for _ in range(segments):
-            nearest = -1
-            least = np.inf
-            for segment in range(segments):
-                if not reached[segment] and distance[segment] < least:
-                    least = distance[segment]
-                    nearest = segment
-            total += least
-            reached[nearest] = True
-            degree[inner[nearest]] += 1.0
-            if outer[nearest] >= 0:
-                degree[outer[nearest]] += 1.0
-            else:
-                vehicle = -1 - outer[nearest]
-                used[vehicle] += 1.0
-                degree[last[vehicle]] += 1.0
-            for point in range(2 * nearest, 2 * nearest + 2):
-                for other in range(points):
-                    if reached[other >> 1]:
-                        continue
-                    cost = links[point, other] + potential[point] + potential[other]
-                    if cost < distance[other >> 1]:
-                        distance[other >> 1] = cost
-                        inner[other >> 1] = other
-                        outer[other >> 1] = point
+        total += grow_tree(links, potential, distance, inner, outer, degree, used, last)
         if total > best:
             best = total
             stalled = 0

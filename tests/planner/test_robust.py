@@ -25,7 +25,7 @@ from planner.bounds import least_earliest_s
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))
-ENOUGH = Iterations(130_000)
+ENOUGH = Iterations(32_000)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_a_window_larger_than_mincombs_at_its_own_length(nechranice: Instance) -
     longest_s = minmax.evaluation.longest_route_s
     stretch = mincomb.evaluation.longest_route_s / longest_s - 1
     found = solve_window(
-        nechranice, stretch=stretch, longest_s=longest_s, stop=Iterations(140_000), initial=[mincomb.plan],
+        nechranice, stretch=stretch, longest_s=longest_s, stop=Iterations(75_000), initial=[mincomb.plan],
         all_vehicles=True,
     )  # fmt: skip
     assert found.feasible
@@ -92,7 +92,7 @@ def test_bad_wishes() -> None:
 
 
 def test_no_plan_of_the_front_beats_another() -> None:
-    plans = front(SMALL, stop=Iterations(150_000), stretches=(0.0, 0.2))
+    plans = front(SMALL, stop=Iterations(60_000), stretches=(0.0, 0.2))
     assert len(plans) > 1
     figures = [(plan.longest_route_s, plan.energy_pct, plan.window.earliest_s) for plan in plans]
     assert figures == sorted(figures)
