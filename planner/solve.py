@@ -35,8 +35,8 @@ def solve(
     Args:
         instance: the problem.
         cost: what to minimise.
-        stop: asked at least every 500 iterations of a start, on large instances every few thousand of one region; its time does not include loading or compiling the kernels, which
-            the first call does unless ``warm_up`` has.
+        stop: asked at least every 500 iterations of a start, on large instances every few thousand of a region; its
+            time does not include loading or compiling the kernels, which the first call does unless ``warm_up`` has.
         seed: of all randomness.
         initial: a plan to begin with; visits beyond a budget are taken out of it, open segments put in.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
