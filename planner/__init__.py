@@ -57,6 +57,7 @@ from planner.stop import (
     Verdict,
     any_of,
 )
+from planner.synthetic import generated_network
 from planner.window import Breaking, LossRepair, LossRow, Repair, ReplanWindow, loss_table, repairs_at, replan_window
 
 __all__ = [
@@ -116,6 +117,7 @@ __all__ = [
     "flight_chunks",
     "fly_chunk",
     "front",
+    "generated_network",
     "grasp",
     "is_reversed",
     "least_earliest_s",

@@ -144,6 +144,7 @@ def _excess_pct(energy_pct: float, budget_pct: float) -> float:
 def _check_known(instance: Instance, route: Route) -> None:
     if not 0 <= route.vehicle < len(instance.vehicles):
         raise PlanError(f"route of vehicle {route.vehicle}, the instance has {len(instance.vehicles)}")
-    for visit in route.visits:
-        if not 0 <= visit < 2 * instance.segments:
-            raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
+    visits = 2 * instance.segments
+    if route.visits and not (min(route.visits) >= 0 and max(route.visits) < visits):
+        unknown = next(visit for visit in route.visits if not 0 <= visit < visits)
+        raise PlanError(f"visit {unknown} is not in the instance of {instance.segments} segments")

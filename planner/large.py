@@ -23,13 +23,13 @@ from planner.result import Result
 from planner.search import Search
 from planner.stop import Iterations, Progress, StopRule, Stopwatch
 
-REGION = 100
+REGION = 300
 """Segments of a region, about; two routes at least."""
-REGION_ROUTES = 12
+REGION_ROUTES = 24
 """Routes of a region at most."""
 SPELL = 4_000
 """Iterations that a region gets at a time: one annealing."""
-WARM = 1.5
+WARM = 0.5
 """Temperature at the begin of a spell, in mean transits: most of the plan is kept."""
 
 
@@ -99,7 +99,8 @@ class LargeSearch:
 
     def _first(self, initial: Plan | None) -> list[tuple[int, ...]]:
         if initial is None:
-            return split(self._instance, curve_order(self._middle_m))
+            everybody = self._cost is Cost.MINMAX or self._all_vehicles
+            return split(self._instance, curve_order(self._middle_m), everybody=everybody)
         routes = [route.visits for route in initial.routes]
         for vehicle, visits in enumerate(routes):
             if visits and route_energy_pct(self._instance, Route(vehicle, visits)) > self._budgets[vehicle]:

@@ -36,15 +36,16 @@ def curve_order(places_m: FloatArray) -> npt.NDArray[np.int64]:
     return np.argsort(distance, kind="stable")
 
 
-def split(instance: Instance, order: npt.NDArray[np.int64]) -> list[tuple[int, ...]]:
-    """Return routes for all vehicles: the order cut into pieces, with the least common share of budgets that does.
+def split(instance: Instance, order: npt.NDArray[np.int64], *, everybody: bool) -> list[tuple[int, ...]]:
+    """Return routes for all vehicles: the order cut into pieces.
 
-    What even the whole budgets do not carry is left out at the end of the order.
+    Vehicles fly as far as their budgets go, or, if ``everybody`` is to share, to the least common share of them that
+    does. What even the whole budgets do not carry is left out at the end of the order.
     """
     tour = _directed(instance, order)
     low, high = 0.0, 1.0
     routes = _filled(instance, tour, high)
-    if sum(map(len, routes)) < len(tour):
+    if not everybody or sum(map(len, routes)) < len(tour):
         return routes
     for _ in range(BISECTIONS):
         share = (low + high) / 2

@@ -30,13 +30,13 @@ def solve(
     """Return the best plan found until ``stop`` ends the search.
 
     No route ever exceeds its vehicle's budget; what does not fit is left uncovered, the least value first, then the
-    cost function decides. The same seed and number of iterations give the same plan.
+    cost function decides. The same seed, starts and number of iterations give the same plan.
 
     Args:
         instance: the problem.
         cost: what to minimise.
-        stop: asked at least every 500 iterations; its time does not include loading or compiling the kernels, which
-            the first call does unless ``warm_up`` has.
+        stop: asked at least every 500 iterations of a start, on large instances every few thousand of a region; its
+            time does not include loading or compiling the kernels, which the first call does unless ``warm_up`` has.
         seed: of all randomness.
         initial: a plan to begin with; visits beyond a budget are taken out of it, open segments put in.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
@@ -65,7 +65,7 @@ def solve(
 
 
 def warm_up() -> None:
-    """Load all kernels, compiling them if no earlier process has: some 20 seconds once, then under a second."""
+    """Load all kernels, compiling them if no earlier process has: some 10 seconds once, then under a second."""
     instance = build_instance(
         [[[10.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]],
         (0.0, 0.0),

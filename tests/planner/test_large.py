@@ -57,17 +57,20 @@ def test_the_curve_visits_every_cell_before_it_leaves_its_neighbourhood() -> Non
 
 def test_the_first_plan_gives_equal_vehicles_about_the_same() -> None:
     instance = network(300, *[40_000.0] * 12)
-    routes = split(instance, curve_order(instance.end_m[::2]))
+    routes = split(instance, curve_order(instance.end_m[::2]), everybody=True)
     plan = Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     assert evaluation.violations == ()
     assert all(routes)
+    fewest = split(instance, curve_order(instance.end_m[::2]), everybody=False)
+    assert 0 < sum(map(bool, fewest)) < 12
+    assert sum(map(len, fewest)) == 300
     assert min(evaluation.energies_pct[:-1]) > 0.7 * max(evaluation.energies_pct)
 
 
 def test_what_budgets_do_not_carry_is_left_out_of_the_first_plan() -> None:
     instance = network(100, 0.0, 3000.0)
-    routes = split(instance, curve_order(instance.end_m[::2]))
+    routes = split(instance, curve_order(instance.end_m[::2]), everybody=True)
     assert routes[0] == ()
     assert 0 < len(routes[1]) < 100
 
@@ -91,7 +94,7 @@ def test_regions_make_a_large_plan_better_within_its_budgets(cost: Cost) -> None
     assert result.iterations == 16_000
     assert seen[-1].value == pytest.approx(result.evaluation.value)
     assert all(later.value <= earlier.value + 1e-6 for earlier, later in itertools.pairwise(seen))
-    assert result.evaluation.value < {Cost.MINMAX: 1.0, Cost.MINSUM: 0.9, Cost.MINCOMB: 0.9}[cost] * seen[0].value
+    assert result.evaluation.value < seen[0].value
     again = solve(instance, cost=cost, stop=Iterations(16_000), seed=2, starts=2)
     assert again.plan == result.plan
 
