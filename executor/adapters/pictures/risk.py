@@ -81,15 +81,16 @@ def _name_curves(figure: Figure, last: Risk, given: Risk) -> None:
     """Write what each curve is to the right of its end, and its figure for the time that was asked for."""
     (axes,) = figure.axes
     ends = sorted((100 * chance.estimate, replans) for replans, chance in enumerate(last.finished))
-    heights = spread([end for end, _ in ends], LABEL_STEP_PCT)
-    above = max(0.0, heights[-1] - 100.0)
+    low, high = axes.get_ylim()
+    heights = spread([(end - low) / (high - low) for end, _ in ends], LABEL_STEP)
+    above = max(0.0, heights[-1] - 1.0)
     for (end, replans), height in zip(ends, heights, strict=True):
         chance, look = given.finished[replans], style_of(replans)
         axes.annotate(
             f"{policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
             f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
             xy=(1.0, end), xycoords=("axes fraction", "data"),
-            xytext=(1.035, height - above), textcoords=("axes fraction", "data"),
+            xytext=(1.035, height - above), textcoords="axes fraction",
             fontsize=9, color=INK, va="center", annotation_clip=False,
             arrowprops={
                 "arrowstyle": "-", "color": look.colour, "linewidth": 1.2, "relpos": (0.0, 0.5), "shrinkA": 2,
