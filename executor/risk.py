@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Protocol
 
 from executor.errors import ConnectionFailed, ExecutorError
 from planner import Campaign, Chunk, Risk, Tally, flight_chunks, fly_chunk, risks_of
+
+if TYPE_CHECKING:
+    import distributed  # an extra; whoever flies here does without
 
 CONNECT_S = 5.0
 """A scheduler or a first worker that is not there after so long is away."""
@@ -27,6 +32,13 @@ SWEEP_CHUNK = 500
 
 Done = Callable[[int, int], None]
 """Told how many flights of how many are done."""
+
+
+Crew = Callable[[Campaign, Sequence[Chunk], Done], tuple[Risk, ...]]
+"""Flies chunks and gives the answers for each of the campaign's ``mtbf_h``; it calls the last after each chunk.
+
+It raises ExecutorError where a process or a worker was lost.
+"""
 
 
 class _Answer(Protocol):
@@ -41,32 +53,34 @@ class _Answer(Protocol):
         ...
 
 
-def fly(
-    content: Campaign, parts: Sequence[Chunk], *, jobs: int | None, dask: str | None, on_done: Done
-) -> tuple[Risk, ...]:
-    """Return the answers for each ``content.mtbf_h``.
+@contextmanager
+def crew(*, jobs: int | None, dask: str | None) -> Iterator[Crew]:
+    """Give what flies campaigns; a cluster is connected to at once, before anything is computed.
 
     Args:
-        content: what is flown.
-        parts: the chunks of the flights.
         jobs: processes on this computer; None for one per processor.
         dask: address of a Dask scheduler, such as tcp://10.0.0.1:8786; None for this computer.
-        on_done: called after each chunk.
 
     Raises:
         ConnectionFailed: the cluster is away, or its client is not installed.
-        ExecutorError: a process or a worker was lost.
     """
-    if dask is not None:
-        return risks_of(content, _on_cluster(content, parts, dask, on_done))
-    workers = min(jobs or os.cpu_count() or 1, len(parts))
-    if workers > 1:
-        return risks_of(content, _in_processes(content, parts, workers, on_done))
-    tallies = []
-    for part in parts:
-        tallies.append(fly_chunk(content, part))
-        on_done(sum(one.flights for one in parts[: len(tallies)]), sum(one.flights for one in parts))
-    return risks_of(content, tallies)
+    if dask is None:
+        yield partial(_here, jobs or os.cpu_count() or 1)
+        return
+    try:
+        import distributed
+    except ImportError as error:
+        raise ConnectionFailed('--dask: not installed; pip install "faultline[dask]"') from error
+    try:
+        client = distributed.Client(dask, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConnectionFailed(f"--dask: no scheduler at {dask}; expected one such as tcp://10.0.0.1:8786") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_S)
+        except TimeoutError as error:
+            raise ConnectionFailed(f"--dask: {dask} has no workers, expected one or more") from error
+        yield partial(_on_cluster, client)
 
 
 def sweep(content: Campaign, seed: int, *, flights: int) -> tuple[Campaign, tuple[Chunk, ...]]:
@@ -78,13 +92,23 @@ def sweep(content: Campaign, seed: int, *, flights: int) -> tuple[Campaign, tupl
     return replace(content, mtbf_h=hours), flight_chunks(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)
 
 
-def _in_processes(content: Campaign, parts: Sequence[Chunk], workers: int, on_done: Done) -> list[tuple[Tally, ...]]:
+def _here(workers: int, content: Campaign, parts: Sequence[Chunk], on_done: Done) -> tuple[Risk, ...]:
+    if min(workers, len(parts)) > 1:
+        return _in_processes(workers, content, parts, on_done)
+    tallies = []
+    for part in parts:
+        tallies.append(fly_chunk(content, part))
+        on_done(sum(one.flights for one in parts[: len(tallies)]), sum(one.flights for one in parts))
+    return risks_of(content, tallies)
+
+
+def _in_processes(workers: int, content: Campaign, parts: Sequence[Chunk], on_done: Done) -> tuple[Risk, ...]:
     # Spawned: a process that numba's threads have been started in must not be forked.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with ProcessPoolExecutor(min(workers, len(parts)), mp_context=context) as pool:
         futures = [pool.submit(fly_chunk, content, part) for part in parts]
         try:
-            return _gathered(futures, as_completed(futures), parts, on_done)
+            return risks_of(content, _gathered(futures, as_completed(futures), parts, on_done))
         except BrokenProcessPool as error:
             raise ExecutorError(
                 "a process that flew a part of the flights has died; --jobs 1 needs the least"
@@ -93,29 +117,18 @@ def _in_processes(content: Campaign, parts: Sequence[Chunk], workers: int, on_do
             pool.shutdown(cancel_futures=True)
 
 
-def _on_cluster(content: Campaign, parts: Sequence[Chunk], address: str, on_done: Done) -> list[tuple[Tally, ...]]:
+def _on_cluster(
+    client: distributed.Client, content: Campaign, parts: Sequence[Chunk], on_done: Done
+) -> tuple[Risk, ...]:
+    import distributed
+
     try:
-        import distributed
-    except ImportError as error:
-        raise ConnectionFailed('--dask: not installed; pip install "faultline[dask]"') from error
-    try:
-        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise ConnectionFailed(
-            f"--dask: no scheduler at {address}; expected one such as tcp://10.0.0.1:8786"
-        ) from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=CONNECT_S)
-        except TimeoutError as error:
-            raise ConnectionFailed(f"--dask: {address} has no workers, expected one or more") from error
         # The tables go to each worker once, not with each chunk.
         shared = client.scatter(content, broadcast=True)
         futures = client.map(fly_chunk, [shared] * len(parts), list(parts), pure=False)
-        try:
-            return _gathered(futures, distributed.as_completed(futures), parts, on_done)
-        except (ImportError, distributed.KilledWorker, distributed.CancelledError) as error:
-            raise ExecutorError(f"--dask: {address}: a worker failed: {type(error).__name__}: {error}") from error
+        return risks_of(content, _gathered(futures, distributed.as_completed(futures), parts, on_done))
+    except (ImportError, OSError, distributed.KilledWorker, distributed.CancelledError) as error:
+        raise ExecutorError(f"--dask: a worker failed: {type(error).__name__}: {error}") from error
 
 
 def _gathered(

@@ -14,7 +14,7 @@ from executor.commands.options import JsonOption, PlanArgument, SeedOption
 from executor.commands.planned import writable
 from executor.console import TerminalConsole
 from missions import read_plan
-from planner import Campaign, Chunk, Risk, flight_chunks, risk_campaign
+from planner import Campaign, Risk, flight_chunks, risk_campaign
 
 
 def risk(
@@ -66,27 +66,27 @@ def risk(
     content = read_plan(plan)
     names = [vehicle.name for vehicle in content.vehicles]
     console = TerminalConsole(quiet=as_json, yes=True)
-    console.progress("looking at each loss")
-    flown = risk_campaign(
-        content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
-        max_losses=max_losses,
-    )  # fmt: skip
+    swept: tuple[Risk, ...] = ()
 
-    def fly(what: Campaign, parts: Sequence[Chunk]) -> tuple[Risk, ...]:
-        return flights.fly(
-            what, parts, jobs=jobs, dask=dask,
-            on_done=lambda done, total: console.progress(f"{done} of {total} flights"),
+    def done(flown: int, total: int) -> None:
+        console.progress(f"{flown} of {total} flights")
+
+    with flights.crew(jobs=jobs, dask=dask) as fly:
+        console.progress("looking at each first loss")
+        wanted = risk_campaign(
+            content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
+            max_losses=max_losses,
         )  # fmt: skip
-
-    (found,) = fly(flown, flight_chunks(samples, seed))
+        (found,) = fly(wanted, flight_chunks(samples, seed), done)
+        if picture is not None:
+            swept = fly(*flights.sweep(wanted, seed, flights=samples), done)
+    console.progress("")
     if picture is not None:
         from executor.adapters.pictures import draw_risk
 
-        swept = fly(*flights.sweep(flown, seed, flights=samples))
         writable(picture, lambda: draw_risk(swept, found, picture))
-    console.progress("")
     if as_json:
-        print(json.dumps(risk_document(flown, found, names, seed)))
+        print(json.dumps(risk_document(wanted, found, names, seed)))
     else:
         _print_risk(found, names)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
@@ -14,8 +15,8 @@ from planner import Risk
 HEIGHT_IN = 6.6
 PLOT = (0.065, 0.11, 0.665, 0.78)
 """Left, bottom, width and height as shares of the figure; names of the curves stand to its right."""
-LABEL_STEP_PCT = 8.5
-"""Least distance of two names of two lines each."""
+LABEL_STEP = 0.085
+"""Least distance of two names of two lines each, as a share of the plot's height."""
 
 
 def risk_figure(swept: Sequence[Risk], given: Risk) -> Figure:
@@ -31,7 +32,9 @@ def risk_figure(swept: Sequence[Risk], given: Risk) -> Figure:
     hours = [risk.mtbf_h for risk in swept]
     axes.set_xscale("log")
     axes.set_xlim(hours[0], hours[-1])
-    axes.set_ylim(0.0, 103.0)
+    lowest = min(100 * chance.low for risk in swept for chance in risk.finished)
+    floor = max(0.0, 10.0 * math.floor(lowest / 10.0 - 0.3))
+    axes.set_ylim(floor, 100.0 + 0.03 * (100.0 - floor))
     axes.xaxis.set_major_locator(FixedLocator(hours))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -47,7 +50,7 @@ def risk_figure(swept: Sequence[Risk], given: Risk) -> Figure:
         )  # fmt: skip
         axes.plot(
             hours, [100 * one.estimate for one in curve], color=look.colour, lw=2.0, marker=look.marker, ms=6.5,
-            mec=PAPER, mew=0.8, ls="-" if replans == 0 else look.dashes, zorder=3 + replans,
+            mec=PAPER, mew=0.8, ls="-" if replans == 0 else look.dashes, zorder=3 + replans, clip_on=False,
         )  # fmt: skip
         axes.plot(
             given.mtbf_h, 100 * given.finished[replans].estimate, color=look.colour, marker=look.marker, ms=10.5,
@@ -78,15 +81,16 @@ def _name_curves(figure: Figure, last: Risk, given: Risk) -> None:
     """Write what each curve is to the right of its end, and its figure for the time that was asked for."""
     (axes,) = figure.axes
     ends = sorted((100 * chance.estimate, replans) for replans, chance in enumerate(last.finished))
-    heights = spread([end for end, _ in ends], LABEL_STEP_PCT)
-    above = max(0.0, heights[-1] - 100.0)
+    low, high = axes.get_ylim()
+    heights = spread([(end - low) / (high - low) for end, _ in ends], LABEL_STEP)
+    above = max(0.0, heights[-1] - 1.0)
     for (end, replans), height in zip(ends, heights, strict=True):
         chance, look = given.finished[replans], style_of(replans)
         axes.annotate(
             f"{policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
             f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
             xy=(1.0, end), xycoords=("axes fraction", "data"),
-            xytext=(1.035, height - above), textcoords=("axes fraction", "data"),
+            xytext=(1.035, height - above), textcoords="axes fraction",
             fontsize=9, color=INK, va="center", annotation_clip=False,
             arrowprops={
                 "arrowstyle": "-", "color": look.colour, "linewidth": 1.2, "relpos": (0.0, 0.5), "shrinkA": 2,

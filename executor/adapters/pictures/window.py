@@ -124,12 +124,12 @@ def _ends(
 ) -> list[End]:
     ends = []
     for vehicle, flown in enumerate(planned):
-        words = f"{content.vehicles[vehicle].name}: planned {flown.used_pct[-1]:.0f} %"
+        words = f"{content.vehicles[vehicle].name}: plan {flown.used_pct[-1]:.0f} %"
         most = max(
             (float(part.used_pct[-1]) for lines in anew for who, part in lines if who == vehicle), default=None
         )  # fmt: skip
         if most is not None and repairs:
-            words += f", at most {most:.0f} %"
+            words += f", re-plan {most:.0f} %"
         ends.append(End(float(flown.time_s[-1]), float(flown.used_pct[-1]), words, style_of(vehicle).colour))
     return ends
 
