@@ -12,7 +12,7 @@ from planner.evaluate import BUDGET_TOLERANCE_PCT, completions_s, route_duration
 from planner.exact import covers
 from planner.kernels.arrays import FloatArray, Problem, State
 from planner.kernels.tours import measure
-from planner.kernels.window import SAME_TIME_S, Clock, Loss, Repairs, Timing, set_clock, try_loss
+from planner.kernels.window import SAME_TIME_S, Clock, Desk, Loss, Repairs, Timing, set_clock, try_loss
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.replan import Remainder, remaining
 from planner.window import LossRow, Repair
@@ -40,7 +40,7 @@ class Losses:
         self._clock = clock_of(self._problem, self._timing, self._base)
         self._loss = loss_of(self._problem)
         self._repairs = no_repairs(self._problem, len(plan.routes))
-        self._current, self._trial = copy_of(self._base), copy_of(self._base)
+        self._desk = desk_of(self._base)
         self._ends_s = [completions_s(instance, route) for route in plan.routes]
         self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
         self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
@@ -112,7 +112,7 @@ class Losses:
         """Return the new routes of all vehicles, in the plan's numbering; None if no re-plan was found."""
         lacks = try_loss(
             self._problem, self._timing, self._base, self._clock, vehicle, self._events_s[interval], self._fly_again,
-            self._loss, self._repairs, self._current, self._trial, effort, self._rng,
+            self._loss, self._repairs, self._desk, effort, self._rng,
         )  # fmt: skip
         if lacks > 0:
             return None
@@ -191,6 +191,17 @@ def loss_of(problem: Problem) -> Loss:
         twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, but elsewhere after the loss
     )
     return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
+
+
+def desk_of(base: State) -> Desk:
+    """Return work space for repairs, and for walks, over states of this size."""
+    fleet, segments = len(base.lengths), len(base.route_of)
+    rooms = [np.zeros(segments, dtype=np.int64) for _ in range(4)]
+    return Desk(
+        opened=rooms[0], missing=rooms[1], pending=rooms[2], keys=np.zeros(segments),
+        touched=np.zeros(fleet, dtype=np.int64), came_from=np.zeros((segments, 2), dtype=np.int64), spare=rooms[3],
+        current=copy_of(base), trial=copy_of(base), other=copy_of(base),
+    )  # fmt: skip
 
 
 def no_repairs(problem: Problem, losses: int) -> Repairs:

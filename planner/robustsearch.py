@@ -16,8 +16,8 @@ from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
 from planner.kernels.robust import Limits, Walk, assess, earliest, set_clocks, walk
 from planner.kernels.tours import measure
-from planner.kernels.window import Loss, Repairs
-from planner.losses import base_of, clock_of, loss_of, no_repairs, timing_of
+from planner.kernels.window import Desk, Loss, Repairs
+from planner.losses import base_of, clock_of, desk_of, loss_of, no_repairs, timing_of
 from planner.model import Instance, Plan, Route
 from planner.robust import WindowResult
 from planner.solve import solve
@@ -38,8 +38,6 @@ HOT, COLD = 2.0, 0.15
 """Temperatures of a walk, in mean transits of its plan."""
 FIRST_STEP, LAST_STEP = 0.08, 0.01
 """How far below the earliest time so far a walk aims, as shares of the longest route."""
-TOTAL = 0.0
-"""What a percent that the plan uses counts in a walk beside one that its repairs lack."""
 RISE = 0.03
 """How much more energy a plan may use than the one before it, as a share of the first plan's."""
 SHARE = 4
@@ -75,8 +73,10 @@ class Walker:
     here: Walk
     there: Walk
     loss: Loss
-    current: State
-    trial: State
+    desk: Desk
+    """Work space of repairs."""
+    own: Desk
+    """Work space of the walk."""
     full: Repairs
     """Work space for whole windows."""
     rng: RandomState
@@ -256,15 +256,16 @@ class RobustSearch:
         base = base_of(self._problem, [()] * fleet)
         return Walker(
             here=self._room(base), there=self._room(copy_of(base)), loss=loss_of(self._problem),
-            current=copy_of(base), trial=copy_of(base), full=no_repairs(self._problem, fleet),
+            desk=desk_of(base), own=desk_of(base), full=no_repairs(self._problem, fleet),
             rng=random_state(seed), best=best,
         )  # fmt: skip
 
     def _room(self, base: State) -> Walk:
         slots = PROBES * len(base.lengths)
         return Walk(
-            base, clock_of(self._problem, self._timing, base), no_repairs(self._problem, slots), np.zeros(slots)
-        )
+            base, clock_of(self._problem, self._timing, base), no_repairs(self._problem, slots), np.zeros(slots),
+            np.zeros(slots, dtype=np.int64),
+        )  # fmt: skip
 
     def _place(self, walker: Walker, routes: Sequence[tuple[int, ...]]) -> None:
         """Put both plans of a walker at given routes, without repairs."""
@@ -280,7 +281,7 @@ class RobustSearch:
     def _earliest(self, walker: Walker) -> tuple[float, float]:
         return earliest(
             self._problem, self._timing, walker.here.base, walker.here.clock, self._fly_again, walker.loss,
-            walker.full, walker.current, walker.trial, LOOK, walker.rng,
+            walker.full, walker.desk, LOOK, walker.rng,
         )  # fmt: skip
 
     def _advance(self, walker: Walker, iterations: int) -> None:
@@ -288,7 +289,7 @@ class RobustSearch:
             if walker.left <= 0:
                 self._begin_cycle(walker)
             done = walk(
-                self._problem, self._timing, walker.here, walker.there, walker.loss, walker.current, walker.trial,
+                self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
                 walker.probes_s, self._limits(walker), walker.temperature, (COLD / HOT) ** (1 / CYCLE),
                 min(iterations, walker.left), walker.rng,
             )  # fmt: skip
@@ -304,7 +305,7 @@ class RobustSearch:
 
     def _limits(self, walker: Walker) -> Limits:
         return Limits(
-            self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, RISE * float(walker.here.base.loads.sum()), TOTAL
+            self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, RISE * float(walker.here.base.loads.sum())
         )
 
     def _begin_cycle(self, walker: Walker) -> None:
@@ -317,8 +318,8 @@ class RobustSearch:
         walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
         walker.probes_s[walker.probes_s < walker.probes_s[0]] = -1.0
         assess(
-            self._problem, self._timing, walker.here, walker.there, walker.loss, walker.current, walker.trial,
-            walker.probes_s, self._limits(walker), np.inf, walker.rng,
+            self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.probes_s,
+            self._limits(walker), np.inf, walker.rng,
         )  # fmt: skip
         walker.here.lacks[:] = walker.there.lacks
         for ours, theirs in zip(walker.here.repairs, walker.there.repairs, strict=True):

@@ -26,22 +26,27 @@ from planner.kernels.arrays import (
     State,
 )
 from planner.kernels.chance import below, uniform
+from planner.kernels.compiled import inner, kernel
 from planner.kernels.insertion import cheapest_place
 from planner.kernels.ruin import position_of, remove_strings
 from planner.kernels.tours import copy_route, insert, measure, orient
 from planner.kernels.window import (
     CLOCK,
+    DESK,
     LOSS,
     REPAIRS,
     SAME_TIME_S,
     TIMING,
     Clock,
+    Desk,
     Loss,
     Repairs,
     Timing,
     begin_loss,
     begin_repair,
     copy_all,
+    copy_owners,
+    energy,
     repair,
     repair_of,
     scan,
@@ -61,6 +66,8 @@ class Walk(NamedTuple):
     """``k`` for each probe."""
     lacks: FloatArray
     """For each repair what it lacks, in percent of a battery."""
+    order: IntArray
+    """Work space: the repairs in the order in which they are looked at."""
 
 
 class Limits(NamedTuple):
@@ -76,22 +83,20 @@ class Limits(NamedTuple):
     """Iterations of ruin and recreate for a repair that follows another."""
     rise: float
     """A plan that uses this much more energy than the one before is not looked at."""
-    total: float
-    """What a percent that the plan uses counts beside one that its repairs lack."""
 
 
-WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS), Walk)
-LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64, nb.float64), Limits)
+WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INTS), Walk)
+LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64), Limits)
 
 
-@nb.njit(nb.void(PROBLEM, TIMING, STATE, CLOCK), cache=True, nogil=True)
+@kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK))
 def set_clocks(problem: Problem, timing: Timing, base: State, clock: Clock) -> None:
     """Set times and expenses of all routes."""
     for route in range(len(base.lengths)):
         set_clock(problem, timing, base, clock, route)
 
 
-@nb.njit(FLOATS(STATE, CLOCK), cache=True, nogil=True)
+@kernel(FLOATS(STATE, CLOCK), counted=True)
 def events_of(base: State, clock: Clock) -> FloatArray:
     """Return 0 and the times at which a visit ends or a vehicle lands, ascending."""
     times = np.empty(1 + len(base.lengths) + base.lengths.sum())
@@ -112,33 +117,40 @@ def events_of(base: State, clock: Clock) -> FloatArray:
     return times[:kept].copy()
 
 
-@nb.njit(
-    nb.types.UniTuple(nb.float64, 2)(PROBLEM, TIMING, STATE, CLOCK, nb.boolean, LOSS, REPAIRS, STATE, STATE, nb.int64,
-                                     RANDOM), cache=True, nogil=True,
-)  # fmt: skip
+@kernel(
+    nb.types.UniTuple(nb.float64, 2)(PROBLEM, TIMING, STATE, CLOCK, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM),
+    counted=True,
+)
 def earliest(
     problem: Problem, timing: Timing, base: State, clock: Clock, fly_again: bool, loss: Loss, repairs: Repairs,
-    current: State, trial: State, effort: int, rng: RandomState,
+    desk: Desk, effort: int, rng: RandomState,
 ) -> tuple[float, float]:  # fmt: skip
     """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
     events_s = events_of(base, clock)
     repairs.known[:] = 0
     interval = scan(
-        problem, timing, base, clock, events_s, len(events_s) - 2, 0, fly_again, loss, repairs, current, trial, effort,
-        rng,
-    )[0]  # fmt: skip
+        problem, timing, base, clock, events_s, len(events_s) - 2, 0, fly_again, loss, repairs, desk, effort, rng
+    )[0]
     if interval < 0:
         return 0.0, -1.0
     return events_s[interval + 1], events_s[interval]
 
 
-@nb.njit(
-    nb.float64(PROBLEM, TIMING, WALK, WALK, LOSS, STATE, STATE, FLOATS, LIMITS, nb.float64, RANDOM),
-    cache=True, nogil=True,
-)  # fmt: skip
+@inner(nb.void(FLOATS, INTS))
+def order_lacks(lacks: FloatArray, order: IntArray) -> None:
+    """Set ``order`` to the numbers of the repairs, those that lack most first."""
+    for place in range(len(order)):
+        hole = place
+        while hole > 0 and lacks[order[hole - 1]] < lacks[place]:
+            order[hole] = order[hole - 1]
+            hole -= 1
+        order[hole] = place
+
+
+@kernel(nb.float64(PROBLEM, TIMING, WALK, WALK, LOSS, DESK, FLOATS, LIMITS, nb.float64, RANDOM))
 def assess(
-    problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, current: State, trial: State,
-    probes_s: FloatArray, limits: Limits, most: float, rng: RandomState,
+    problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, desk: Desk, probes_s: FloatArray,
+    limits: Limits, most: float, rng: RandomState,
 ) -> float:  # fmt: skip
     """Set the repairs of ``there`` after those of ``here`` and return what all of them lack.
 
@@ -146,7 +158,9 @@ def assess(
     """
     total = 0.0
     fleet = len(there.base.lengths)
-    for slot in np.argsort(-here.lacks):
+    order_lacks(here.lacks, there.order)
+    for place in range(len(there.order)):
+        slot = there.order[place]
         at_s = probes_s[slot // fleet]
         lost = slot % fleet
         there.lacks[slot] = 0.0
@@ -155,9 +169,9 @@ def assess(
             continue
         begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
-        begin_repair(loss, there.base, repair_of(here.repairs, slot), known, current, rng)
+        begin_repair(loss, there.base, repair_of(here.repairs, slot), known, desk.current, desk, rng)
         effort = limits.effort if known else UNKNOWN * limits.effort
-        there.lacks[slot] = repair(loss, current, trial, repair_of(there.repairs, slot), effort, rng)
+        there.lacks[slot] = repair(loss, repair_of(there.repairs, slot), desk, effort, rng)
         there.repairs.known[slot] = 1
         total += float(there.lacks[slot])
         if total > most:
@@ -165,7 +179,7 @@ def assess(
     return total
 
 
-@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64), cache=True, nogil=True)
+@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64))
 def turn_back(base: State, route: int, begin: int, end: int) -> None:
     """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
     visits = base.visits[route]
@@ -175,31 +189,37 @@ def turn_back(base: State, route: int, begin: int, end: int) -> None:
         begin += 1
 
 
-@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64), cache=True, nogil=True)
-def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int) -> None:
+@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, INTS))
+def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: IntArray) -> None:
     """Exchange what two routes do from a position of each on; ``measure`` follows."""
-    kept = base.visits[one, begin : base.lengths[one]].copy()
+    kept = base.lengths[one] - begin
     count = base.lengths[other] - other_begin
-    base.visits[one, begin : begin + count] = base.visits[other, other_begin : base.lengths[other]]
-    base.visits[other, other_begin : other_begin + len(kept)] = kept
+    for place in range(kept):
+        spare[place] = base.visits[one, begin + place]
+    for place in range(count):
+        base.visits[one, begin + place] = base.visits[other, other_begin + place]
+    for place in range(kept):
+        base.visits[other, other_begin + place] = spare[place]
     base.lengths[one] = begin + count
-    base.lengths[other] = other_begin + len(kept)
+    base.lengths[other] = other_begin + kept
 
 
-@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64), cache=True, nogil=True)
-def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int) -> None:
+@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS))
+def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int, spare: IntArray) -> None:
     """Move ``count`` visits of a route before position ``place`` of another one, or of what is left of itself."""
-    string = base.visits[one, begin : begin + count].copy()
+    for position in range(count):
+        spare[position] = base.visits[one, begin + position]
     for position in range(begin, base.lengths[one] - count):
         base.visits[one, position] = base.visits[one, position + count]
     base.lengths[one] -= count
     for position in range(base.lengths[other] - 1, place - 1, -1):
         base.visits[other, position + count] = base.visits[other, position]
-    base.visits[other, place : place + count] = string
+    for position in range(count):
+        base.visits[other, place + position] = spare[position]
     base.lengths[other] += count
 
 
-@nb.njit(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM), cache=True, nogil=True)
+@inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
 def insert_within_budget(problem: Problem, base: State, segment: int, blink: float, rng: RandomState) -> int:
     """Insert a segment where it adds least within the budgets; return the route, -1 if there is no place."""
     best = np.inf
@@ -218,9 +238,10 @@ def insert_within_budget(problem: Problem, base: State, segment: int, blink: flo
     return best_route
 
 
-@nb.njit(nb.boolean(PROBLEM, STATE, INTS, INTS, RANDOM), cache=True, nogil=True)
-def reinsert(problem: Problem, base: State, pending: IntArray, touched: IntArray, rng: RandomState) -> bool:
+@inner(nb.boolean(PROBLEM, STATE, DESK, RANDOM))
+def reinsert(problem: Problem, base: State, desk: Desk, rng: RandomState) -> bool:
     """Take a few visits out and put them back within the budgets; return whether all found a place."""
+    pending, touched = desk.pending, desk.touched
     removed = remove_strings(problem, base, pending, touched, below(rng, len(base.route_of)), 3.0, 4.0, rng)
     for place in range(removed - 1, 0, -1):
         other = below(rng, place + 1)
@@ -234,12 +255,13 @@ def reinsert(problem: Problem, base: State, pending: IntArray, touched: IntArray
     return True
 
 
-@nb.njit(nb.boolean(PROBLEM, STATE, INTS, INTS, RANDOM), cache=True, nogil=True)
-def change(problem: Problem, base: State, pending: IntArray, touched: IntArray, rng: RandomState) -> bool:
-    """Change a plan at random, a little; return whether it is one still. Routes in ``touched`` need ``measure``."""
+@inner(nb.boolean(PROBLEM, STATE, DESK, RANDOM))
+def change(problem: Problem, base: State, desk: Desk, rng: RandomState) -> bool:
+    """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
+    touched = desk.touched
     kind = uniform(rng)
     if kind < 0.4:
-        return bool(reinsert(problem, base, pending, touched, rng))
+        return bool(reinsert(problem, base, desk, rng))
     segment = below(rng, len(base.route_of))
     one = base.route_of[segment]
     begin = position_of(base, one, segment)
@@ -263,7 +285,7 @@ def change(problem: Problem, base: State, pending: IntArray, touched: IntArray, 
                 place -= count
         if uniform(rng) < 0.5:
             turn_back(base, one, begin, begin + count)
-        shift_string(base, one, begin, count, other, place)
+        shift_string(base, one, begin, count, other, place, desk.spare)
         touched[other] = 1
         return True
     if other == one:
@@ -272,11 +294,11 @@ def change(problem: Problem, base: State, pending: IntArray, touched: IntArray, 
     if uniform(rng) < 0.5:
         turn_back(base, other, 0, base.lengths[other])
         place = base.lengths[other] - place
-    exchange_tails(base, one, begin, other, place)
+    exchange_tails(base, one, begin, other, place, desk.spare)
     return True
 
 
-@nb.njit(nb.boolean(PROBLEM, TIMING, STATE, CLOCK, INTS, LIMITS, nb.float64), cache=True, nogil=True)
+@inner(nb.boolean(PROBLEM, TIMING, STATE, CLOCK, INTS, LIMITS, nb.float64))
 def allowed(
     problem: Problem, timing: Timing, base: State, clock: Clock, touched: IntArray, limits: Limits, most: float
 ) -> bool:
@@ -290,25 +312,46 @@ def allowed(
             good = good and not limits.all_vehicles
         elif base.loads[route] > problem.budget[route] or clock.durations_s[route] > limits.longest_s:
             good = False
-    return good and base.loads.sum() <= most
+    return good and energy(base) <= most
 
 
-@nb.njit(nb.void(STATE, CLOCK, STATE, CLOCK, nb.int64), cache=True, nogil=True)
+@inner(nb.void(STATE, CLOCK, STATE, CLOCK, nb.int64))
 def copy_timed(source: State, clock: Clock, target: State, target_clock: Clock, route: int) -> None:
     """Copy a route with its clock; ``route_of`` is the caller's."""
     copy_route(source, target, route)
     length = source.lengths[route]
-    target_clock.ends_s[route, :length] = clock.ends_s[route, :length]
-    target_clock.spent[route, :length] = clock.spent[route, :length]
+    for position in range(length):
+        target_clock.ends_s[route, position] = clock.ends_s[route, position]
+        target_clock.spent[route, position] = clock.spent[route, position]
     target_clock.durations_s[route] = clock.durations_s[route]
 
 
-@nb.njit(
-    nb.int64(PROBLEM, TIMING, WALK, WALK, LOSS, STATE, STATE, FLOATS, LIMITS, FLOATS, nb.float64, nb.int64, RANDOM),
-    cache=True, nogil=True,
+@inner(nb.float64(FLOATS))
+def sum_of(lacks: FloatArray) -> float:
+    """Return the sum."""
+    total = 0.0
+    for lack in lacks:
+        total += lack
+    return total
+
+
+@inner(nb.void(WALK, WALK))
+def take_repairs(there: Walk, here: Walk) -> None:
+    """Copy the repairs that were looked at, and what all lack."""
+    for slot in range(len(here.lacks)):
+        here.lacks[slot] = there.lacks[slot]
+        here.repairs.known[slot] = there.repairs.known[slot]
+        if there.repairs.known[slot] == 1:
+            copy_all(repair_of(there.repairs, slot), repair_of(here.repairs, slot))
+
+
+@kernel(
+    nb.int64(
+        PROBLEM, TIMING, WALK, WALK, LOSS, DESK, DESK, FLOATS, LIMITS, FLOATS, nb.float64, nb.int64, RANDOM,
+    )
 )  # fmt: skip
 def walk(
-    problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, current: State, trial: State,
+    problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, desk: Desk, own: Desk,
     probes_s: FloatArray, limits: Limits, temperature: FloatArray, cooling: float, iterations: int, rng: RandomState,
 ) -> int:  # fmt: skip
     """Anneal a plan until all its losses at the probes are repaired; return the number of iterations that took.
@@ -319,8 +362,8 @@ def walk(
         here: where the search stands, assessed; changed.
         there: work space, its plan the same as that of ``here``.
         loss: work space.
-        current: work space.
-        trial: work space.
+        desk: work space of the repairs.
+        own: work space of the walk.
         probes_s: the probe times, -1 for none.
         limits: what plans must keep.
         temperature: (1,) float64; changed.
@@ -329,39 +372,29 @@ def walk(
         rng: random state.
     """
     fleet = len(here.base.lengths)
-    pending = np.empty(len(here.base.route_of), dtype=np.int64)
-    touched = np.zeros(fleet, dtype=np.int64)
-    came_from = np.zeros((len(here.base.route_of), 2), dtype=np.int64)
-    lacks = here.lacks.sum()
-    value = lacks + limits.total * here.base.loads.sum()
+    touched = own.touched
+    lacks = sum_of(here.lacks)
     for iteration in range(iterations):
         if lacks <= 0.0:
             return iteration
-        whole = change(problem, there.base, pending, touched, rng)
+        whole = change(problem, there.base, own, rng)
         directed = uniform(rng) < 0.5
         if whole:
             for route in range(fleet):
                 if touched[route] == 1:
                     measure(problem, there.base, route)
                     if directed:
-                        orient(problem, there.base, route, came_from)
-        most = value - temperature[0] * math.log(1.0 - uniform(rng))
+                        orient(problem, there.base, route, own.came_from)
+        most = lacks - temperature[0] * math.log(1.0 - uniform(rng))
         accepted = False
         if whole and allowed(
-            problem, timing, there.base, there.clock, touched, limits, here.base.loads.sum() + limits.rise
+            problem, timing, there.base, there.clock, touched, limits, energy(here.base) + limits.rise
         ):
-            used = limits.total * there.base.loads.sum()
-            found = assess(problem, timing, here, there, loss, current, trial, probes_s, limits, most - used, rng)
-            if found + used <= most:
+            found = assess(problem, timing, here, there, loss, desk, probes_s, limits, most, rng)
+            if found <= most:
                 accepted = True
                 lacks = found
-                value = found + used
-        if accepted:
-            here.lacks[:] = there.lacks
-            here.repairs.known[:] = there.repairs.known
-            for slot in range(len(here.lacks)):
-                if there.repairs.known[slot] == 1:
-                    copy_all(repair_of(there.repairs, slot), repair_of(here.repairs, slot))
+                take_repairs(there, here)
         for route in range(fleet):
             if touched[route] == 1:
                 touched[route] = 0
@@ -370,8 +403,8 @@ def walk(
                 else:
                     copy_timed(here.base, here.clock, there.base, there.clock, route)
         if accepted:
-            here.base.route_of[:] = there.base.route_of
+            copy_owners(there.base, here.base)
         else:
-            there.base.route_of[:] = here.base.route_of
+            copy_owners(here.base, there.base)
         temperature[0] *= cooling
     return iterations

@@ -30,6 +30,7 @@ from planner.kernels.arrays import (
     Weights,
 )
 from planner.kernels.chance import below, uniform
+from planner.kernels.compiled import inner, kernel
 from planner.kernels.insertion import cheapest_place, insert_by_regret
 from planner.kernels.ruin import remove_strings
 from planner.kernels.tours import copy_route, insert, measure, orient
@@ -104,14 +105,37 @@ class Repairs(NamedTuple):
     """(k,): 1 where there is one."""
 
 
+class Desk(NamedTuple):
+    """Work space of a repair."""
+
+    opened: IntArray
+    """(n,): the open segments."""
+    missing: IntArray
+    """(n,): those that no route visits yet."""
+    pending: IntArray
+    """(n,): those taken out."""
+    keys: FloatArray
+    """(n,)"""
+    touched: IntArray
+    """(k,): zeros between two uses."""
+    came_from: IntArray
+    """(n, 2)"""
+    spare: IntArray
+    """(n,): visits on their way from one route to another."""
+    current: State
+    trial: State
+    other: State
+
+
 INT_CUBE = nb.types.Array(nb.int64, 3, "C")
 TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS), Timing)
 CLOCK = nb.types.NamedTuple((TABLE, TABLE, FLOATS), Clock)
 LOSS = nb.types.NamedTuple((PROBLEM, INTS, INTS), Loss)
+DESK = nb.types.NamedTuple((INTS, INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, STATE, STATE, STATE), Desk)
 REPAIRS = nb.types.NamedTuple((INT_CUBE, CUBE, INT_TABLE, TABLE, INT_TABLE, INTS), Repairs)
 
 
-@nb.njit(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64), cache=True, nogil=True)
+@kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64))
 def set_clock(problem: Problem, timing: Timing, base: State, clock: Clock, route: int) -> None:
     """Set times and expenses of a route that is measured."""
     length = base.lengths[route]
@@ -132,7 +156,7 @@ def set_clock(problem: Problem, timing: Timing, base: State, clock: Clock, route
     clock.durations_s[route] = now_s + timing.home_s[route, visits[length - 1]]
 
 
-@nb.njit(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS), cache=True, nogil=True)
+@inner(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS))
 def begin_loss(
     problem: Problem, timing: Timing, base: State, clock: Clock, lost: int, at_s: float, fly_again: bool, loss: Loss
 ) -> None:
@@ -152,21 +176,22 @@ def begin_loss(
         elif done < length:
             visit = base.visits[route, done]
             loss.problem.budget[route] = max(0.0, problem.budget[route] - clock.spent[route, done])
-            loss.problem.start[route] = problem.consumption[route] * problem.move[problem.profile[route], visit]
+            move = problem.move[problem.profile[route], visit]
+            for other in range(len(move)):
+                loss.problem.start[route, other] = problem.consumption[route] * move[other]
             loss.problem.idle[route] = problem.home[route, visit]
             first_open = done + 1
         else:
             left = max(0.0, problem.budget[route] - base.loads[route])
             loss.problem.budget[route] = left if fly_again else -1.0
-            if length == 0 and timing.airborne[route] == 0:
-                loss.problem.start[route] = problem.start[route]
-            else:
-                loss.problem.start[route] = timing.depot[route]
+            start = problem.start if length == 0 and timing.airborne[route] == 0 else timing.depot
+            for other in range(start.shape[1]):
+                loss.problem.start[route, other] = start[route, other]
         for position in range(first_open, length):
             loss.is_open[base.visits[route, position] >> 1] = 1
 
 
-@nb.njit(nb.float64(PROBLEM, STATE), cache=True, nogil=True)
+@inner(nb.float64(PROBLEM, STATE))
 def lacking(problem: Problem, state: State) -> float:
     """Return the energy that the routes of a repair lack, in percent of a battery."""
     total = 0.0
@@ -176,7 +201,7 @@ def lacking(problem: Problem, state: State) -> float:
     return total
 
 
-@nb.njit(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM), cache=True, nogil=True)
+@inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
 def insert_anyway(problem: Problem, state: State, segment: int, blink: float, rng: RandomState) -> int:
     """Insert a segment where energy and what it lacks grow least, whatever the budgets; return the route.
 
@@ -207,8 +232,10 @@ def insert_anyway(problem: Problem, state: State, segment: int, blink: float, rn
     return best_route
 
 
-@nb.njit(nb.void(LOSS, STATE, STATE, nb.boolean, STATE, RANDOM), cache=True, nogil=True)
-def begin_repair(loss: Loss, base: State, earlier: State, follow: bool, state: State, rng: RandomState) -> None:
+@inner(nb.void(LOSS, STATE, STATE, nb.boolean, STATE, DESK, RANDOM))
+def begin_repair(
+    loss: Loss, base: State, earlier: State, follow: bool, state: State, desk: Desk, rng: RandomState
+) -> None:
     """Set ``state`` to a first repair: survivors keep their tails, what is open is inserted by regret.
 
     With ``follow`` they keep the visits of an ``earlier`` repair instead, of this loss at another time or of a plan
@@ -216,7 +243,8 @@ def begin_repair(loss: Loss, base: State, earlier: State, follow: bool, state: S
     """
     problem = loss.problem
     segments = len(state.route_of)
-    state.route_of[:] = -1
+    for segment in range(segments):
+        state.route_of[segment] = -1
     for route in range(len(state.lengths)):
         count = 0
         if problem.budget[route] >= 0.0:
@@ -236,7 +264,7 @@ def begin_repair(loss: Loss, base: State, earlier: State, follow: bool, state: S
                         count += 1
         state.lengths[route] = count
         measure(problem, state, route)
-    missing = np.empty(segments, dtype=np.int64)
+    missing = desk.missing
     count = 0
     for segment in range(segments):
         if loss.is_open[segment] == 1 and state.route_of[segment] < 0:
@@ -251,8 +279,8 @@ def begin_repair(loss: Loss, base: State, earlier: State, follow: bool, state: S
             insert_anyway(problem, state, missing[place], 0.0, rng)
 
 
-@nb.njit(nb.int64(PROBLEM, STATE, INTS, RANDOM), cache=True, nogil=True)
-def ruin_about(problem: Problem, state: State, opened: IntArray, rng: RandomState) -> int:
+@inner(nb.int64(PROBLEM, STATE, INTS, nb.int64, RANDOM))
+def ruin_about(problem: Problem, state: State, opened: IntArray, count: int, rng: RandomState) -> int:
     """Return the open segment around which to ruin: often one of a route that lacks energy."""
     if uniform(rng) < 0.5:
         worst = -1
@@ -264,22 +292,21 @@ def ruin_about(problem: Problem, state: State, opened: IntArray, rng: RandomStat
                 worst = route
         if worst >= 0:
             return int(state.visits[worst, below(rng, state.lengths[worst])] >> 1)
-    return int(opened[below(rng, len(opened))])
+    return int(opened[below(rng, count)])
 
 
-@nb.njit(nb.void(PROBLEM, INTS, RANDOM), cache=True, nogil=True)
-def shuffle_pending(problem: Problem, pending: IntArray, rng: RandomState) -> None:
-    """Order what is to be inserted: at random, the far ones first, or the near ones first."""
+@inner(nb.void(PROBLEM, INTS, nb.int64, FLOATS, RANDOM))
+def shuffle_pending(problem: Problem, pending: IntArray, count: int, keys: FloatArray, rng: RandomState) -> None:
+    """Order ``count`` segments to be inserted: at random, the far ones first, or the near ones first."""
     kind = below(rng, 4)
-    keys = np.empty(len(pending))
-    for place in range(len(pending)):
+    for place in range(count):
         if kind < 2:
             keys[place] = uniform(rng)
         elif kind == 2:
             keys[place] = -problem.effort[pending[place]]
         else:
             keys[place] = problem.effort[pending[place]]
-    for place in range(1, len(pending)):
+    for place in range(1, count):
         segment = pending[place]
         key = keys[place]
         hole = place
@@ -291,63 +318,90 @@ def shuffle_pending(problem: Problem, pending: IntArray, rng: RandomState) -> No
         pending[hole] = segment
 
 
-@nb.njit(nb.void(STATE, STATE), cache=True, nogil=True)
+@inner(nb.void(STATE, STATE))
+def copy_owners(source: State, target: State) -> None:
+    """Copy which route visits a segment."""
+    for segment in range(len(source.route_of)):
+        target.route_of[segment] = source.route_of[segment]
+
+
+@inner(nb.void(STATE, STATE))
 def copy_all(source: State, target: State) -> None:
     """Copy all routes."""
     for route in range(len(source.lengths)):
         copy_route(source, target, route)
-    target.route_of[:] = source.route_of
+    copy_owners(source, target)
 
 
-@nb.njit(nb.float64(LOSS, STATE, STATE, STATE, nb.int64, RANDOM), cache=True, nogil=True)
-def repair(loss: Loss, current: State, trial: State, best: State, iterations: int, rng: RandomState) -> float:
+@inner(nb.float64(STATE))
+def energy(state: State) -> float:
+    """Return what all routes use."""
+    total = 0.0
+    for route in range(len(state.loads)):
+        total += state.loads[route]
+    return total
+
+
+@inner(nb.boolean(PROBLEM))
+def nobody_flies(problem: Problem) -> bool:
+    """Return whether no vehicle is left to take a visit."""
+    most = -1.0
+    for route in range(len(problem.budget)):
+        most = max(most, problem.budget[route])
+    return most < 0.0
+
+
+@inner(nb.float64(LOSS, STATE, DESK, nb.int64, RANDOM))
+def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomState) -> float:
     """Ruin and recreate until no route lacks energy, ``iterations`` at most; return what the best one lacks.
 
     Args:
         loss: the problem.
-        current: a first repair; changed.
-        trial: work space.
         best: set to the repair that lacks least.
+        desk: work space; ``current`` is a first repair.
         iterations: how many at most.
         rng: random state.
     """
-    problem = loss.problem
+    problem, current, trial = loss.problem, desk.current, desk.trial
+    pending, touched = desk.pending, desk.touched
     routes = len(current.lengths)
     copy_all(current, best)
     least = lacking(problem, current)
-    opened = np.flatnonzero(loss.is_open).astype(np.int64)
-    if len(opened) > 0 and problem.budget.max() < 0.0:
-        return np.inf  # nobody flies: nothing could be inserted
-    if least <= 0.0 or iterations <= 0 or len(opened) == 0:
-        return least
-    copy_all(current, trial)
-    pending = np.empty(len(current.route_of), dtype=np.int64)
-    touched = np.zeros(routes, dtype=np.int64)
-    came_from = np.zeros((len(current.route_of), 2), dtype=np.int64)
-    here = EXCESS_WEIGHT * least + current.loads.sum()
     # Routes of one segment alone are the scale of what a repair gains or loses.
     alone = 0.0
-    for segment in opened:
-        alone += problem.effort[segment]
+    count = 0
+    for segment in range(len(loss.is_open)):
+        if loss.is_open[segment] == 1:
+            desk.opened[count] = segment
+            alone += problem.effort[segment]
+            count += 1
+    if count > 0 and nobody_flies(problem):
+        return np.inf  # nothing could be inserted
+    if least <= 0.0 or iterations <= 0 or count == 0:
+        return least
+    copy_all(current, trial)
+    here = EXCESS_WEIGHT * least + energy(current)
     hot = HOT if iterations >= LONG else WARM
-    temperature = hot * alone / len(opened)
+    temperature = hot * alone / count
     cooling = (COLD / hot) ** (1.0 / iterations)
     for _ in range(iterations):
-        seed = ruin_about(problem, trial, opened, rng)
+        seed = ruin_about(problem, trial, desk.opened, count, rng)
         removed = remove_strings(problem, trial, pending, touched, seed, 6.0, 8.0, rng)
-        shuffle_pending(problem, pending[:removed], rng)
+        shuffle_pending(problem, pending, removed, desk.keys, rng)
         for place in range(removed):
             touched[insert_anyway(problem, trial, pending[place], 0.02, rng)] = 1
         for route in range(routes):
             if touched[route] == 1:
                 measure(problem, trial, route)
-                orient(problem, trial, route, came_from)
+                orient(problem, trial, route, desk.came_from)
         lacks = lacking(problem, trial)
-        there = EXCESS_WEIGHT * lacks + trial.loads.sum()
+        there = EXCESS_WEIGHT * lacks + energy(trial)
         if lacks < least:
             least = lacks
             copy_all(trial, best)
             if lacks <= 0.0:
+                for route in range(routes):
+                    touched[route] = 0
                 return 0.0
         accepted = there < here - temperature * math.log(1.0 - uniform(rng))
         for route in range(routes):
@@ -358,15 +412,15 @@ def repair(loss: Loss, current: State, trial: State, best: State, iterations: in
                 else:
                     copy_route(current, trial, route)
         if accepted:
-            current.route_of[:] = trial.route_of
+            copy_owners(trial, current)
             here = there
         else:
-            trial.route_of[:] = current.route_of
+            copy_owners(current, trial)
         temperature *= cooling
     return least
 
 
-@nb.njit(STATE(REPAIRS, nb.int64), cache=True, nogil=True)
+@inner(STATE(REPAIRS, nb.int64))
 def repair_of(repairs: Repairs, lost: int) -> State:
     """Return the repair of a vehicle's loss, as views."""
     return State(
@@ -374,52 +428,45 @@ def repair_of(repairs: Repairs, lost: int) -> State:
     )
 
 
-@nb.njit(
-    nb.float64(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS, REPAIRS, STATE, STATE,
-               nb.int64, RANDOM), cache=True, nogil=True,
-)  # fmt: skip
+@kernel(
+    nb.float64(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM)
+)
 def try_loss(
     problem: Problem, timing: Timing, base: State, clock: Clock, lost: int, at_s: float, fly_again: bool, loss: Loss,
-    repairs: Repairs, current: State, trial: State, effort: int, rng: RandomState,
+    repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
 ) -> float:  # fmt: skip
     """Look for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
 
-    It is left in ``repairs``. ``loss``, ``current`` and ``trial`` are work space; ``effort`` are the iterations from
-    either beginning, half of them from the known repair where there is one.
+    It is left in ``repairs``. ``loss`` and ``desk`` are work space; ``effort`` are the iterations from either
+    beginning.
     """
     begin_loss(problem, timing, base, clock, lost, at_s, fly_again, loss)
     best = repair_of(repairs, lost)
     least = np.inf
     if repairs.known[lost] == 1:
-        begin_repair(loss, base, best, True, current, rng)
-        least = repair(loss, current, trial, best, effort, rng)
+        begin_repair(loss, base, best, True, desk.current, desk, rng)
+        least = repair(loss, best, desk, effort, rng)
         if least <= 0.0:
             return least
-    begin_repair(loss, base, best, False, current, rng)
+    begin_repair(loss, base, best, False, desk.current, desk, rng)
     if repairs.known[lost] == 0:
         repairs.known[lost] = 1
-        return repair(loss, current, trial, best, effort, rng)
+        return repair(loss, best, desk, effort, rng)
     # The best repair so far is in ``best``: this one is worked on beside it.
-    other = State(
-        np.empty_like(best.visits),
-        np.empty_like(best.legs),
-        np.empty_like(best.lengths),
-        np.empty_like(best.loads),
-        np.empty_like(best.route_of),
-    )
-    lacks = repair(loss, current, trial, other, effort, rng)
+    lacks = repair(loss, desk.other, desk, effort, rng)
     if lacks < least:
-        copy_all(other, best)
+        copy_all(desk.other, best)
     return min(lacks, least)
 
 
-@nb.njit(
-    nb.types.UniTuple(nb.int64, 2)(PROBLEM, TIMING, STATE, CLOCK, FLOATS, nb.int64, nb.int64, nb.boolean, LOSS, REPAIRS,
-                                   STATE, STATE, nb.int64, RANDOM), cache=True, nogil=True,
-)  # fmt: skip
+@inner(
+    nb.types.UniTuple(nb.int64, 2)(
+        PROBLEM, TIMING, STATE, CLOCK, FLOATS, nb.int64, nb.int64, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM
+    )
+)
 def scan(
     problem: Problem, timing: Timing, base: State, clock: Clock, events_s: FloatArray, interval: int, first: int,
-    fly_again: bool, loss: Loss, repairs: Repairs, current: State, trial: State, effort: int, rng: RandomState,
+    fly_again: bool, loss: Loss, repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
 ) -> tuple[int, int]:  # fmt: skip
     """Go through the intervals between events from a late to early ones; stop at the first loss without a repair.
 
@@ -434,8 +481,7 @@ def scan(
         fly_again: whether vehicles that have landed may fly again.
         loss: work space.
         repairs: the known repairs; changed.
-        current: work space.
-        trial: work space.
+        desk: work space.
         effort: iterations for a loss.
         rng: random state.
 
@@ -447,9 +493,8 @@ def scan(
             if clock.durations_s[lost] <= events_s[here] + SAME_TIME_S:
                 continue
             lacks = try_loss(
-                problem, timing, base, clock, lost, events_s[here], fly_again, loss, repairs, current, trial, effort,
-                rng,
-            )  # fmt: skip
+                problem, timing, base, clock, lost, events_s[here], fly_again, loss, repairs, desk, effort, rng
+            )
             if lacks > 0.0:
                 return here, lost
     return -1, 0
