@@ -16,7 +16,6 @@ from executor.console import TerminalConsole
 from missions import read_plan
 from planner import Campaign, Risk, flight_chunks, risk_campaign
 
-
 MtbfOption = Annotated[
     float, typer.Option(min=0.01, metavar="HOURS", help="Mean flight hours between failures of one vehicle.")
 ]
