@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 from missions.items import MissionItem
 
+GROUND_STATION = (255, 190)
+"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
+
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:

@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
+    GROUND_STATION,
     Battery,
     CommandAck,
     Heartbeat,
@@ -45,8 +46,6 @@ from executor.core.messages import (
 )
 from missions import MissionItem
 
-GROUND_STATION = (255, 190)
-"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
 AUTOPILOT_PX4 = 12
 MISSION_TYPE_MISSION = 0
 INTEGER_TYPES = frozenset(range(1, 9))
