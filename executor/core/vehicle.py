@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -22,6 +23,9 @@ from executor.core.messages import (
 )
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
 from planner import segment_of
+
+_ALARM = re.compile(r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail", re.IGNORECASE)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Failsafe activated"."""
 
 
 class Stage(Enum):
@@ -144,6 +148,10 @@ class VehicleState:
     """Starts or uploads that failed since the last that succeeded."""
     last_text: tuple[str, float] = ("", float("-inf"))
     """What it said last that was worth showing, and when."""
+    took_off: bool = False
+    """Whether it was heard in the air since its last start."""
+    alarm: tuple[str, float] = ("", float("-inf"))
+    """What it said last of a failsafe or a crash, and when."""
 
     @property
     def airborne(self) -> bool:
@@ -230,7 +238,9 @@ def fold(context: Context, state: VehicleState, message: FlightMessage, now_s: f
             return Folded(_at_item(state, seq))
         case LandedState(on_ground):
             return Folded(replace(state, on_ground=on_ground))
-        case StatusText():
+        case StatusText(_, said):
+            if _ALARM.search(said):
+                state = replace(state, alarm=(said, now_s))
             return Folded(state, text=message)
         case _:
             return Folded(state)
@@ -270,7 +280,8 @@ def _positioned(context: Context, state: VehicleState, message: Position, now_s:
     anchor = state.anchor
     if anchor is None or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
-    state = replace(state, fix=fix, battery=drained, anchor=anchor)
+    took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
+    state = replace(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off)
     return _covered(context, state, Sample(message.boot_s, place))
 
 
