@@ -118,11 +118,25 @@ def report_of(
         ],
         "checks": [checked(check) for check in said.checks],
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
+        "inspection_speed_m_s": context.inspection_speed_m_s,
+        "inspections": [_inspection(state, segment) for segment in sorted(state.flown)],
         "not_counted": [
             {"vehicle": vehicle.name, "segment": segment, "reason": reason}
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.runs_broken
         ],
+    }
+
+
+def _inspection(state: FleetState, segment: int) -> dict[str, object]:
+    flown = state.flown[segment]
+    return {
+        "segment": segment,
+        "vehicle": state.inspected[segment],
+        "speed_mean_m_s": round(flown.mean_m_s, 2),
+        "speed_max_m_s": None if flown.max_m_s is None else round(flown.max_m_s, 2),
+        "deviation_mean_m": round(flown.deviation_mean_m, 2),
+        "deviation_max_m": round(flown.deviation_max_m, 2),
     }
 
 

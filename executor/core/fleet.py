@@ -115,7 +115,8 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         commands.append(Say(Level.WARNING, f"{event.vehicle}: inspection does not count: {folded.broken}"))
     if folded.inspected is not None and folded.inspected not in state.inspected:
         inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
-        state = replace(state, inspected=inspected)
+        flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
+        state = replace(state, inspected=inspected, flown=MappingProxyType(flown))
     if isinstance(event.message, Position):
         state = _separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.

@@ -10,7 +10,7 @@ from enum import Enum
 from executor.core import battery
 from executor.core.battery import BatteryState
 from executor.core.context import Context
-from executor.core.coverage import Run, Sample, Track, follow
+from executor.core.coverage import Flown, Run, Sample, Track, follow
 from executor.core.messages import (
     Battery,
     FlightMessage,
@@ -211,6 +211,8 @@ class Folded:
 
     state: VehicleState
     inspected: int | None = None
+    flown: Flown | None = None
+    """How it was flown."""
     broken: str = ""
     """Why an inspection under way does not count any more."""
     text: StatusText | None = None
@@ -282,7 +284,7 @@ def _positioned(context: Context, state: VehicleState, message: Position, now_s:
         anchor = fix
     took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     state = replace(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off)
-    return _covered(context, state, Sample(message.boot_s, place))
+    return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 
 
 def _apart_m(one: Fix, other: Fix) -> float:
@@ -304,7 +306,7 @@ def _covered(context: Context, state: VehicleState, sample: Sample) -> Folded:
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
     state = replace(state, run=step.run, run_visit=visit)
     if step.done:
-        return Folded(state, inspected=track.segment)
+        return Folded(state, inspected=track.segment, flown=step.flown)
     if step.broken:
         broken = (*state.runs_broken, (track.segment, step.broken))
         return Folded(replace(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
