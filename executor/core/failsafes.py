@@ -14,11 +14,17 @@ Parameters = Mapping[str, float]
 def names(dialect: Dialect) -> tuple[str, ...]:
     """Return every parameter that the checks before the flight read."""
     link, battery, fence = dialect.ground_station_failsafe, dialect.battery_failsafe, dialect.geofence
-    wanted = [link.action, link.timeout, link.pause, link.exception[0], *link.station_sysid, battery.capacity]
+    wanted = [link.action, link.timeout, link.pause, link.exception[0], *link.station_sysid[:1], battery.capacity]
     for level in battery.levels:
         wanted += [level.action, level.threshold, level.voltage]
     wanted += [*fence.enabled_by, fence.height, fence.radius, fence.kinds[0] if fence.kinds is not None else None]
     return tuple(dict.fromkeys(name for name in wanted if name is not None))
+
+
+def older_names(dialect: Dialect, parameters: Parameters) -> tuple[str, ...]:
+    """Return the older names of a parameter that did not answer by its newest; nothing if it did."""
+    stations = dialect.ground_station_failsafe.station_sysid
+    return () if any(name in parameters for name in stations) else stations[1:]
 
 
 @dataclass(frozen=True, slots=True)

@@ -153,6 +153,8 @@ async def interview(
         if heard.version is None:
             await _banner(heard, link, clock)
         parameters = await _parameters(link, clock, failsafes.names(dialect))
+        for older in failsafes.older_names(dialect, parameters):
+            parameters |= await _parameters(link, clock, [older])
     finally:
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:

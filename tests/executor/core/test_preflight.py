@@ -63,9 +63,10 @@ def severities(checks: list[Check]) -> list[Severity]:
 
 
 def test_the_names_are_those_of_the_good_examples() -> None:
-    """The older name of MAV_GCS_SYSID is asked for besides."""
-    assert {*failsafes.names(ARDUPILOT)} == {*COPTER, "SYSID_MYGCS"}
+    assert {*failsafes.names(ARDUPILOT)} == {*COPTER}
     assert {*failsafes.names(PX4)} == {*PIXHAWK}
+    assert failsafes.older_names(ARDUPILOT, COPTER) == ()
+    assert failsafes.older_names(ARDUPILOT, lacking(said(), "MAV_GCS_SYSID").parameters) == ("SYSID_MYGCS",)
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda one: str(one.name))

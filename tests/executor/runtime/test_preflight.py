@@ -100,7 +100,12 @@ async def test_the_parameters_are_asked_for_at_once() -> None:
     ready = Ready(ARDUPILOT)
     ready.says(Version(4, 7, 2), 0.5)
     await ready.interview()
-    assert ready.clock.now_s() < preflight.STEADY_S + 6.0
+    assert ready.clock.now_s() < preflight.STEADY_S + 10.0
+
+
+async def test_the_older_name_of_a_parameter_is_asked_for_where_the_newer_is_not_known() -> None:
+    ready = Ready(ARDUPILOT, SYSID_MYGCS=252.0)
+    assert (await ready.interview()).parameters == {"SYSID_MYGCS": 252.0}
 
 
 async def test_a_parameter_that_is_no_number_is_not_known() -> None:

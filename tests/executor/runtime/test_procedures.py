@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from executor.core.messages import ParamValue, StatusText
@@ -133,6 +135,21 @@ async def test_parameters_are_read_and_set() -> None:
     assert pad.vehicle.parameters["RTL_ALT"] == 2500.0
     unknown = await procedures.set_parameter(pad.link, pad.clock, "NO_SUCH", 1.0, 4)
     assert unknown == Done(accepted=False, reason="NO_SUCH: no answer")
+    pad.link.close()
+
+
+async def test_a_parameter_is_asked_for_as_long_as_a_busy_computer_may_need() -> None:
+    """At ten times real time the four questions of one dialogue are asked within 0.4 s."""
+    pad = Pad(PX4, RTL_RETURN_ALT=60.0)
+    pad.clock = LoopClock(speedup=10.0)
+    pad.link = FakeLink(pad.vehicle, pad.clock)
+    pad.link.cut = True
+    asyncio.get_running_loop().call_later(1.5, setattr, pad.link, "cut", False)
+    read = await procedures.read_parameter(pad.link, pad.clock, "RTL_RETURN_ALT")
+    assert read.value == ParamValue("RTL_RETURN_ALT", 60.0, 9)
+    pad.link.cut = True
+    nothing = await procedures.read_parameter(pad.link, pad.clock, "RTL_RETURN_ALT")
+    assert nothing.value is None
     pad.link.close()
 
 
