@@ -13,7 +13,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
+from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
+    GROUND_STATION,
     Battery,
     CommandAck,
     Heartbeat,
@@ -38,19 +40,19 @@ from executor.core.messages import (
     SendMissionRequestList,
     SendParamRequest,
     SendParamSet,
-    StatusText,
+    StationHeard,
     SystemStatus,
     Version,
 )
 from missions import MissionItem
 
-GROUND_STATION = (255, 190)
-"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
 AUTOPILOT_PX4 = 12
 MISSION_TYPE_MISSION = 0
 INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
+_RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
+"""FIRMWARE_VERSION_TYPE; 255, official, goes without a word."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,17 +65,19 @@ class Received:
     frame: bytes
     message: Message | None
     """None for a message that nobody here follows."""
+    more: tuple[Message, ...] = ()
+    """What else this frame brings to an end: a text whose last part never came."""
 
 
 class Codec:
-    """One direction each way of one link: sequence numbers, parser state, statustext chunks."""
+    """One direction each way of one link: sequence numbers, parser state, texts under way."""
 
     def __init__(self) -> None:
         """Begin with an empty parser."""
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         self._mav.robust_parsing = True
-        self._chunks: dict[tuple[int, int], dict[int, str]] = {}
+        self._texts = Texts()
         self.autopilot: int | None = None
         """MAV_AUTOPILOT of the vehicle, once known: PX4 packs integer parameters in another way."""
         self.garbage = 0
@@ -90,13 +94,16 @@ class Codec:
             if frame.get_type() == "BAD_DATA" or frame.get_type().startswith("UNKNOWN"):
                 self.garbage += 1
                 continue
-            yield Received(
-                frame.get_srcSystem(),
-                frame.get_srcComponent(),
-                frame.get_seq(),
-                bytes(frame.get_msgbuf()),
-                self._message(frame),
-            )
+            source = (frame.get_srcSystem(), frame.get_srcComponent())
+            more = self._texts.passed(source)
+            message = self._message(frame)
+            if frame.get_type() == "STATUSTEXT":
+                # The raw field: pymavlink's own reading loses every byte that is not ASCII.
+                raw = frame._text_raw  # noqa: SLF001
+                more += self._texts.take(source, frame.severity, raw, frame.id, frame.chunk_seq)
+            if message is None and more:
+                message = more.pop(0)
+            yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), message, tuple(more))
 
     def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
@@ -107,26 +114,11 @@ class Codec:
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
         if not _for_us(frame):
             return None
-        if frame.get_type() == "STATUSTEXT":
-            return self._text(frame)
         if frame.get_type() == "PARAM_VALUE":
             value = _param_from_wire(frame.param_value, frame.param_type, self.autopilot)
             return ParamValue(frame.param_id, value, frame.param_type)
         read = _READERS.get(frame.get_type())
         return None if read is None else read(frame)
-
-    def _text(self, frame: Any) -> StatusText | None:  # noqa: ANN401
-        if frame.id == 0:
-            return StatusText(frame.severity, frame.text.strip())
-        key = (frame.get_srcSystem(), frame.id)
-        chunks = self._chunks.setdefault(key, {})
-        chunks[frame.chunk_seq] = frame.text
-        # A chunk that is not filled to its 50 characters ends the text.
-        last = max(chunks)
-        if len(chunks[last]) >= 50 or len(chunks) <= last:
-            return None
-        del self._chunks[key]
-        return StatusText(frame.severity, "".join(chunks[index] for index in sorted(chunks)).strip())
 
 
 def _for_us(frame: Any) -> bool:  # noqa: ANN401
@@ -139,11 +131,13 @@ def _known(value: float, *, unknown_below: float = 0.0) -> float | None:
     return None if value < unknown_below or math.isnan(value) else value
 
 
-def _heartbeat(frame: Any) -> Heartbeat | None:  # noqa: ANN401
+def _heartbeat(frame: Any) -> Heartbeat | StationHeard | None:  # noqa: ANN401
+    if frame.type == mav.MAV_TYPE_GCS:
+        return StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
     if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
         return None
     armed = bool(frame.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
-    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status)
+    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
 
 
 def _position(frame: Any) -> Position:  # noqa: ANN401
@@ -216,9 +210,11 @@ def _of_mission(build: Callable[[int], Message], field: str) -> Any:  # noqa: AN
     return read
 
 
-def _version(frame: Any) -> Version:  # noqa: ANN401
+def _version(frame: Any) -> Version | None:  # noqa: ANN401
     packed = frame.flight_sw_version
-    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255)
+    if packed == 0:
+        return None  # not filled in
+    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
 _READERS: dict[str, Any] = {

@@ -9,7 +9,7 @@ from typing import Protocol, cast
 from urllib.parse import urlsplit
 
 from executor.adapters.mavlink.codec import Codec, Received
-from executor.core.messages import Heartbeat, Message, Outgoing
+from executor.core.messages import Heartbeat, Message, Outgoing, StationHeard
 from executor.errors import ConnectionFailed
 
 AUTOPILOT_COMPONENT = 1
@@ -82,13 +82,16 @@ class VehicleLink(asyncio.DatagramProtocol):
         for received in self.codec.decode(data):
             if received.sysid != self.sysid:
                 self.counts.foreign += 1
+                if isinstance(received.message, StationHeard):
+                    self._hand_on(received.message, received.compid)
                 continue
             self._peer = addr
             if self._log is not None:
                 self._log.write(received.frame)
             self._count(received)
-            if received.message is not None:
-                self._hand_on(received.message, received.compid)
+            for message in (received.message, *received.more):
+                if message is not None:
+                    self._hand_on(message, received.compid)
 
     def error_received(self, exc: Exception) -> None:
         """A port where nobody listens yet answers with an error; the link-loss watchpoint covers it."""

@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.link import LinkCounts, VehicleLink, open_link
-from executor.core.messages import Heartbeat, Message, MissionAck, MissionCurrent, SendHeartbeat
+from executor.core.messages import (
+    Heartbeat,
+    Message,
+    MissionAck,
+    MissionCurrent,
+    SendHeartbeat,
+    StationHeard,
+    StatusText,
+)
 from executor.errors import ConnectionFailed
 from tests.executor.adapters.test_codec import ARDUPILOT, PX4, Vehicle
 
@@ -86,6 +94,24 @@ def test_frames_of_other_systems_are_foreign() -> None:
     assert (link.counts.foreign, link.counts.received, heard) == (1, 0, [])
 
 
+def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() -> None:
+    link, heard = link_of()
+    station = mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    beat = mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    link.datagram_received(bytes(beat.pack(station)), NOBODY)
+    assert heard == [StationHeard(254, 190)]
+    assert (link.counts.foreign, link.counts.received, link.component, link.codec.autopilot) == (1, 0, 1, None)
+
+
+def test_a_text_whose_end_never_came_is_handed_on_all_the_same() -> None:
+    link, heard = link_of()
+    torn = mav.MAVLink_statustext_message(4, b"x" * 50, 9, 0)
+    vehicle = Vehicle()
+    for message in (torn, *(current(1) for _ in range(60))):
+        link.datagram_received(vehicle.pack(message), NOBODY)
+    assert [message for message in heard if isinstance(message, StatusText)] == [StatusText(4, "x" * 50)]
+
+
 def test_frames_of_other_components_neither_lose_nor_gain() -> None:
     link, _ = link_of()
     for frame in frames([0, 1]):
@@ -101,7 +127,7 @@ def test_the_heartbeat_says_which_autopilot_and_which_component() -> None:
     link, heard = link_of()
     link.datagram_received(Vehicle(compid=2).pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)), NOBODY)
     assert (link.codec.autopilot, link.component) == (PX4, 2)
-    assert heard == [Heartbeat(PX4, 0, armed=False, system_status=3)]
+    assert heard == [Heartbeat(PX4, 0, armed=False, system_status=3, vehicle_type=2)]
 
 
 def test_a_listener_that_has_stopped_hears_nothing() -> None:
