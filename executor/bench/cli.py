@@ -29,18 +29,28 @@ DataOption = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Start over; otherwise results that are there are kept.")]
+InstanceOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Solve one instance: a TSPLIB file (.tsp, EUC_2D, not rounded; the first city is the depot), or a network "
+        "(GeoJSON, or a graph file with the depot at 0, 0).",
+    ),
+]
+BudgetOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0,
+        metavar="X",
+        help="What a route may take: seconds for networks (5 m/s in transit, 1 m/s along the line), length for cities, "
+        "as the value that is printed. Without it there is no limit.",
+    ),
+]
 
 
 @cli.command()
 def solvers(
-    instance: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Solve one instance: a TSPLIB file (.tsp, EUC_2D, not rounded; the first city is the depot), or a "
-            "network (GeoJSON, or a graph file with the depot at 0, 0).",
-        ),
-    ] = None,
+    instance: InstanceOption = None,
     radius: Annotated[
         float | None,
         typer.Option(
@@ -54,15 +64,7 @@ def solvers(
     cost: Annotated[
         CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")
     ] = CostName.MINMAX,
-    budget: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            metavar="X",
-            help="What a route may take: seconds for networks (5 m/s in transit, 1 m/s along the line), length for "
-            "cities, as the value that is printed. Without it there is no limit.",
-        ),
-    ] = None,
+    budget: BudgetOption = None,
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,
     solver: Annotated[SolverName, typer.Option(help="Who plans.")] = SolverName.SEARCH,
