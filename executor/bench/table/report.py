@@ -56,7 +56,9 @@ def _in_short(cells: Sequence[Cell]) -> str:
         mean = f"t* is {100 * summary.mean_reduction:.1f} % less on average (cells of that kind: {summary.open})"
     return (
         f"- At the stretch that the best MinComb plan takes (by its window, over all seeds and both solvers), the plan "
-        f"chosen for its window has the larger window and the earlier t* in {summary.gains} of {summary.cells} cells.\n"
+        f"chosen for its window has the earlier t* in {summary.earlier} of {summary.cells} cells. Its longest route "
+        "may be the shorter one, of which the same t* leaves a smaller share: in "
+        f"{summary.gains} cells the window is larger in percent too.\n"
         f"- Where the bound leaves {100 * LEAVES:.0f} % of t* or more to gain: {mean}.\n"
         f"- Cells in which nothing is left to gain, for the best MinComb plan is as good as the bound allows: "
         f"{summary.settled} of {summary.cells}."

@@ -46,7 +46,9 @@ def test_the_best_mincomb_plan_is_anybodys() -> None:
 
 @pytest.mark.parametrize(("mine_s", "longest_s"), [(400, 1000), (450, 1000), (400, 1100), (399, 900)])
 def test_a_gain_is_an_earlier_time_and_a_larger_window(mine_s: float, longest_s: float) -> None:
-    assert not cell(theirs=found(400), mine=found(mine_s, longest_s)).gains
+    one = cell(theirs=found(400), mine=found(mine_s, longest_s))
+    assert not one.gains
+    assert one.earlier == (mine_s < 400)
 
 
 def test_a_full_window_leaves_nothing_to_gain() -> None:
@@ -64,7 +66,7 @@ def test_the_summary_takes_the_mean_where_the_bound_leaves_enough() -> None:
         cell(theirs=found(400), mine=found(400), least_s=400),  # nothing to gain
     ]
     summary = summary_of(cells)
-    assert (summary.cells, summary.gains, summary.settled, summary.open) == (4, 3, 1, 2)
+    assert (summary.cells, summary.earlier, summary.gains, summary.settled, summary.open) == (4, 3, 3, 1, 2)
     assert summary.mean_reduction == pytest.approx(0.15)
 
 
