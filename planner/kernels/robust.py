@@ -179,7 +179,7 @@ def assess(
     return total
 
 
-@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64))
+@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64))
 def turn_back(base: State, route: int, begin: int, end: int) -> None:
     """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
     visits = base.visits[route]
