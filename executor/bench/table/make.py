@@ -140,7 +140,13 @@ def _cell(
     frame: _Frame, table: TableSettings, series: tuple[Series, ...], chosen: Results, least_earliest_s: float
 ) -> Cell:
     def at(stretch: float) -> Stretched:
-        return Stretched(stretch, Found.of(chosen[_robust_task(frame, stretch)]))
+        # What was found for a shorter longest route is a plan for a longer one too.
+        fitting = (
+            Found.of(result)
+            for task, result in chosen.items()
+            if (task.radius_m, task.tightness) == (frame.radius_m, frame.tightness) and (task.stretch or 0.0) <= stretch
+        )
+        return Stretched(stretch, min(fitting, key=lambda plan: (plan.earliest_s, -plan.window_pct)))
 
     return Cell(
         radius_m=frame.radius_m,

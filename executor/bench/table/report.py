@@ -44,7 +44,8 @@ def _preamble(settings: TableSettings) -> str:
         f"Each plan by a cost function had {each} on one core, {settings.seeds} seeds each. GRASP is the paper's "
         "solver, of at most 50 runs, stopped by the same limit; search is faultline's own. "
         f"A plan chosen for its window (`window`) had {window} on one core, one seed. *Stretch* is how much longer "
-        "than the best MinMax plan's its longest route may be. Bounds are certain: no window of that plan, or of any "
+        "than the best MinMax plan's its longest route may be; what was found at a smaller stretch counts at a larger "
+        "one too. Bounds are certain: no window of that plan, or of any "
         "plan, begins before them."
     )
 
