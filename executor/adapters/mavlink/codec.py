@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,6 +53,11 @@ INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
 
+HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
+"""Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
+HEADS = {0xFE: HEAD_V1, 0xFD: HEAD_V2}
+"""Header lengths by the byte that frames of both versions begin with."""
+
 
 @dataclass(frozen=True, slots=True)
 class Received:
@@ -65,44 +71,106 @@ class Received:
     """None for a message that nobody here follows."""
 
 
-class Codec:
-    """One direction each way of one link: sequence numbers, parser state, statustext chunks."""
+class Cutter:
+    """Cuts a stream of bytes into frames, wherever it was cut on its way.
+
+    A frame counts only with its checksum. Where there is none the search goes on one byte later, so that a start mark
+    among noise costs no frame that follows it.
+    """
 
     def __init__(self) -> None:
-        """Begin with an empty parser."""
+        """Begin with nothing."""
+        self._mav = mav.MAVLink(None)
+        self._buffer = bytearray()
+        self._in_garbage = False
+        self.garbage = 0
+        """How many runs of bytes were no frame."""
+
+    def feed(self, data: bytes) -> list[Any]:
+        """Take the next bytes; return the frames that are whole now."""
+        self._buffer += data
+        frames, at = [], 0
+        while (end := self._end(at)) <= len(self._buffer):
+            frame = self._frame(at, end)
+            if frame is None:
+                self.garbage += not self._in_garbage
+                at += 1
+            else:
+                frames.append(frame)
+                at = end
+            self._in_garbage = frame is None
+        del self._buffer[:at]
+        return frames
+
+    def close(self) -> int:
+        """Give up what is unfinished; return how many runs of bytes were no frame."""
+        self.garbage += bool(self._buffer) and not self._in_garbage
+        self._buffer.clear()
+        return self.garbage
+
+    def _end(self, at: int) -> int:
+        """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
+        buffer = self._buffer
+        if at >= len(buffer):
+            return sys.maxsize
+        if buffer[at] not in HEADS:
+            return at
+        head = HEADS[buffer[at]]
+        if at + head > len(buffer):
+            return sys.maxsize
+        end = at + head + buffer[at + 1] + CHECKSUM
+        if head == HEAD_V1:
+            return end if buffer[at + 5] in mav.mavlink_map else at
+        flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
+        if flags & ~SIGNED or number not in mav.mavlink_map:
+            return at
+        return end + SIGNATURE * (flags & SIGNED)
+
+    def _frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
+        if end == at:
+            return None
+        try:
+            return self._mav.decode(self._buffer[at:end])
+        except (mav.MAVError, struct.error, UnicodeDecodeError):
+            return None
+
+
+class Codec:
+    """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
+
+    def __init__(self) -> None:
+        """Begin knowing nobody."""
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._mav.robust_parsing = True
+        self._sent: dict[int, int] = {}
+        """How many frames went to each system: each is numbered as a stream of its own."""
         self._chunks: dict[tuple[int, int], dict[int, str]] = {}
-        self.autopilot: int | None = None
-        """MAV_AUTOPILOT of the vehicle, once known: PX4 packs integer parameters in another way."""
+        self.autopilots: dict[int, int] = {}
+        """MAV_AUTOPILOT of each system, once its heartbeat was heard: PX4 packs integer parameters in another way."""
         self.garbage = 0
-        """Bytes and frames that could not be understood."""
+        """Runs of bytes in datagrams that could not be understood."""
 
     def decode(self, data: bytes) -> Iterator[Received]:
-        """Yield every frame in a datagram."""
-        try:
-            frames = self._mav.parse_buffer(data)
-        except (mav.MAVError, struct.error, UnicodeDecodeError):
-            self.garbage += 1
-            return
-        for frame in frames or ():
-            if frame.get_type() == "BAD_DATA" or frame.get_type().startswith("UNKNOWN"):
-                self.garbage += 1
-                continue
+        """Yield every frame of a datagram; no frame goes on in the next."""
+        cutter = Cutter()
+        yield from self.read(cutter.feed(data))
+        self.garbage += cutter.close()
+
+    def read(self, frames: Iterable[Any]) -> Iterator[Received]:
+        """Yield what a `Cutter`'s frames say."""
+        for frame in frames:
+            message = self._message(frame)
+            if isinstance(message, Heartbeat):
+                self.autopilots[frame.get_srcSystem()] = message.autopilot
             yield Received(
-                frame.get_srcSystem(),
-                frame.get_srcComponent(),
-                frame.get_seq(),
-                bytes(frame.get_msgbuf()),
-                self._message(frame),
+                frame.get_srcSystem(), frame.get_srcComponent(), frame.get_seq(), bytes(frame.get_msgbuf()), message
             )
 
     def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
-        frame = bytes(_to_mavlink(message, sysid, compid, self.autopilot).pack(self._mav))
-        self._mav.seq = (self._mav.seq + 1) % 256  # pack leaves it as it is
-        return frame
+        self._mav.seq = self._sent.get(sysid, 0)
+        self._sent[sysid] = (self._mav.seq + 1) % 256
+        return bytes(_to_mavlink(message, sysid, compid, self.autopilots.get(sysid)).pack(self._mav))
 
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
         if not _for_us(frame):
@@ -110,7 +178,7 @@ class Codec:
         if frame.get_type() == "STATUSTEXT":
             return self._text(frame)
         if frame.get_type() == "PARAM_VALUE":
-            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilot)
+            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
             return ParamValue(frame.param_id, value, frame.param_type)
         read = _READERS.get(frame.get_type())
         return None if read is None else read(frame)

@@ -225,7 +225,7 @@ def test_what_the_vehicle_says_to_another_ground_station(system: int, component:
 
 def param(value: float, kind: int, autopilot: int) -> ParamValue:
     codec = Codec()
-    codec.autopilot = autopilot
+    codec.autopilots = {} if autopilot is None else {7: autopilot}
     [message] = heard(mav.MAVLink_param_value_message(b"SOME_NAME", value, kind, 900, 1), codec=codec)
     assert isinstance(message, ParamValue)
     return message
@@ -250,7 +250,7 @@ def test_a_float_parameter_is_a_float(autopilot: int) -> None:
 @given(value=st.integers(-(2**31), 2**31 - 1))
 def test_an_integer_parameter_survives_both_ways_on_px4(value: int) -> None:
     codec = Codec()
-    codec.autopilot = PX4
+    codec.autopilots[7] = PX4
     [received] = Codec().decode(codec.encode(SendParamSet("SOME_NAME", float(value), 6), 7, 1))
     wire = struct.unpack_from("<f", received.frame, 10)[0]
     # A signalling NaN becomes a quiet one on its way through a float: those bits are the price of the format.
@@ -318,10 +318,10 @@ def test_the_fields_of_an_item_on_the_wire() -> None:
     assert math.isnan(parsed.param4)
 
 
-def test_our_sequence_numbers_count_on() -> None:
+def test_our_sequence_numbers_count_on_for_each_vehicle() -> None:
     codec = Codec()
-    frames = [codec.encode(SendHeartbeat(), 7, 1) for _ in range(300)]
-    assert [frame[4] for frame in frames] == [index % 256 for index in range(300)]
+    frames = [codec.encode(SendHeartbeat(), sysid, 1) for _ in range(300) for sysid in (7, 8)]
+    assert [frame[4] for frame in frames] == [index % 256 for index in range(300) for _ in (7, 8)]
 
 
 GOOD = mav.MAVLink_mission_ack_message(255, 190, 0)
@@ -371,7 +371,7 @@ def test_any_frame_with_a_good_checksum_is_read_without_a_fault(
 ) -> None:
     """Whatever a faulty vehicle puts into its fields: NaN, undecodable names, numbers outside of their enums."""
     codec = Codec()
-    codec.autopilot = autopilot
+    codec.autopilots = {} if autopilot is None else {7: autopilot}
     size = struct.calcsize(mav.mavlink_map[number].unpacker.format)
     body = payload[:size].ljust(size, b"\xff")
     head = struct.pack("<BBBBBBBHB", 0xFD, size, 0, 0, 0, 7, 1, number & 0xFFFF, number >> 16)
