@@ -13,7 +13,9 @@ from typing import Protocol
 from executor import build
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
-from executor.adapters.mavlink.endpoints import open_links
+from executor.adapters.mavlink import endpoints
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavsdk import link as mavsdk
 from executor.adapters.rundir import keep_site, write_json
 from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
@@ -159,12 +161,14 @@ def keep(order: Order) -> None:
 @asynccontextmanager
 async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, OpenLink]]:
     async with AsyncExitStack() as stack:
-        wanted: dict[str, LinkOrder] = {}
+        wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
         for table in order.site.vehicle:
             log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
             stack.callback(log.close)
-            wanted[table.name] = LinkOrder(table.link, table.sysid, log)
-        yield await stack.enter_async_context(open_links(wanted))
+            wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
+        native = await stack.enter_async_context(endpoints.open_links(wanted["native"]))
+        others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
+        yield {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
 
 
 async def _interviews(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import struct
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -172,6 +172,43 @@ class Codec:
         self._sent[sysid] = (self._mav.seq + 1) % 256
         return bytes(_to_mavlink(message, sysid, compid, self.autopilots.get(sysid)).pack(self._mav))
 
+    def read_fields(
+        self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
+    ) -> tuple[bytes, Message | None] | None:
+        """Return what a message says that another parser took apart, and a frame of it; None if it is not known.
+
+        Args:
+            name: MAVLink's name of the message.
+            sysid: who sent it.
+            compid: its component.
+            fields: by MAVLink's names; None stands for a float that is not finite.
+        """
+        kind = _BY_NAME.get(name)
+        if kind is None:
+            return None
+        try:
+            frame = kind(*(_as_field(fields.get(field)) for field in kind.fieldnames))
+            packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
+        except (struct.error, TypeError, AttributeError):
+            return None  # another parser's definition of the message is another one
+        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in INTEGER_TYPES
+        [received] = self.read([frame])
+        return packed, None if lost else received.message
+
+    def write_fields(
+        self, message: Outgoing, sysid: int, compid: int
+    ) -> tuple[str, Mapping[str, object], bytes] | None:
+        """Return the name, fields and frame of a message; None if its fields as numbers would not be the same."""
+        packed = self.encode(message, sysid, compid)
+        frame = self._mav.decode(bytearray(packed))
+        fields = {
+            field: None if isinstance(value := getattr(frame, field), float) and not math.isfinite(value) else value
+            for field in frame.fieldnames
+        }
+        if isinstance(message, SendParamSet) and fields["param_value"] is None:
+            return None
+        return frame.get_type(), fields, packed
+
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
         if not _for_us(frame):
             return None
@@ -195,6 +232,17 @@ class Codec:
             return None
         del self._chunks[key]
         return StatusText(frame.severity, "".join(chunks[index] for index in sorted(chunks)).strip())
+
+
+_BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
+
+
+def _as_field(value: object) -> object:
+    if isinstance(value, str):
+        return value.encode()
+    if isinstance(value, list):
+        return [_as_field(one) for one in value]
+    return math.nan if value is None else value
 
 
 def _for_us(frame: Any) -> bool:  # noqa: ANN401

@@ -1,0 +1,185 @@
+"""Links through MAVSDK 4: it has the sockets, finds the systems, checks the frames and keeps up our heartbeat.
+
+Whole messages come and go through its MavlinkDirect plugin, so every dialogue is faultline's own, with its patience for
+what MAVSDK's mission transfer takes for the end: ArduPilot's INVALID_SEQUENCE in the midst of an upload. What this way
+does not have: sequence numbers, so nobody counts what was lost, and integer parameters of PX4 that are negative, whose
+bits are no number in MAVSDK's messages; those are neither read nor set.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import ExitStack, asynccontextmanager
+from typing import TYPE_CHECKING, Protocol
+
+from executor.core.connection import Connection, Scheme
+from executor.core.messages import Heartbeat, Message, Outgoing
+from executor.core.ports import LinkCounts, LinkOrder
+from executor.errors import ConnectionFailed
+
+if TYPE_CHECKING:
+    from mavsdk import Mavsdk
+    from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+    from mavsdk.system import System
+
+GROUND_STATION = (255, 190)
+"""MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured)."""
+AUTOPILOT_COMPONENT = 1
+
+Fields = Mapping[str, object]
+"""A message's fields by their MAVLink names, as JSON has them: null for what is no finite number."""
+
+
+class Translator(Protocol):
+    """Turns MAVLink fields into our messages and back."""
+
+    def read_fields(self, name: str, sysid: int, compid: int, fields: Fields) -> tuple[bytes, Message | None] | None:
+        """Return the message and a frame for the log; None for a message that is not known."""
+        ...
+
+    def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
+        """Return the MAVLink message's name and fields, and a frame for the log; None if JSON cannot say it."""
+        ...
+
+
+class MavsdkLink:
+    """Messages of one vehicle through MAVSDK; lives on the event loop."""
+
+    def __init__(self, order: LinkOrder, translator: Translator) -> None:
+        """Make a link that leads nowhere until MAVSDK has found the system."""
+        self.sysid = order.sysid
+        self.component = AUTOPILOT_COMPONENT
+        self.counts = LinkCounts(missing=None)
+        self._log = order.log
+        self._translator = translator
+        self._direct: MavlinkDirect | None = None
+        self._listeners: list[Callable[[Message], None]] = []
+
+    @property
+    def found(self) -> bool:
+        """Whether MAVSDK has found the system."""
+        return self._direct is not None
+
+    def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def send(self, message: Outgoing) -> None:
+        """Send one message; before the system is found there is nowhere to send it."""
+        if self._direct is None:
+            return
+        from mavsdk.plugins.mavlink_direct import MavlinkDirectError, MavlinkMessage
+
+        written = self._translator.write_fields(message, self.sysid, self.component)
+        if written is None:
+            return
+        name, fields, frame = written
+        try:
+            self._direct.send_message(
+                MavlinkMessage(name, *GROUND_STATION, self.sysid, self.component, json.dumps(fields))
+            )
+        except MavlinkDirectError:
+            return  # what cannot be sent is lost, as on the air
+        if self._log is not None:
+            self._log.write(frame)
+
+    def attach(self, system: System) -> None:
+        """Take the system that MAVSDK has found."""
+        from mavsdk.plugins.mavlink_direct import MavlinkDirect
+
+        loop = asyncio.get_running_loop()
+        self._direct = MavlinkDirect(system)
+        # MAVSDK calls from a thread of its own; the flight lives on the event loop.
+        self._direct.subscribe_message("", lambda message, _: loop.call_soon_threadsafe(self._take, message))
+
+    def detach(self) -> None:
+        """Let go of the system, before MAVSDK ends."""
+        self._direct = None
+
+    def _take(self, message: MavlinkMessage) -> None:
+        self.counts.received += 1
+        # A text may have a tab in it, as PX4's have.
+        fields = json.loads(message.fields_json, strict=False)
+        read = self._translator.read_fields(message.message_name, message.system_id, message.component_id, fields)
+        if read is None:
+            return
+        frame, heard = read
+        if self._log is not None:
+            self._log.write(frame)
+        if heard is None:
+            return
+        if isinstance(heard, Heartbeat):
+            self.component = message.component_id
+        for listener in tuple(self._listeners):
+            listener(heard)
+
+
+@asynccontextmanager
+async def open_links(
+    orders: Mapping[str, LinkOrder], translator: Translator
+) -> AsyncIterator[Mapping[str, MavsdkLink]]:
+    """Open the links to vehicles by name through one MAVSDK.
+
+    Raises:
+        ConnectionFailed: MAVSDK is not there, a port is taken, a device is missing, or a host is not known.
+    """
+    links = {name: MavsdkLink(order, translator) for name, order in orders.items()}
+    if not orders:
+        yield links
+        return
+    loop = asyncio.get_running_loop()
+    with ExitStack() as stack:
+        mavsdk = _begin(stack)
+
+        def look() -> None:
+            for system in mavsdk.get_systems():
+                for link in links.values():
+                    if link.sysid == system.get_system_id() and not link.found:
+                        link.attach(system)
+
+        try:
+            mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(look))
+            for connection in dict.fromkeys(order.connection for order in orders.values()):
+                _connect(mavsdk, connection)
+            yield links
+        finally:
+            for link in links.values():
+                link.detach()
+            # It waits for its threads, and those for the loop's answer to nothing: but not on the loop's own time.
+            await asyncio.to_thread(mavsdk.destroy)
+
+
+def _begin(stack: ExitStack) -> Mavsdk:
+    try:
+        from mavsdk import Configuration, Mavsdk
+        from mavsdk import logging as chatter
+    except Exception as error:
+        # Without its native library it raises an error of its own, which cannot be imported then.
+        reason = str(error).partition("\n")[0]
+        raise ConnectionFailed(f"backend mavsdk: expected the package mavsdk 4 on this machine: {reason}") from error
+    # It would print on standard output, where results for scripts go. What matters shows as silence of a vehicle.
+    chatter.log_subscribe(lambda *_: True)
+    stack.callback(chatter.log_unsubscribe)
+    return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))
+
+
+def _connect(mavsdk: Mavsdk, connection: Connection) -> None:
+    if connection.scheme is Scheme.UDP_IN:
+        _expect_free(connection)
+    result = mavsdk.add_any_connection(str(connection))
+    if result.value:
+        reason = result.name.lower().replace("_", " ")
+        raise ConnectionFailed(f"{connection}: cannot be opened by MAVSDK: {reason}")
+
+
+def _expect_free(connection: Connection) -> None:
+    """See that nobody has the port: MAVSDK shares it without a word, and each would hear half (measured)."""
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+            plug.bind((connection.where, connection.number))
+    except OSError as error:
+        raise ConnectionFailed(f"{connection}: cannot be opened: {error.strerror or error}") from error
