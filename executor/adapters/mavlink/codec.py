@@ -47,7 +47,7 @@ from missions import MissionItem
 
 GROUND_STATION = (255, 190)
 """Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
-AUTOPILOT_PX4 = 12
+AUTOPILOT_ARDUPILOT = 3
 MISSION_TYPE_MISSION = 0
 INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
@@ -146,7 +146,7 @@ class Codec:
         """How many frames went to each system: each is numbered as a stream of its own."""
         self._chunks: dict[tuple[int, int], dict[int, str]] = {}
         self.autopilots: dict[int, int] = {}
-        """MAV_AUTOPILOT of each system, once its heartbeat was heard: PX4 packs integer parameters in another way."""
+        """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
         self.garbage = 0
         """Runs of bytes in datagrams that could not be understood."""
 
@@ -226,8 +226,7 @@ class Codec:
         key = (frame.get_srcSystem(), frame.id)
         chunks = self._chunks.setdefault(key, {})
         chunks[frame.chunk_seq] = frame.text
-        # A chunk that is not filled to its 50 characters ends the text.
-        last = max(chunks)
+        last = max(chunks)  # a chunk that is not filled to its 50 characters ends the text
         if len(chunks[last]) >= 50 or len(chunks) <= last:
             return None
         del self._chunks[key]
@@ -356,15 +355,19 @@ _READERS: dict[str, Any] = {
 }
 
 
+def _bitwise(kind: int, autopilot: int | None) -> bool:
+    """Return whether the bits of an integer stand where the float would; ArduPilot alone sends its value as a float."""
+    return kind in INTEGER_TYPES and autopilot not in {None, AUTOPILOT_ARDUPILOT}
+
+
 def _param_from_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if autopilot == AUTOPILOT_PX4 and kind in INTEGER_TYPES:
-        # PX4 puts the bits of an integer where the float would be; ArduPilot sends its value as a float.
+    if _bitwise(kind, autopilot):
         return float(struct.unpack("<i", struct.pack("<f", value))[0])
     return float(value)
 
 
 def _param_to_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if autopilot == AUTOPILOT_PX4 and kind in INTEGER_TYPES:
+    if _bitwise(kind, autopilot):
         return float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
     return value
 
