@@ -12,21 +12,19 @@ import asyncio
 import json
 import socket
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Protocol
 
+from executor.adapters.mavsdk.library import GROUND_STATION, connect, ground_station, quiet
 from executor.core.connection import Connection, Scheme
 from executor.core.messages import Heartbeat, Message, Outgoing
 from executor.core.ports import LinkCounts, LinkOrder
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:
-    from mavsdk import Mavsdk
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
     from mavsdk.system import System
 
-GROUND_STATION = (255, 190)
-"""MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured)."""
 AUTOPILOT_COMPONENT = 1
 
 Fields = Mapping[str, object]
@@ -132,8 +130,8 @@ async def open_links(
         yield links
         return
     loop = asyncio.get_running_loop()
-    with ExitStack() as stack:
-        mavsdk = _begin(stack)
+    with quiet():
+        mavsdk = ground_station()
 
         def look() -> None:
             for system in mavsdk.get_systems():
@@ -144,36 +142,15 @@ async def open_links(
         try:
             mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(look))
             for connection in dict.fromkeys(order.connection for order in orders.values()):
-                _connect(mavsdk, connection)
+                if connection.scheme is Scheme.UDP_IN:
+                    _expect_free(connection)
+                connect(mavsdk, str(connection))
             yield links
         finally:
             for link in links.values():
                 link.detach()
-            # It waits for its threads, and those for the loop's answer to nothing: but not on the loop's own time.
+            # It waits for its threads, which may be about to hand a message to the loop.
             await asyncio.to_thread(mavsdk.destroy)
-
-
-def _begin(stack: ExitStack) -> Mavsdk:
-    try:
-        from mavsdk import Configuration, Mavsdk
-        from mavsdk import logging as chatter
-    except Exception as error:
-        # Without its native library it raises an error of its own, which cannot be imported then.
-        reason = str(error).partition("\n")[0]
-        raise ConnectionFailed(f"backend mavsdk: expected the package mavsdk 4 on this machine: {reason}") from error
-    # It would print on standard output, where results for scripts go. What matters shows as silence of a vehicle.
-    chatter.log_subscribe(lambda *_: True)
-    stack.callback(chatter.log_unsubscribe)
-    return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))
-
-
-def _connect(mavsdk: Mavsdk, connection: Connection) -> None:
-    if connection.scheme is Scheme.UDP_IN:
-        _expect_free(connection)
-    result = mavsdk.add_any_connection(str(connection))
-    if result.value:
-        reason = result.name.lower().replace("_", " ")
-        raise ConnectionFailed(f"{connection}: cannot be opened by MAVSDK: {reason}")
 
 
 def _expect_free(connection: Connection) -> None:
