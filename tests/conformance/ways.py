@@ -8,7 +8,6 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppres
 from dataclasses import dataclass
 
 from mavsdk import ComponentType, Configuration, Mavsdk
-from mavsdk import logging as chatter
 from mavsdk.plugins.action_server import ActionServer
 from mavsdk.plugins.mission_raw_server import MissionRawServer
 from mavsdk.plugins.param_server import ParamServer
@@ -25,6 +24,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk import link as mavsdk_links
+from executor.adapters.mavsdk.library import load
 from executor.core.connection import parse_connection
 from executor.core.ports import LinkOrder, OpenLink
 from executor.runtime.flight import keep_heartbeat
@@ -129,7 +129,7 @@ def simulated(
 async def served(port: int, sysids: Sequence[int], faults: Sequence[str]) -> AsyncIterator[None]:
     """Start vehicles that MAVSDK's server plugins play: none of this code wrote any of their words."""
     assert not faults
-    chatter.log_subscribe(lambda *_: True)
+    load()
     running = [_MavsdkVehicle(port, sysid) for sysid in sysids]
     publishing = [asyncio.create_task(vehicle.publish()) for vehicle in running]
     try:
@@ -140,7 +140,6 @@ async def served(port: int, sysids: Sequence[int], faults: Sequence[str]) -> Asy
         await asyncio.wait(publishing)
         for vehicle in running:
             await asyncio.to_thread(vehicle.mavsdk.destroy)
-        chatter.log_unsubscribe()
 
 
 class _MavsdkVehicle:

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 import struct
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
+from executor.adapters.mavlink.cutter import Cutter
 from executor.core.messages import (
     Battery,
     CommandAck,
@@ -53,11 +53,6 @@ INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
 
-HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
-"""Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
-HEADS = {0xFE: HEAD_V1, 0xFD: HEAD_V2}
-"""Header lengths by the byte that frames of both versions begin with."""
-
 
 @dataclass(frozen=True, slots=True)
 class Received:
@@ -71,70 +66,6 @@ class Received:
     """None for a message that nobody here follows."""
 
 
-class Cutter:
-    """Cuts a stream of bytes into frames, wherever it was cut on its way.
-
-    A frame counts only with its checksum. Where there is none the search goes on one byte later, so that a start mark
-    among noise costs no frame that follows it.
-    """
-
-    def __init__(self) -> None:
-        """Begin with nothing."""
-        self._mav = mav.MAVLink(None)
-        self._buffer = bytearray()
-        self._in_garbage = False
-        self.garbage = 0
-        """How many runs of bytes were no frame."""
-
-    def feed(self, data: bytes) -> list[Any]:
-        """Take the next bytes; return the frames that are whole now."""
-        self._buffer += data
-        frames, at = [], 0
-        while (end := self._end(at)) <= len(self._buffer):
-            frame = self._frame(at, end)
-            if frame is None:
-                self.garbage += not self._in_garbage
-                at += 1
-            else:
-                frames.append(frame)
-                at = end
-            self._in_garbage = frame is None
-        del self._buffer[:at]
-        return frames
-
-    def close(self) -> int:
-        """Give up what is unfinished; return how many runs of bytes were no frame."""
-        self.garbage += bool(self._buffer) and not self._in_garbage
-        self._buffer.clear()
-        return self.garbage
-
-    def _end(self, at: int) -> int:
-        """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
-        buffer = self._buffer
-        if at >= len(buffer):
-            return sys.maxsize
-        if buffer[at] not in HEADS:
-            return at
-        head = HEADS[buffer[at]]
-        if at + head > len(buffer):
-            return sys.maxsize
-        end = at + head + buffer[at + 1] + CHECKSUM
-        if head == HEAD_V1:
-            return end if buffer[at + 5] in mav.mavlink_map else at
-        flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
-        if flags & ~SIGNED or number not in mav.mavlink_map:
-            return at
-        return end + SIGNATURE * (flags & SIGNED)
-
-    def _frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
-        if end == at:
-            return None
-        try:
-            return self._mav.decode(self._buffer[at:end])
-        except (mav.MAVError, struct.error, UnicodeDecodeError):
-            return None
-
-
 class Codec:
     """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
@@ -142,6 +73,7 @@ class Codec:
         """Begin knowing nobody."""
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._datagrams = Cutter(in_datagrams=True)
         self._sent: dict[int, int] = {}
         """How many frames went to each system: each is numbered as a stream of its own."""
         self._chunks: dict[tuple[int, int], dict[int, str]] = {}
@@ -152,9 +84,9 @@ class Codec:
 
     def decode(self, data: bytes) -> Iterator[Received]:
         """Yield every frame of a datagram; no frame goes on in the next."""
-        cutter = Cutter()
-        yield from self.read(cutter.feed(data))
-        self.garbage += cutter.close()
+        frames = self._datagrams.feed(data)
+        self.garbage = self._datagrams.close()
+        yield from self.read(frames)
 
     def read(self, frames: Iterable[Any]) -> Iterator[Received]:
         """Yield what a `Cutter`'s frames say."""

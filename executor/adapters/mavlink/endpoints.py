@@ -14,7 +14,8 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
 
-from executor.adapters.mavlink.codec import Codec, Cutter, Received
+from executor.adapters.mavlink.codec import Codec, Received
+from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.link import VehicleLink, Write, nowhere
 from executor.core.connection import Connection, Scheme
 from executor.core.ports import LinkOrder

@@ -1,9 +1,13 @@
-"""MAVSDK itself: loaded when it is wanted, silent, and the ground station whose heartbeats vehicles wait for."""
+"""MAVSDK itself: loaded when it is wanted, silent, and the ground station whose heartbeats vehicles wait for.
+
+What it does with threads is handled with care: it frees a callback of ours as soon as it is told to, even if one of its
+threads is in it, so callbacks stay for as long as those threads do.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import atexit
+import functools
 from typing import TYPE_CHECKING
 
 from executor.errors import ConnectionFailed
@@ -15,28 +19,31 @@ GROUND_STATION = (255, 190)
 """MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured)."""
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keep MAVSDK's log off standard output, where results for scripts go; what matters shows as a silent vehicle.
+def load() -> None:
+    """Load MAVSDK, and keep its log off standard output: results for scripts go there, and silence shows by itself.
 
     Raises:
         ConnectionFailed: MAVSDK is not there.
     """
     try:
-        from mavsdk import logging as chatter
+        import mavsdk  # noqa: F401 - whether it can be
     except Exception as error:
         # Without its native library it raises an error of its own, which cannot be imported then.
         reason = str(error).partition("\n")[0]
         raise ConnectionFailed(f"backend mavsdk: expected the package mavsdk 4 on this machine: {reason}") from error
+    _silence()
+
+
+@functools.cache
+def _silence() -> None:
+    from mavsdk import logging as chatter
+
     chatter.log_subscribe(lambda *_: True)
-    try:
-        yield
-    finally:
-        chatter.log_unsubscribe()
+    atexit.register(chatter.log_unsubscribe)
 
 
 def ground_station() -> Mavsdk:
-    """Return a MAVSDK of its own threads; `destroy` ends them, and must not be called by the event loop's thread."""
+    """Return a MAVSDK of its own threads; `destroy` ends them. Both block: not for the event loop."""
     from mavsdk import Configuration, Mavsdk
 
     return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))

@@ -15,7 +15,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from executor.adapters.mavsdk.library import GROUND_STATION, connect, ground_station, quiet
+from executor.adapters.mavsdk.library import GROUND_STATION, connect, ground_station, load
 from executor.core.connection import Connection, Scheme
 from executor.core.messages import Heartbeat, Message, Outgoing
 from executor.core.ports import LinkCounts, LinkOrder
@@ -129,28 +129,28 @@ async def open_links(
     if not orders:
         yield links
         return
+    load()
     loop = asyncio.get_running_loop()
-    with quiet():
-        mavsdk = ground_station()
+    mavsdk = await asyncio.to_thread(ground_station)
 
-        def look() -> None:
-            for system in mavsdk.get_systems():
-                for link in links.values():
-                    if link.sysid == system.get_system_id() and not link.found:
-                        link.attach(system)
-
-        try:
-            mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(look))
-            for connection in dict.fromkeys(order.connection for order in orders.values()):
-                if connection.scheme is Scheme.UDP_IN:
-                    _expect_free(connection)
-                connect(mavsdk, str(connection))
-            yield links
-        finally:
+    def look() -> None:
+        for system in mavsdk.get_systems():
             for link in links.values():
-                link.detach()
-            # It waits for its threads, which may be about to hand a message to the loop.
-            await asyncio.to_thread(mavsdk.destroy)
+                if link.sysid == system.get_system_id() and not link.found:
+                    link.attach(system)
+
+    try:
+        mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(look))
+        for connection in dict.fromkeys(order.connection for order in orders.values()):
+            if connection.scheme is Scheme.UDP_IN:
+                _expect_free(connection)
+            connect(mavsdk, str(connection))
+        yield links
+    finally:
+        for link in links.values():
+            link.detach()
+        # It waits for its threads, which may be about to hand a message to the loop.
+        await asyncio.to_thread(mavsdk.destroy)
 
 
 def _expect_free(connection: Connection) -> None:

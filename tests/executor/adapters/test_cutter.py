@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec, Cutter
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.cutter import Cutter
 from tests.executor.adapters.test_codec import Vehicle
 
 MESSAGES = (
@@ -58,3 +59,25 @@ def test_noise_is_counted_by_the_run() -> None:
     cutter.feed(b"noise" + vehicle.pack(MESSAGES[0]) + b"\xff" * 30)
     cutter.feed(b"\xff" * 30 + vehicle.pack(MESSAGES[0]) + b"\xfd\x00")
     assert cutter.close() == 3
+
+
+UNKNOWN = b"\xfd\x03\x00\x00\x09\x07\x01\x9a\x01\x00" + b"\x01\x02\x03" + b"\xaa\xbb"
+"""Message 410, which pymavlink does not know, of system 7, with the number 9."""
+
+
+def test_a_message_that_is_not_known_counts_in_a_datagram() -> None:
+    known = Vehicle().pack(MESSAGES[0])
+    for datagram in (UNKNOWN, UNKNOWN + known, known + UNKNOWN):
+        codec = Codec()
+        received = list(codec.decode(datagram))
+        assert [one.frame for one in received] == [part for part in (datagram.partition(UNKNOWN)) if part]
+        [unknown] = [one for one in received if one.frame == UNKNOWN]
+        assert (unknown.sysid, unknown.compid, unknown.seq, unknown.message) == (7, 1, 9, None)
+        assert codec.garbage == 0
+
+
+def test_a_message_that_is_not_known_is_noise_where_noise_may_be() -> None:
+    codec = Codec()
+    assert list(codec.decode(UNKNOWN + b"\x00")) == []
+    assert codec.garbage == 1
+    assert Cutter().feed(UNKNOWN) == []

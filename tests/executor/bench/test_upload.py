@@ -9,12 +9,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from executor.bench.upload import Cell, Row, Timing, content_of, markdown_of, measure, upload
+from executor.bench.upload import Cell, Measured, Row, Timing, content_of, markdown_of, measure, upload
 
 
 def test_both_programs_upload_to_both_autopilots() -> None:
     cells = [Cell(autopilot, 10, 0.0, delay_s) for autopilot in ("ardupilot", "px4") for delay_s in (0.0, 0.05)]
-    rows = measure(cells, repeats=2, seed=1, said=lambda _: None)
+    rows = measure(cells, repeats=2, seed=1, said=lambda _: None).rows
     assert [row.cell for row in rows] == cells
     assert [len(timing.accepted_s) for row in rows for timing in (row.native, row.mavsdk)] == [2] * 8
     near, far = rows[:2]
@@ -26,7 +26,7 @@ ROW = Row(Cell("px4", 40, 0.2, 0.3), 0.6, Timing((20.0, 30.0, 22.0), ()), Timing
 
 
 def test_a_row_shows_medians_and_why_the_others_failed() -> None:
-    content = content_of([ROW], repeats=3, seed=1, took_s=9.0)
+    content = content_of(Measured((ROW,), 9.0, 0.1), repeats=3, seed=1)
     text = markdown_of([ROW], content)
     assert "| 40 | 300 | 20 | 24.60 | 22.00 (3/3) | - (0/3) | busy (1), timeout (2) |" in text.splitlines()
     assert "own failures" not in text
@@ -35,7 +35,7 @@ def test_a_row_shows_medians_and_why_the_others_failed() -> None:
 
 def test_our_own_failures_are_named() -> None:
     row = Row(ROW.cell, 0.6, Timing((), ("silence after item 3 of 40",)), ROW.mavsdk)
-    assert "silence after item 3 of 40" in markdown_of([row], content_of([row], 1, 1, 9.0))
+    assert "silence after item 3 of 40" in markdown_of([row], content_of(Measured((row,), 9.0, 0.1), 1, 1))
 
 
 def test_the_command_writes_what_it_prints(tmp_path: Path) -> None:
