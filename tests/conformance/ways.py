@@ -43,7 +43,7 @@ from tests.executor.simulator.harness import (
     waypoint,
 )
 
-SPEEDUP = 5.0
+SPEEDUP = 3.0
 
 Links = AbstractAsyncContextManager[Mapping[str, OpenLink]]
 OpenLinks = Callable[[Mapping[str, LinkOrder]], Links]
