@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 GROUND_STATION = (255, 190)
 """MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured)."""
+MOST_AT_ONCE = 16
+"""MAVSDKs in one process: with 24 it wrote beyond its memory, and the process died (measured). One holds any fleet."""
 
 
 def load() -> None:
