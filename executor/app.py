@@ -20,17 +20,19 @@ from executor.adapters.rundir import keep_site, write_json
 from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
+from executor.checklist import checklist
 from executor.config import Site
 from executor.core import fleet, preflight
 from executor.core.commands import Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, ReturnAllOrdered, SolveEnded
+from executor.core.failsafes import link_failsafe
 from executor.core.ports import LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.errors import PreflightFailed
-from executor.report import Happening, report_of
+from executor.report import Happening, Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
 from missions import FlightSetup, PlanFile, Solved, Task, dialect_for, encode, make_plan_file, open_task, write_plan
@@ -124,14 +126,18 @@ async def _fly(
     facts = await _interviews(order, links, clock, console)
     setup = _setup(ground, facts)
     task, plan = order.plan.task(), order.plan.plan
-    context = build.context_of(ground, setup, task, plan)
+    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
+    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
+    context = build.context_of(ground, setup, task, plan, own)
     boards = _boards(context, build.routes_of(ground, task, plan))
-    found = _checks(order, context, facts, boards)
+    found = checklist(order.site, order.plan, context, facts, own, boards)
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if stops:
         raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
-    await _load(context, links, clock, boards, console)
+    found += await _load(context, links, clock, boards, console)
+    said = Said(facts, found)
+    write_json(run / "vehicles.json", vehicles_of(context, said))
     if not console.confirm("All missions are on board and read back. Take off?"):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
     log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup)
@@ -144,7 +150,7 @@ async def _fly(
         console.done()
         log.close()
     frames = {name: (link.counts.received, link.counts.missing) for name, link in links.items()}
-    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames)
+    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, said)
     write_json(run / "report.json", report)
     return Flown(report, context, bool(left))
 
@@ -182,10 +188,13 @@ async def _interviews(
     async def one(name: str) -> Facts:
         table = tables[name]
         await asking.answer(name, table.connection, table.sysid, links[name], timeout_s, clock)
-        facts = await asking.interview(name, links[name], clock, dialects[name], order.site.flight.ready_timeout_s)
-        console.say(
-            Level.INFO, f"{name}: ready, {dialects[name].name} {facts.version}, battery {facts.remaining_pct:.0f} %"
-        )
+
+        def waits(missing: str) -> None:
+            console.say(Level.INFO, f"{name}: not ready yet: {missing}")
+
+        patience_s = order.site.flight.ready_timeout_s
+        facts = await asking.interview(name, links[name], clock, dialects[name], patience_s, waits)
+        console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
         return facts
 
     asked = {name: asyncio.ensure_future(one(name)) for name in links}
@@ -214,42 +223,20 @@ def _boards(context: Context, routes: Mapping[str, tuple[int, ...]]) -> dict[str
     }
 
 
-def _checks(
-    order: Order, context: Context, facts: Mapping[str, Facts], boards: Mapping[str, OnBoard | None]
-) -> list[Check]:
-    frame = context.frame
-    found: list[Check] = [Check(Severity.OK, "heights", f"over {context.setup.layers.reference.value}")]
-    paths = [board.path for board in boards.values() if board is not None]
-    found += preflight.separation(paths, order.site.inspection.layer_m, context.setup.home_alt_m)
-    for name, fact in facts.items():
-        setup, board = context.vehicles[name], boards[name]
-        place_m = frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
-        found += preflight.identity(fact, setup.dialect, place_m)
-        found.append(preflight.failsafe(fact, setup.dialect, setup.link_timeout_s))
-        found.append(preflight.energy(context, name, board.path if board is not None else None, fact.remaining_pct))
-    uncovered = order.plan.plan.uncovered
-    if uncovered:
-        ids = ", ".join(str(order.plan.segments[number].id) for number in uncovered)
-        found.append(Check(Severity.WARNING, "plan", f"the budgets do not cover segments {ids}"))
-    return found
-
-
 async def _load(
     context: Context,
     links: Mapping[str, OpenLink],
     clock: SystemClock,
     boards: Mapping[str, OnBoard | None],
     console: Console,
-) -> None:
+) -> list[Check]:
+    found: list[Check] = []
+
     async def one(name: str, board: OnBoard | None) -> None:
         dialect, link = context.vehicles[name].dialect, links[name]
-        rule = dialect.return_parameters
-        height_m = context.return_height_m(name)
-        problem = await asking.prepare_return(name, link, clock, dialect, height_m)
-        if problem:
-            console.say(Level.WARNING, problem)
-        else:
-            console.say(Level.INFO, f"{name}: its own return is set to {height_m:.0f} m ({rule.height})")
+        height = await asking.prepare_return(link, clock, dialect, context.return_height_m(name))
+        found.append(preflight.return_height(context, name, height))
+        console.checks(found[-1:])
         if board is not None:
             mission = encode(board.path, dialect)
             await asking.load(name, link, clock, dialect, mission)
@@ -258,6 +245,7 @@ async def _load(
     async with asyncio.TaskGroup() as tasks:
         for name, board in boards.items():
             tasks.create_task(one(name, board))
+    return found
 
 
 class _Keeper:

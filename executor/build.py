@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from executor.config import Site
 from executor.core.context import Context, VehicleSetup
+from executor.core.failsafes import LinkFailsafe
 from executor.core.limits import Limits
 from missions import (
     Dialect,
@@ -103,12 +105,24 @@ def stall_s(speedup: float) -> float:
     return STALL_REAL_S * speedup if speedup > 1 else 0.0
 
 
-def link_timeout_s(site: Site, dialect: Dialect) -> float:
-    """Return the silence after which a vehicle is lost: the site's, or when its own failsafe must have acted."""
-    if site.faults.link_timeout_s is not None:
-        return site.faults.link_timeout_s
+def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None) -> float:
+    """Return the silence after which a vehicle is lost.
+
+    It is the site's figure, or by default when the vehicle's own failsafe must have acted. A figure that is shorter
+    than what the vehicle says of itself is not taken: its segments would be given away while it still flies them.
+
+    Args:
+        site: The site file.
+        dialect: The vehicle's autopilot.
+        own: What the vehicle says of itself, once it was asked.
+    """
     rule = dialect.ground_station_failsafe
-    acts_s = max(rule.returns_after_s, stall_s(site.flight.speedup) + rule.returns_after_s - rule.reacts_after_s)
+    acts_s = own.after_s if own is not None and own.acts else None
+    if site.faults.link_timeout_s is not None and site.faults.link_timeout_s >= (acts_s or 0.0):
+        return site.faults.link_timeout_s
+    if acts_s is None or site.faults.link_timeout_s is None:
+        least_s = stall_s(site.flight.speedup) + rule.returns_after_s - rule.reacts_after_s
+        acts_s = max(rule.returns_after_s if acts_s is None else acts_s, least_s)
     return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
 
 
@@ -163,8 +177,22 @@ def overhead_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> O
     return Overhead(factor, climb_pct + landing_pct, landing_pct)
 
 
-def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Context:
-    """Return everything that the decisions in flight may look at."""
+def context_of(
+    ground: Ground,
+    setup: FlightSetup,
+    task: Task,
+    plan: Plan,
+    own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
+) -> Context:
+    """Return everything that the decisions in flight may look at.
+
+    Args:
+        ground: What is known before any vehicle answers.
+        setup: Heights and pads.
+        task: The problem of the first plan.
+        plan: The first plan.
+        own: What vehicles do by themselves in silence, by their name, where they were asked.
+    """
     site = ground.site
     vehicles: dict[str, VehicleSetup] = {}
     for table in site.vehicle:
@@ -175,7 +203,7 @@ def context_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Co
             dialect=dialect,
             budget_pct=table.budget_pct,
             reserve_pct=table.reserve_pct,
-            link_timeout_s=link_timeout_s(site, dialect),
+            link_timeout_s=link_timeout_s(site, dialect, own.get(table.name)),
             pad_m=(pad.east_m, pad.north_m),
         )
     overhead = overhead_of(ground, setup, task, plan)

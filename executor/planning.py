@@ -32,8 +32,6 @@ from planner import (
     solve_window,
 )
 
-WINDOW_UNASKED = 1_000
-"""Vehicles times segments up to which each plan comes with its re-plan window."""
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
@@ -94,7 +92,7 @@ def first_plan(ground: Ground, wanted: Wanted, on_progress: Callable[[Progress],
         plan, seconds, window = found.plan, found.seconds, window_in(found.window)
     else:
         result = _solved(task.instance, wanted, wanted.cost, on_progress)
-        plan, seconds, window = result.plan, result.seconds, _window_unasked(task.instance, result.plan)
+        plan, seconds, window = result.plan, result.seconds, None
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     return make_plan_file(
         ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
@@ -128,7 +126,8 @@ def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
     """Return what each of the paper's cost functions gives in a tenth of the time, by its name: to compare with."""
     plans = {}
     for cost in Cost:
-        plans[cost.value] = first_plan(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
+        content = first_plan(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
+        plans[cost.value] = replace(content, window=window_in(replan_window(content.instance(), content.plan)))
     return plans
 
 
@@ -158,14 +157,6 @@ def _settled(seconds: float) -> StopRule:
 def window_in(found: ReplanWindow) -> Window:
     """Return a re-plan window as plan files keep it."""
     return Window(found.window_pct, found.earliest_s, found.longest_route_s)
-
-
-def _window_unasked(instance: Instance, plan: Plan) -> Window | None:
-    """Return the window of a plan where it takes a second or two at most, else None."""
-    fleet = len(instance.vehicles)
-    if fleet < 2 or fleet * instance.segments > WINDOW_UNASKED:
-        return None
-    return window_in(replan_window(instance, plan))
 
 
 def fits(plan: PlanFile, ground: Ground, source: str) -> None:

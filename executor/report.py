@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from executor.core import firmware
 from executor.core.context import Context
+from executor.core.preflight import Check, Facts
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 
@@ -22,12 +24,61 @@ class Happening:
     """In the ground station's time."""
 
 
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What was known before the flight."""
+
+    facts: Mapping[str, Facts]
+    """What each vehicle said."""
+    checks: Sequence[Check]
+    """The checklist."""
+
+
+NOTHING_SAID = Said(MappingProxyType({}), ())
+
+
+def vehicles_of(context: Context, said: Said) -> dict[str, object]:
+    """Return the content of vehicles.json: who was asked before the flight, and what each one answered."""
+    return {
+        "format": "faultline-vehicles/1",
+        "vehicles": [
+            {
+                "name": name,
+                "sysid": context.vehicles[name].sysid,
+                **_firmware(facts),
+                "remaining_pct": facts.remaining_pct,
+                "link_timeout_s": context.vehicles[name].link_timeout_s,
+                "parameters": dict(sorted(facts.parameters.items())),
+                "stations": [[station.system, station.component] for station in facts.stations],
+            }
+            for name, facts in said.facts.items()
+        ],
+        "checks": [checked(check) for check in said.checks],
+    }
+
+
+def checked(check: Check) -> dict[str, str]:
+    """Return a line of the checklist as plain data."""
+    return {"severity": check.severity.value, "subject": check.subject, "text": check.text}
+
+
+def _firmware(facts: Facts | None) -> dict[str, object]:
+    if facts is None:
+        return {}
+    return {
+        "type": firmware.vehicle_words(facts.heartbeat.vehicle_type),
+        "autopilot": firmware.autopilot_words(facts.heartbeat.autopilot),
+        "firmware": None if facts.version is None else str(facts.version),
+    }
+
+
 def report_of(
     context: Context,
     state: FleetState,
     ended_s: float,
     truths: Sequence[Happening] = (),
     frames: Mapping[str, tuple[int, int | None]] = MappingProxyType({}),
+    said: Said = NOTHING_SAID,
 ) -> dict[str, object]:
     """Return the content of report.json.
 
@@ -37,6 +88,7 @@ def report_of(
         ended_s: The end, in the ground station's time.
         truths: What really happened, where a simulator knows it.
         frames: How many frames came from each vehicle, and how many its sequence numbers say were lost on the way.
+        said: What the vehicles said before the flight, and what was found then.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
     uncovered = sorted(set(range(context.segments)) - set(state.inspected))
@@ -60,13 +112,31 @@ def report_of(
             }
             for record in state.records
         ],
-        "vehicles": [_vehicle(context, state, vehicle, frames) for vehicle in state.vehicles.values()],
+        "vehicles": [
+            {**_vehicle(context, state, vehicle, frames), **_firmware(said.facts.get(vehicle.name))}
+            for vehicle in state.vehicles.values()
+        ],
+        "checks": [checked(check) for check in said.checks],
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
+        "inspection_speed_m_s": context.inspection_speed_m_s,
+        "inspections": [_inspection(state, segment) for segment in sorted(state.flown)],
         "not_counted": [
             {"vehicle": vehicle.name, "segment": segment, "reason": reason}
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.runs_broken
         ],
+    }
+
+
+def _inspection(state: FleetState, segment: int) -> dict[str, object]:
+    flown = state.flown[segment]
+    return {
+        "segment": segment,
+        "vehicle": state.inspected[segment],
+        "speed_mean_m_s": round(flown.mean_m_s, 2),
+        "speed_max_m_s": None if flown.max_m_s is None else round(flown.max_m_s, 2),
+        "deviation_mean_m": round(flown.deviation_mean_m, 2),
+        "deviation_max_m": round(flown.deviation_max_m, 2),
     }
 
 

@@ -126,7 +126,9 @@ def _on_cluster(
         # The tables go to each worker once, not with each chunk.
         shared = client.scatter(content, broadcast=True)
         futures = client.map(fly_chunk, [shared] * len(parts), list(parts), pure=False)
-        return risks_of(content, _gathered(futures, distributed.as_completed(futures), parts, on_done))
+        return risks_of(
+            content, _gathered(futures, distributed.as_completed(futures, loop=client.loop), parts, on_done)
+        )
     except (ImportError, OSError, distributed.KilledWorker, distributed.CancelledError) as error:
         raise ExecutorError(f"--dask: a worker failed: {type(error).__name__}: {error}") from error
 

@@ -12,9 +12,7 @@ from missions.compare import differences
 from missions.dialects import (
     ARDUPILOT,
     PX4,
-    BatteryFailsafe,
     Dialect,
-    GroundStationFailsafe,
     ModeNumber,
     Modes,
     ReturnParameters,
@@ -32,6 +30,7 @@ from missions.errors import (
     SafetyError,
 )
 from missions.estimate import Estimate, LegEstimate, estimate
+from missions.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
 from missions.geo import LocalFrame
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
@@ -50,6 +49,8 @@ __all__ = [
     "ARDUPILOT",
     "PX4",
     "BatteryFailsafe",
+    "BatteryLevel",
+    "Charge",
     "Command",
     "Dialect",
     "EncodeError",
@@ -58,6 +59,7 @@ __all__ = [
     "FlightPath",
     "FlightSetup",
     "Frame",
+    "Geofence",
     "GroundStationFailsafe",
     "HeightReference",
     "Inspection",

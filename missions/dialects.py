@@ -10,6 +10,17 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from missions.failsafes import (
+    ARDUPILOT_BATTERY,
+    ARDUPILOT_FENCE,
+    ARDUPILOT_LINK,
+    PX4_BATTERY,
+    PX4_FENCE,
+    PX4_LINK,
+    BatteryFailsafe,
+    Geofence,
+    GroundStationFailsafe,
+)
 from missions.items import Frame
 
 
@@ -85,36 +96,6 @@ class ReturnParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class GroundStationFailsafe:
-    """What the vehicle does when the ground station falls silent."""
-
-    action: str
-    """Parameter that chooses it."""
-    action_return: int
-    """Its value for a return home."""
-    timeout: str
-    """Parameter: seconds of silence."""
-    timeout_s: float
-    """Its default."""
-    reacts_after_s: float
-    """Silence from the last heartbeat to the first reaction with the default timeout, in the vehicle's time."""
-    returns_after_s: float
-    """Silence to the return."""
-    station_sysid: str | None
-    """Parameter: whose heartbeats count; None if anybody's do."""
-
-
-@dataclass(frozen=True, slots=True)
-class BatteryFailsafe:
-    """Parameters that choose what the vehicle does on a low and on a critical battery."""
-
-    low_action: str
-    critical_action: str
-    low_threshold: str
-    critical_threshold: str
-
-
-@dataclass(frozen=True, slots=True)
 class Dialect:
     """One autopilot's way of speaking and behaving."""
 
@@ -175,6 +156,11 @@ class Dialect:
     return_parameters: ReturnParameters
     ground_station_failsafe: GroundStationFailsafe
     battery_failsafe: BatteryFailsafe
+    geofence: Geofence
+    oldest_version: tuple[int, int]
+    """Major and minor number; what is older was not looked at."""
+    tested_version: str
+    """What this dialect was measured with."""
 
 
 ARDUPILOT = Dialect(
@@ -221,16 +207,11 @@ ARDUPILOT = Dialect(
         cone="RTL_CONE_SLOPE",  # default 3: within a third of the height it climbs less
         cone_off=0.0,  # ArduPilot's manual: 0 disables the limit
     ),
-    ground_station_failsafe=GroundStationFailsafe(
-        action="FS_GCS_ENABLE",
-        action_return=1,  # measured: RTL
-        timeout="FS_GCS_TIMEOUT",
-        timeout_s=5.0,  # recorded parameters
-        reacts_after_s=5.0,  # measured
-        returns_after_s=5.0,  # measured
-        station_sysid="MAV_GCS_SYSID",  # measured: heartbeats of that system only; 255 by default
-    ),
-    battery_failsafe=BatteryFailsafe("BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "BATT_LOW_MAH", "BATT_CRT_MAH"),
+    ground_station_failsafe=ARDUPILOT_LINK,
+    battery_failsafe=ARDUPILOT_BATTERY,
+    geofence=ARDUPILOT_FENCE,
+    oldest_version=(4, 6),
+    tested_version="Copter 4.7-dev",
 )
 
 PX4 = Dialect(
@@ -277,16 +258,11 @@ PX4 = Dialect(
         cone="RTL_CONE_ANG",  # degrees
         cone_off=0.0,  # PX4's manual: without a cone it returns at RTL_RETURN_ALT or above
     ),
-    ground_station_failsafe=GroundStationFailsafe(
-        action="NAV_DLL_ACT",
-        action_return=2,  # measured: AUTO.LOITER, then RTL
-        timeout="COM_DL_LOSS_T",
-        timeout_s=10.0,  # commander_params.c
-        reacts_after_s=12.0,  # measured: AUTO.LOITER
-        returns_after_s=17.0,  # measured: RTL, not cancelled when heartbeats return
-        station_sysid=None,
-    ),
-    battery_failsafe=BatteryFailsafe("COM_LOW_BAT_ACT", "COM_LOW_BAT_ACT", "BAT_LOW_THR", "BAT_CRIT_THR"),
+    ground_station_failsafe=PX4_LINK,
+    battery_failsafe=PX4_BATTERY,
+    geofence=PX4_FENCE,
+    oldest_version=(1, 15),
+    tested_version="PX4 1.17.0",
 )
 
 

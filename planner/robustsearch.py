@@ -30,13 +30,15 @@ LOOK = 1_000
 """Effort for a loss when a plan's whole window is looked at."""
 FOLLOW = 20
 """Effort for a loss in a walk, where the repair follows another."""
-CYCLE = 2_000
-"""Iterations of a walk from hot to cold."""
+CYCLE, LONGEST_CYCLE = 4_000, 32_000
+"""Iterations of a walk from hot to cold, at first and at most: twice as many after each round of steps in vain."""
+NEARLY = 3.0
+"""Mean transits that repairs may lack at the end of a cycle to be looked at once more, with more effort."""
 BATCH = 250
 """Iterations of each walk between two questions to the stop rule."""
-HOT, COLD = 2.0, 0.15
+HOT, COLD = 2.0, 0.05
 """Temperatures of a walk, in mean transits of its plan."""
-FIRST_STEP, LAST_STEP = 0.08, 0.01
+FIRST_STEP, LAST_STEP = 0.06, 0.01
 """How far below the earliest time so far a walk aims, as shares of the longest route."""
 RISE = 0.03
 """How much more energy a plan may use than the one before it, as a share of the first plan's."""
@@ -84,6 +86,8 @@ class Walker:
     step: float = FIRST_STEP
     probes_s: FloatArray = field(default_factory=lambda: np.full(PROBES, -1.0))
     temperature: FloatArray = field(default_factory=lambda: np.zeros(1))
+    length: int = CYCLE
+    """Iterations of a cycle."""
     left: int = 0
     """Iterations until the cycle ends."""
     cycles: int = 0
@@ -290,18 +294,34 @@ class RobustSearch:
                 self._begin_cycle(walker)
             done = walk(
                 self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
-                walker.probes_s, self._limits(walker), walker.temperature, (COLD / HOT) ** (1 / CYCLE),
+                walker.probes_s, self._limits(walker), walker.temperature, (COLD / HOT) ** (1 / walker.length),
                 min(iterations, walker.left), walker.rng,
             )  # fmt: skip
             iterations -= max(1, done)
             walker.left -= max(1, done)
+            if walker.left <= 0 < walker.here.lacks.sum():
+                self._look_again(walker)
             if walker.here.lacks.sum() <= 0:
                 self._arrive(walker)
                 if walker.best.earliest_s <= 0:
                     return
             elif walker.left <= 0:
-                walker.step = walker.step / 2 if walker.step > LAST_STEP else FIRST_STEP
-                walker.cycles += 1
+                self._next_step(walker)
+
+    def _look_again(self, walker: Walker) -> None:
+        """Make those repairs anew that lack a little at the end of a cycle."""
+        if walker.here.lacks.sum() <= NEARLY * self._transit_pct(walker.here.base):
+            walker.here.repairs.known[walker.here.lacks > 0] = 0
+            self._assess(walker)
+
+    def _next_step(self, walker: Walker) -> None:
+        """Aim less far in the next cycle; after the last step begin again, with longer cycles."""
+        walker.cycles += 1
+        if walker.step > LAST_STEP:
+            walker.step /= 2
+        else:
+            walker.step = FIRST_STEP
+            walker.length = min(2 * walker.length, LONGEST_CYCLE)
 
     def _limits(self, walker: Walker) -> Limits:
         return Limits(
@@ -317,6 +337,12 @@ class RobustSearch:
         longest_s = float(walker.here.clock.durations_s.max())
         walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
         walker.probes_s[walker.probes_s < walker.probes_s[0]] = -1.0
+        self._assess(walker)
+        walker.temperature[0] = HOT * self._transit_pct(walker.here.base)
+        walker.left = walker.length
+
+    def _assess(self, walker: Walker) -> None:
+        """Look at all repairs of a walk where it stands."""
         assess(
             self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.probes_s,
             self._limits(walker), np.inf, walker.rng,
@@ -324,8 +350,6 @@ class RobustSearch:
         walker.here.lacks[:] = walker.there.lacks
         for ours, theirs in zip(walker.here.repairs, walker.there.repairs, strict=True):
             ours[...] = theirs
-        walker.temperature[0] = HOT * self._transit_pct(walker.here.base)
-        walker.left = CYCLE
 
     def _transit_pct(self, base: State) -> float:
         """Return the mean energy that a plan spends from visit to visit, inspections not counted."""
@@ -344,6 +368,7 @@ class RobustSearch:
             walker.best = Found(routes, earliest_s)
             walker.found.append(walker.best)
             walker.step = min(FIRST_STEP, 1.5 * walker.step)
+            walker.length = max(CYCLE, walker.length // 2)
             walker.cycles = 0
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
             # A repair that a walk has and a look does not find: elsewhere then.

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 
 import missions
@@ -95,7 +96,8 @@ def test_the_numbers_of_items_are_mavlinks(member: Command | Frame, prefix: str)
     assert getattr(mav, prefix + member.name) == member.value
 
 
-COMMANDS = ("DO_SET_MODE", "MISSION_START", "COMPONENT_ARM_DISARM", "SET_MESSAGE_INTERVAL", "REQUEST_MESSAGE")
+COMMANDS = ("DO_SET_MODE", "MISSION_START", "COMPONENT_ARM_DISARM", "RUN_PREARM_CHECKS", "SET_MESSAGE_INTERVAL",
+            "REQUEST_MESSAGE")  # fmt: skip
 MESSAGES = ("GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT", "BATTERY_STATUS", "AUTOPILOT_VERSION",
             "EXTENDED_SYS_STATE")  # fmt: skip
 
@@ -104,7 +106,7 @@ def test_the_numbers_of_orders_are_mavlinks() -> None:
     ours = {name: value for name, value in vars(orders).items() if name.isupper()}
     assert ours == {name: getattr(mav, f"MAV_CMD_{name}") for name in COMMANDS} | {
         name: getattr(mav, f"MAVLINK_MSG_ID_{name}") for name in MESSAGES
-    }
+    } | {"DO_SEND_BANNER": ardupilotmega.MAV_CMD_DO_SEND_BANNER}
 
 
 def members(enum: str) -> dict[int, str]:

@@ -32,7 +32,7 @@ REPLANS = {
     "total_s": "fault to on board (s)",
     "uncovered": "segments not covered",
 }
-"""What the report calls it, and what the page does; as in the next two."""
+"""What the report calls it, and what the page does; as in the next four."""
 VEHICLES = {
     "name": "name",
     "state": "at the end",
@@ -40,6 +40,17 @@ VEHICLES = {
     "segments": "segments inspected",
     "energy_used_pct": "battery used (%)",
     "min_reserve_pct": "least left (%)",
+    "autopilot": "autopilot",
+    "firmware": "firmware",
+}
+CHECKS = {"subject": "about", "severity": "finding", "text": "what"}
+INSPECTIONS = {
+    "segment": "segment",
+    "vehicle": "by",
+    "speed_mean_m_s": "mean speed (m/s)",
+    "speed_max_m_s": "highest speed (m/s)",
+    "deviation_mean_m": "beside the track, mean (m)",
+    "deviation_max_m": "at most (m)",
 }
 NOT_COUNTED = {"vehicle": "vehicle", "segment": "segment", "reason": "reason"}
 
@@ -103,6 +114,8 @@ def page(record: FlightRecord, report: Mapping[str, object], pictures: Mapping[s
         _section("Faults", FAULTS, _faults(record)),
         _section("Re-plans", REPLANS.values(), _rows(report, "replans", REPLANS)),
         _section("Vehicles", VEHICLES.values(), _rows(report, "vehicles", VEHICLES)),
+        _section("Before the flight", CHECKS.values(), _rows(report, "checks", CHECKS), _severities(report)),
+        _section("How the segments were flown", INSPECTIONS.values(), _rows(report, "inspections", INSPECTIONS)),
         _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, "not_counted", NOT_COUNTED)),
         _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),
         _section("Segments", SEGMENTS, _segments(record)),
@@ -135,9 +148,30 @@ def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:
     facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
     if report.get("min_separation_m") is not None:
         facts.append(f"any two vehicles stayed at least {said(report['min_separation_m'])} m apart")
+    facts += _speeds(report)
     if record.uncovered:
         facts.append("not inspected: " + ", ".join(str(segment.id) for segment in record.uncovered))
     return "; ".join(facts) + ". All times are seconds since the launch."
+
+
+def _severities(report: Mapping[str, object]) -> list[str]:
+    return ["" if severity == "ok" else "warning" for (severity,) in _rows(report, "checks", {"severity": ""})]
+
+
+def _speeds(report: Mapping[str, object]) -> list[str]:
+    """Return in words how fast and how near to the track the segments were flown; nothing if no run is on record."""
+    means, highest, asides = (
+        [value for (value,) in _rows(report, "inspections", {key: ""}) if isinstance(value, int | float)]
+        for key in ("speed_mean_m_s", "speed_max_m_s", "deviation_max_m")
+    )
+    if not (means and highest and asides):
+        return []
+    words = (
+        f"segments were flown at {said(sum(means) / len(means))} m/s on average "
+        f"({said(report.get('inspection_speed_m_s'))} m/s were asked for), "
+        f"at most {said(max(highest))} m/s and at most {said(max(asides))} m beside the track"
+    )
+    return [words]
 
 
 def _faults(record: FlightRecord) -> Iterator[Sequence[object]]:

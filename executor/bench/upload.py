@@ -21,9 +21,6 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
@@ -38,7 +35,7 @@ from executor.runtime.dialogue import converse
 from executor.simulator import AutopilotKind, SimFleet, SimVehicle, parse_fault, run_fleet
 from missions import Command, Dialect, Frame, MissionItem, dialect_for, differences
 
-ITEMS, LOSSES, DELAYS_S, REPEATS = (10, 40, 200), (0.0, 0.05, 0.2), (0.0, 0.05, 0.3), 5
+ITEMS, LOSSES, DELAYS_S = (10, 40, 200), (0.0, 0.05, 0.2), (0.0, 0.05, 0.3)
 AT_ONCE = 48
 """Uploads over a slow or lossy link wait most of their time, so that many can be measured at once."""
 NAME, SYSID, LAT_E7, LON_E7 = "uav1", 11, 503_457_490, 133_252_440
@@ -323,27 +320,27 @@ def _shown(timing: Timing) -> str:
     return f"{median} ({len(timing.accepted_s)}/{times})"
 
 
-def upload(
-    items: Annotated[list[int] | None, typer.Option(min=4, max=500, help="How many items; may be repeated.")] = None,
-    loss: Annotated[list[float] | None, typer.Option(min=0, max=0.9, help="Share of datagrams lost, each way.")] = None,
-    delay: Annotated[list[float] | None, typer.Option(min=0, max=5, metavar="S", help="Of each, each way.")] = None,
-    repeats: Annotated[int, typer.Option(min=1, help="Uploads of each program in each case.")] = REPEATS,
-    seed: Annotated[int, typer.Option(min=0, help="Of the losses.")] = 1,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write upload.md and upload.json there.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")] = False,
-) -> None:
-    """Upload missions over bad links: faultline's way and MAVSDK's, to simulated vehicles of both autopilots."""
-    cells = [
-        Cell(kind.value, *case)
-        for kind in AutopilotKind
-        for case in product(items or ITEMS, loss or LOSSES, delay or DELAYS_S)
-    ]
+def measure_uploads(
+    items: Sequence[int], losses: Sequence[float], delays_s: Sequence[float], *, repeats: int, seed: int
+) -> tuple[dict[str, object], str]:
+    """Measure every combination on both autopilots; returns the content of upload.json and of upload.md.
+
+    Args:
+        items: How many items a mission has.
+        losses: Shares of datagrams lost, each way.
+        delays_s: Of every datagram, each way.
+        repeats: Uploads of each program in each case.
+        seed: Of the losses.
+    """
+    cells = [Cell(kind.value, *case) for kind in AutopilotKind for case in product(items, losses, delays_s)]
     measured = measure(cells, repeats, seed, lambda text: print(f"\r{text} ", end="", file=sys.stderr, flush=True))
     print(file=sys.stderr)
     content = content_of(measured, repeats, seed)
-    text = markdown_of(measured.rows, content)
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "upload.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        (out / "upload.md").write_text(text, encoding="utf-8")
-    print(json.dumps(content) if as_json else text)
+    return content, markdown_of(measured.rows, content)
+
+
+def keep_uploads(content: dict[str, object], text: str, out: Path) -> None:
+    """Write upload.json and upload.md."""
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "upload.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    (out / "upload.md").write_text(text, encoding="utf-8")

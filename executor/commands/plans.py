@@ -46,44 +46,47 @@ from planner import Cost, ReplanWindow, repairs_at, replan_window
 if TYPE_CHECKING:
     from executor.adapters.pictures import FrontPoint
 
+PlanCostOption = Annotated[
+    PlanCostName,
+    typer.Option(
+        help="minmax: the longest route; minsum: all routes; mincomb: both; window: the largest re-plan window, so "
+        "that any one vehicle may be lost as early as possible."
+    ),
+]
+SolverOption = Annotated[
+    SolverName, typer.Option(help="search: the strongest; grasp: the paper's; exact: proven, up to 18 segments.")
+]
+StretchOption = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        max=1000,
+        metavar="PCT",
+        help="With --cost window: how much longer than the shortest possible the longest route may be. A window is "
+        "bought with time.",
+    ),
+]
+StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")]
+FrontOption = Annotated[
+    bool,
+    typer.Option(
+        "--front",
+        help="Find the plans that are best trade-offs between longest route, energy and window, to choose from; -o "
+        "names a directory then, for a plan file each.",
+    ),
+]
+
 
 def plan(
     site: SiteArgument,
-    cost: Annotated[
-        PlanCostName,
-        typer.Option(
-            help="minmax: the longest route; minsum: all routes; mincomb: both; window: the largest re-plan window, so "
-            "that any one vehicle may be lost as early as possible."
-        ),
-    ] = PlanCostName.MINCOMB,
-    solver: Annotated[
-        SolverName,
-        typer.Option(help="search: the strongest; grasp: the paper's; exact: proven, for a few segments."),
-    ] = SolverName.SEARCH,
-    stretch: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=1000,
-            metavar="PCT",
-            help="With --cost window: how much longer than the shortest possible the "
-            "longest route may be. A window is bought with time.",
-        ),
-    ] = 10.0,
+    cost: PlanCostOption = PlanCostName.MINCOMB,
+    solver: SolverOption = SolverName.SEARCH,
+    stretch: StretchOption = 10.0,
     all_vehicles: Annotated[bool, typer.Option("--all-vehicles", help="Keep no vehicle on the ground.")] = False,
     seconds: SecondsOption = 5.0,
     seed: SeedOption = 1,
-    starts: Annotated[
-        int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")
-    ] = 0,
-    front: Annotated[
-        bool,
-        typer.Option(
-            "--front",
-            help="Find the plans that are best trade-offs between longest route, energy and window, to choose from; -o "
-            "names a directory then, for a plan file each.",
-        ),
-    ] = False,
+    starts: StartsOption = 0,
+    front: FrontOption = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan there.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")

@@ -16,45 +16,50 @@ from executor.console import TerminalConsole
 from missions import read_plan
 from planner import Campaign, Risk, flight_chunks, risk_campaign
 
+MtbfOption = Annotated[
+    float, typer.Option(min=0.01, metavar="HOURS", help="Mean flight hours between failures of one vehicle.")
+]
+SpreadOption = Annotated[
+    float,
+    typer.Option(
+        min=0, max=50, metavar="PCT",
+        help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
+        "planned one.",
+    ),
+]  # fmt: skip
+ReserveOption = Annotated[
+    float,
+    typer.Option(
+        min=0, max=100, metavar="PCT",
+        help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
+    ),
+]  # fmt: skip
+SamplesOption = Annotated[int, typer.Option(min=1, metavar="N", help="Flights that are simulated.")]
+LossesOption = Annotated[
+    int, typer.Option(min=1, metavar="K", help="Losses in one flight that are re-planned at most.")
+]  # fmt: skip
+DaskOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with the scheduler there.")
+]  # fmt: skip
+JobsOption = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; one per processor if not given.")
+]
+PictureOption = Annotated[
+    Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
+]
+
 
 def risk(
     plan: PlanArgument,
-    mtbf: Annotated[
-        float, typer.Option(min=0.01, metavar="HOURS", help="Mean flight hours between failures of one vehicle.")
-    ],
-    battery_spread: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=50,
-            metavar="PCT",
-            help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with "
-            "the planned one.",
-        ),
-    ] = 0.0,
-    reserve: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=100,
-            metavar="PCT",
-            help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
-        ),
-    ] = 15.0,
-    samples: Annotated[int, typer.Option(min=1, metavar="N", help="Flights that are simulated.")] = 100_000,
+    mtbf: MtbfOption,
+    battery_spread: SpreadOption = 0.0,
+    reserve: ReserveOption = 15.0,
+    samples: SamplesOption = 100_000,
     seed: SeedOption = 1,
-    max_losses: Annotated[
-        int, typer.Option(min=1, metavar="K", help="Losses in one flight that are re-planned at most.")
-    ] = 2,
-    dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with the scheduler there.")
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; one per processor if not given.")
-    ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
-    ] = None,
+    max_losses: LossesOption = 2,
+    dask: DaskOption = None,
+    jobs: JobsOption = None,
+    picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.
@@ -62,7 +67,7 @@ def risk(
     A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. What a
     lost vehicle has not finished the others take over by a re-plan, where one is found that inspects everything.
     Without one it is left undone. The same seed gives the same answer, however many processes fly.
-    """  # fmt: skip
+    """
     content = read_plan(plan)
     names = [vehicle.name for vehicle in content.vehicles]
     console = TerminalConsole(quiet=as_json, yes=True)

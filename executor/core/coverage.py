@@ -43,6 +43,12 @@ class Track:
         nearest = min(max(along, 0.0), length)
         return along, math.hypot(de - nearest * east, dn - nearest * north)
 
+    def aside_m(self, place_m: tuple[float, float]) -> float:
+        """Return how far beside the track, or beside its continuation, a place lies."""
+        along, away = self.locate(place_m)
+        beyond = max(-along, along - self.length_m, 0.0)
+        return math.sqrt(max(0.0, away**2 - beyond**2))
+
 
 @dataclass(frozen=True, slots=True)
 class Sample:
@@ -50,6 +56,49 @@ class Sample:
 
     boot_s: float
     place_m: tuple[float, float]
+    speed_m_s: float | None = None
+    """Over ground, as it reports it; None if it does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """How a segment was flown, by the positions that prove it."""
+
+    mean_m_s: float
+    """Along the track, from the first pylon to the last."""
+    max_m_s: float | None
+    """The highest ground speed that was reported meanwhile; None if none was."""
+    deviation_mean_m: float
+    """From the planned track, sideways."""
+    deviation_max_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Pace:
+    """What a run was like so far."""
+
+    began_s: float
+    began_m: float
+    fastest_m_s: float | None = None
+    aside_sum_m: float = 0.0
+    aside_max_m: float = 0.0
+    samples: int = 0
+
+    def with_sample(self, sample: Sample, aside_m: float) -> _Pace:
+        speeds = [speed for speed in (self.fastest_m_s, sample.speed_m_s) if speed is not None]
+        return _Pace(
+            self.began_s,
+            self.began_m,
+            max(speeds, default=None),
+            self.aside_sum_m + aside_m,
+            max(self.aside_max_m, aside_m),
+            self.samples + 1,
+        )
+
+    def flown(self, ended_s: float, ended_m: float) -> Flown:
+        took_s = ended_s - self.began_s
+        mean_m_s = (ended_m - self.began_m) / took_s if took_s > 0 else 0.0
+        return Flown(mean_m_s, self.fastest_m_s, self.aside_sum_m / self.samples, self.aside_max_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +108,7 @@ class Run:
     furthest_m: float
     recent: tuple[tuple[float, float], ...]
     """(boot_s, along_m) of the last seconds, the oldest first."""
+    pace: _Pace
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +116,15 @@ class Step:
     """What one more position means for a visit."""
 
     run: Run | None
-    done: bool = False
+    flown: Flown | None = None
+    """How it was flown, once the run has come to the other pylon."""
     broken: str = ""
     """Why a run ended before the other pylon."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the segment counts."""
+        return self.flown is not None
 
 
 def follow(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
@@ -88,7 +144,8 @@ def follow(  # noqa: PLR0911 - one return for each way in which a run goes on or
     inside = beside <= corridor_m
     if inside and along <= tolerance and (run is None or run.furthest_m <= tolerance):
         # Still about the first pylon: the run begins when it leaves.
-        return Step(Run(along, ((sample.boot_s, along),)))
+        begun = _Pace(sample.boot_s, along).with_sample(sample, track.aside_m(sample.place_m))
+        return Step(Run(along, ((sample.boot_s, along),), begun))
     if run is None:
         return Step(None)
     gap_s = sample.boot_s - run.recent[-1][0]
@@ -105,9 +162,9 @@ def follow(  # noqa: PLR0911 - one return for each way in which a run goes on or
     speed = (along - recent[0][1]) / elapsed_s if elapsed_s >= SPEED_WINDOW_S else 0.0
     if speed > SPEED_FACTOR * speed_m_s:
         return Step(None, broken=f"flown at {speed:.1f} m/s")
-    furthest = max(run.furthest_m, along)
+    furthest, pace = max(run.furthest_m, along), run.pace.with_sample(sample, track.aside_m(sample.place_m))
     if along >= track.length_m - tolerance:
         if along - recent[0][1] > SPEED_FACTOR * speed_m_s * elapsed_s + NOISE_M:
             return Step(None, broken="flown too fast")
-        return Step(None, done=True)
-    return Step(Run(furthest, recent))
+        return Step(None, flown=pace.flown(sample.boot_s, along))
+    return Step(Run(furthest, recent, pace))

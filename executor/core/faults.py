@@ -74,15 +74,33 @@ def link_silent(view: View) -> Finding:
 
 
 def down_off_pad(view: View) -> Finding:
-    """It disarmed where it should not have landed."""
-    state = view.state
+    """It disarmed where, or when, it should not have landed."""
+    state, limits = view.state, view.context.limits
     if state.fix is None or state.heartbeat is None:
         return STALE
     if state.armed or not state.armed_once:
         return OK
     away_m = math.dist(state.fix.place_m, view.setup.pad_m)
-    if away_m > view.context.limits.off_pad_m:
-        return Finding(Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.fix.alt_rel_m:.0f} m high")
+    if away_m > limits.off_pad_m:
+        return Finding(
+            Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.fix.alt_rel_m:.0f} m high{_alarm(view)}"
+        )
+    # An old position says nothing of its height: it may have come down since.
+    if state.fix.alt_rel_m > limits.off_pad_up_m and view.now_s - state.fix.at_s <= limits.link_stale_s:
+        return Finding(Verdict.FAIL, f"disarmed {state.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
+    if not state.took_off and state.stage is Stage.FLYING:
+        return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
+    return OK
+
+
+def terminated(view: View) -> Finding:
+    """Its heartbeat says that it gave itself up."""
+    heartbeat = view.state.heartbeat
+    if heartbeat is None:
+        return STALE
+    names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
+    if heartbeat.armed and heartbeat.system_status in names:
+        return Finding(Verdict.FAIL, f"reports {names[heartbeat.system_status]}{_alarm(view)}")
     return OK
 
 
@@ -110,7 +128,7 @@ def left_mission(view: View) -> Finding:
     if leg is not None and leg.phase is Phase.LAND:
         return OK  # PX4 leaves the mission mode on its own when it has landed
     mode = mode_name(dialect, state.heartbeat.custom_mode)
-    return Finding(Verdict.FAIL, f"went to mode {mode} by itself")
+    return Finding(Verdict.FAIL, f"went to mode {mode} by itself{_alarm(view)}")
 
 
 def battery_stepped(view: View) -> Finding:
@@ -183,6 +201,12 @@ def stalled(view: View) -> Finding:
     return OK
 
 
+def _alarm(view: View) -> str:
+    """Return what the vehicle said of it, if it did."""
+    text, said_s = view.state.alarm
+    return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""
+
+
 def _battery_fresh(view: View) -> bool:
     # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
     return view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
@@ -194,6 +218,7 @@ _ON_MISSION = frozenset({Stage.FLYING})
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR),
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR),
+    Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR),
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _IN_THE_AIR | {Stage.STARTING}),
     Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION),
     Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION),

@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import faults, replanning
+from executor.core import faults, replanning, silence
 from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Start
 from executor.core.context import Context
 from executor.core.events import (
@@ -24,17 +24,13 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )
-from executor.core.messages import Position
-from executor.core.modes import is_home_mode
+from executor.core.messages import Heartbeat, Position
+from executor.core.modes import is_home_mode, is_mission_mode
 from executor.core.state import FleetState, Separation
 from executor.core.vehicle import Fault, FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
-SLEPT_S = 2.0
-"""A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
-NOTED_SLEEP_S = 5.0
-"""A pause this long is worth a line."""
 RETRIES = 3
 """How often a start that failed is tried again."""
 ORDER_AGAIN_S = 5.0
@@ -62,7 +58,7 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
         case LaunchOrdered():
             return _launch(state, now_s)
         case StartEnded():
-            return _started(state, event, now_s)
+            return _started(context, state, event, now_s)
         case UploadEnded():
             return _uploaded(context, state, event, now_s)
         case SolveEnded():
@@ -85,11 +81,13 @@ def _launch(state: FleetState, now_s: float) -> Stepped:
 
 def _start(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
     vehicle = moved_to(vehicle, Stage.STARTING)
-    vehicle = replace(vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, anchor=None)
+    vehicle = replace(
+        vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None
+    )
     return state.put(vehicle), Start(vehicle.name)
 
 
-def _started(state: FleetState, event: StartEnded, now_s: float) -> Stepped:
+def _started(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
     vehicle = state.vehicles[event.vehicle]
     if vehicle.stage is not Stage.STARTING:
         return state, ()
@@ -100,7 +98,7 @@ def _started(state: FleetState, event: StartEnded, now_s: float) -> Stepped:
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
-    return _declare(state, vehicle, FaultKind.INTERRUPTION, f"did not start: {event.reason}", now_s)
+    return _declare(context, state, vehicle, FaultKind.INTERRUPTION, f"did not start: {event.reason}", now_s)
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -117,22 +115,42 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         commands.append(Say(Level.WARNING, f"{event.vehicle}: inspection does not count: {folded.broken}"))
     if folded.inspected is not None and folded.inspected not in state.inspected:
         inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
-        state = replace(state, inspected=inspected)
+        flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
+        state = replace(state, inspected=inspected, flown=MappingProxyType(flown))
     if isinstance(event.message, Position):
         state = _separated(context, state, folded.state, now_s)
-    if before.stage is Stage.LOST:
-        state, more = _came_back(state, state.vehicles[event.vehicle], now_s)
+    # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
+    if before.stage is Stage.LOST and isinstance(event.message, Heartbeat):
+        state, more = _came_back(context, state, state.vehicles[event.vehicle], now_s)
         commands.extend(more)
     return state, tuple(commands)
 
 
-def _came_back(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
+    heard = f"{vehicle.name}: is heard again"
     if vehicle.armed:
         vehicle = replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s)
-        text = f"{vehicle.name}: is heard again; its work was given away, so it is told to return"
+        if _comes_home(context, vehicle):
+            return state.put(vehicle), (Say(Level.WARNING, f"{heard}, on its way home or down by itself"),)
+        text = f"{heard}; its work was given away, so it is told to return"
         return state.put(vehicle), (Say(Level.WARNING, text), SendHome(vehicle.name))
-    vehicle = moved_to(vehicle, Stage.LANDED)
-    return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: is heard again, on the ground"),)
+    state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
+    if not _on_mission(context, vehicle):
+        return state, (Say(Level.INFO, f"{heard}, on the ground"),)
+    # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
+    text = f"{heard}, on the ground; it is told to return, so that it does not take off with its old mission"
+    return state, (Say(Level.INFO, text), SendHome(vehicle.name))
+
+
+def _comes_home(context: Context, vehicle: VehicleState) -> bool:
+    dialect = context.vehicles[vehicle.name].dialect
+    return vehicle.heartbeat is not None and is_home_mode(dialect, vehicle.heartbeat.custom_mode)
+
+
+def _on_mission(context: Context, vehicle: VehicleState) -> bool:
+    dialect = context.vehicles[vehicle.name].dialect
+    return vehicle.heartbeat is not None and is_mission_mode(dialect, vehicle.heartbeat.custom_mode)
 
 
 def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
@@ -158,9 +176,9 @@ def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s
 
 def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
-    state, more = _own_sleep(state, now_s)
+    state, more = silence.own_sleep(state, now_s)
     commands.extend(more)
-    state, more = _silence(context, state, now_s)
+    state, more = silence.of_all(context, state, now_s)
     commands.extend(more)
     alone = state.silent_since_s is not None and now_s - state.silent_since_s < context.limits.all_silent_s
     for name in state.vehicles:
@@ -172,51 +190,12 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     return state, (*commands, *more)
 
 
-def _own_sleep(state: FleetState, now_s: float) -> Stepped:
-    slept_s = 0.0 if state.tick_s is None else now_s - state.tick_s
-    state = replace(state, tick_s=now_s)
-    if slept_s <= SLEPT_S:
-        return state, ()
-    state = _excused(state, slept_s, now_s)
-    if slept_s <= NOTED_SLEEP_S:
-        return state, ()
-    return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
-
-
-def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
-    """Count a time in which nobody could be heard against no vehicle."""
-    for vehicle in state.vehicles.values():
-        if vehicle.heard_s is not None:
-            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
-    return state
-
-
-def _silence(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one."""
-    expected = [vehicle for vehicle in state.vehicles.values() if vehicle.stage is not Stage.LOST]
-    if not expected or state.launched_s is None:
-        return replace(state, silent_since_s=None), ()
-    latest = max(vehicle.heard_s if vehicle.heard_s is not None else float("-inf") for vehicle in expected)
-    if now_s - latest < context.limits.link_stale_s:
-        if state.silent_since_s is None:
-            return state, ()
-        # The first one is heard before the others, whose time begins anew.
-        state = _excused(state, latest - state.silent_since_s, now_s)
-        return replace(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
-    if not state.flying():
-        return replace(state, silent_since_s=None), ()
-    if state.silent_since_s is not None:
-        return state, ()
-    text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
-    return replace(state, silent_since_s=latest), (Say(Level.WARNING, text),)
-
-
 def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, alone: bool) -> Stepped:
     vehicle = state.vehicles[name]
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.LOST}:
         return state, ()
     commands: list[Command] = []
-    state, more = _staleness(context, state, vehicle, now_s)
+    state, more = silence.of_one(context, state, vehicle, now_s)
     commands.extend(more)
     vehicle = state.vehicles[name]
     judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
@@ -225,7 +204,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if raised:
         point, why = raised[0]
-        state, more = _fault(state, vehicle, point.kind, why, now_s)
+        state, more = _fault(context, state, vehicle, point.kind, why, now_s)
         commands.extend(more)
     elif _has_landed(vehicle):
         state, more = _landed(state, vehicle, now_s)
@@ -234,16 +213,6 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
         state, more = _order_again(context, state, vehicle, now_s)
         commands.extend(more)
     return state, tuple(commands)
-
-
-def _staleness(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
-    stale = age_s >= context.limits.link_stale_s
-    if stale == vehicle.stale:
-        return state, ()
-    text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
-    level = Level.WARNING if stale else Level.INFO
-    return state.put(replace(vehicle, stale=stale)), (Say(level, text),)
 
 
 def _has_landed(vehicle: VehicleState) -> bool:
@@ -264,18 +233,19 @@ def _landed(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
 
 
 def _order_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    dialect = context.vehicles[vehicle.name].dialect
-    if vehicle.heartbeat is None or is_home_mode(dialect, vehicle.heartbeat.custom_mode) or vehicle.stale:
+    if vehicle.heartbeat is None or vehicle.stale or _comes_home(context, vehicle):
         return state, ()
     if now_s - vehicle.ordered_mode_s < ORDER_AGAIN_S:
         return state, ()
     return state.put(replace(vehicle, ordered_mode_s=now_s)), (SendHome(vehicle.name),)
 
 
-def _fault(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float) -> Stepped:
+def _fault(
+    context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
+) -> Stepped:
     """One arbiter: the first reason stands; a later one only changes where the vehicle is taken to be."""
     if vehicle.fault is None:
-        return _declare(state, vehicle, kind, why, now_s)
+        return _declare(context, state, vehicle, kind, why, now_s)
     if kind is FaultKind.LINK:
         return state.put(moved_to(vehicle, Stage.LOST)), (Say(Level.WARNING, f"{vehicle.name}: {why}"),)
     if _has_landed(vehicle):
@@ -283,7 +253,9 @@ def _fault(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, 
     return state, ()
 
 
-def _declare(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float) -> Stepped:
+def _declare(
+    context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
+) -> Stepped:
     fault = Fault(kind, why, now_s)
     down = vehicle.armed_once and not vehicle.armed
     commands: list[Command] = []
@@ -291,6 +263,9 @@ def _declare(state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str
         stage, then = Stage.LOST, "its segments are given to the others"
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, "its segments are given to the others"
+    elif _comes_home(context, vehicle):
+        # Its own failsafe knows better: a landing on the last of a battery must not become a flight home.
+        stage, then = Stage.RETURNING, "it is left to that, its segments are given to the others"
     else:
         stage, then = Stage.RETURNING, "it is told to return, its segments are given to the others"
         commands.append(SendHome(vehicle.name))
@@ -336,7 +311,12 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     state = replace(state, replan=plan)
     if event.mixed and not event.accepted and not mission.fresh:
         state, more = _declare(
-            state, state.vehicles[vehicle.name], FaultKind.INTERRUPTION, "its mission is a mixture of two", now_s
+            context,
+            state,
+            state.vehicles[vehicle.name],
+            FaultKind.INTERRUPTION,
+            "its mission is a mixture of two",
+            now_s,
         )
         commands.extend(more)
     state, more = replanning.ended_if_done(state, now_s)

@@ -28,6 +28,10 @@ class Limits:
     """No autopilot descends this fast on its own (ArduPilot's WPNAV_SPEED_DN and PX4's MPC_Z_VEL_MAX_DN are 1.5)."""
     off_pad_m: float = 15.0
     """A vehicle that disarms farther than this from its pad did not land where it should."""
+    off_pad_up_m: float = 5.0
+    """A vehicle that disarms higher than this over its pad did not land: autopilots disarm within 2 m of the ground."""
+    alarm_s: float = 15.0
+    """A text of a failsafe explains what the vehicle does in this time after it: PX4 holds for 5 s before it acts."""
     airborne_m: float = 2.0
     """Above this height over its home a vehicle flies."""
     stall_s: float = 90.0

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 from missions.items import MissionItem
 
+GROUND_STATION = (255, 190)
+"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
+
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
@@ -19,7 +22,9 @@ class Heartbeat:
     custom_mode: int
     armed: bool
     system_status: int
-    """MAV_STATE: 3 standby, 4 active, 5 critical, 6 emergency."""
+    """MAV_STATE: 3 standby, 4 active, 5 critical, 6 emergency, 8 flight terminated."""
+    vehicle_type: int | None = None
+    """MAV_TYPE; None in logs that were written before it was kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +166,20 @@ class Version:
     major: int
     minor: int
     patch: int
+    release: str = ""
+    """dev, alpha, beta or rc; empty for an official release, or where nobody knows."""
+
+    def __str__(self) -> str:
+        """Return it as people write it."""
+        return f"{self.major}.{self.minor}.{self.patch}" + (f"-{self.release}" if self.release else "")
+
+
+@dataclass(frozen=True, slots=True)
+class StationHeard:
+    """HEARTBEAT of a ground station other than ours, which the vehicle or a router passes on."""
+
+    system: int
+    component: int
 
 
 FlightMessage = (
@@ -168,7 +187,9 @@ FlightMessage = (
 )
 """What the core follows in flight; it is logged and replayed."""
 
-DialogueMessage = MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version
+DialogueMessage = (
+    MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version | StationHeard
+)
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage

@@ -6,9 +6,21 @@ from missions import Dialect
 
 _OTHER_NAMES = {
     # mode.h of ArduCopter
-    "ardupilot": {0: "STABILIZE", 2: "ALT_HOLD", 5: "LOITER", 16: "POSHOLD", 18: "THROW", 21: "SMART_RTL"},
+    "ardupilot": {
+        0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 5: "LOITER", 7: "CIRCLE", 11: "DRIFT", 13: "SPORT", 14: "FLIP",
+        15: "AUTOTUNE", 16: "POSHOLD", 18: "THROW", 19: "AVOID_ADSB", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
+        22: "FLOWHOLD", 23: "FOLLOW", 24: "ZIGZAG", 26: "AUTOROTATE", 27: "AUTO_RTL", 28: "TURTLE",
+    },
     # px4_custom_mode.h, sub << 24 | main << 16
-    "px4": {1 << 16: "MANUAL", 2 << 16: "ALTCTL", 3 << 16: "POSCTL", 2 << 24 | 4 << 16: "AUTO.TAKEOFF"},
+    "px4": {
+        1 << 16: "MANUAL", 2 << 16: "ALTCTL", 3 << 16: "POSCTL", 5 << 16: "ACRO", 6 << 16: "OFFBOARD",
+        7 << 16: "STABILIZED", 10 << 16: "TERMINATION", 2 << 24 | 4 << 16: "AUTO.TAKEOFF",
+        8 << 24 | 4 << 16: "AUTO.FOLLOW", 9 << 24 | 4 << 16: "AUTO.PRECLAND",
+    },
+}  # fmt: skip
+_OTHER_WAYS_HOME = {
+    "ardupilot": frozenset({21, 27}),  # SMART_RTL, and AUTO_RTL, which is reported in a landing sequence of a mission
+    "px4": frozenset({9 << 24 | 4 << 16}),
 }
 
 
@@ -19,7 +31,8 @@ def is_mission_mode(dialect: Dialect, custom_mode: int) -> bool:
 
 def is_home_mode(dialect: Dialect, custom_mode: int) -> bool:
     """Return whether the vehicle comes home, or lands, by itself."""
-    return custom_mode in {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
+    ours = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
+    return custom_mode in ours | _OTHER_WAYS_HOME[dialect.name]
 
 
 def mode_name(dialect: Dialect, custom_mode: int) -> str:

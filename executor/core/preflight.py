@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from executor.core import failsafes, firmware
 from executor.core.context import Context
-from executor.core.messages import Heartbeat, Position
+from executor.core.failsafes import LinkFailsafe, Parameters
+from executor.core.messages import GROUND_STATION, Heartbeat, Position, StationHeard, Version
 from missions import Dialect, FlightPath, Pad, check_separation, estimate
 
 AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
@@ -42,10 +44,20 @@ class Facts:
     heartbeat: Heartbeat
     position: Position
     remaining_pct: float
-    version: str
-    failsafe_action: float | None
-    """The parameter for the silence of the ground station; None if it was not answered."""
-    failsafe_timeout_s: float | None
+    version: Version | None
+    parameters: Parameters
+    """Those of `failsafes.names` that were answered."""
+    stations: tuple[StationHeard, ...] = ()
+    """Other ground stations whose heartbeats came over its link."""
+
+    @property
+    def words(self) -> str:
+        """Type, autopilot and firmware."""
+        version = "of unknown version" if self.version is None else str(self.version)
+        return (
+            f"{firmware.vehicle_words(self.heartbeat.vehicle_type)}, "
+            f"{firmware.autopilot_words(self.heartbeat.autopilot)} {version}"
+        )
 
 
 def pad_from(facts: Facts, east_m: float, north_m: float) -> Pad:
@@ -55,42 +67,146 @@ def pad_from(facts: Facts, east_m: float, north_m: float) -> Pad:
 
 def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> list[Check]:
     """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
-    found: list[Check] = []
-    away_m = math.hypot(*place_m)
+    found = [_who(facts, dialect)]
+    kind = facts.heartbeat.vehicle_type
+    if kind not in firmware.MULTICOPTERS:
+        text = f"its heartbeat says that it is a {firmware.vehicle_words(kind)}, expected a multicopter"
+        found.append(Check(Severity.STOP, facts.name, text))
     expected = AUTOPILOT_NUMBERS[dialect.name]
     if facts.heartbeat.autopilot != expected:
         text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({expected})"
         found.append(Check(Severity.STOP, facts.name, text))
     if facts.heartbeat.armed:
         found.append(Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad"))
+    away_m = math.hypot(*place_m)
     if away_m > FARTHEST_PAD_M:
         text = f"stands {away_m:.0f} m from the depot, expected at most {FARTHEST_PAD_M:.0f} m"
         found.append(Check(Severity.STOP, facts.name, text))
     return found
 
 
-def failsafe(facts: Facts, dialect: Dialect, link_timeout_s: float) -> Check:
-    """Say what the vehicle does by itself when it does not hear us, and whether our time-out waits for that."""
-    rule = dialect.ground_station_failsafe
-    if facts.failsafe_action is None:
-        return Check(Severity.WARNING, facts.name, f"did not say what it does when the link is lost ({rule.action})")
-    if facts.failsafe_action == 0:
-        text = f"no ground-station failsafe ({rule.action} 0): lost in silence, it flies its mission to the end"
+def _who(facts: Facts, dialect: Dialect) -> Check:
+    tested = f"tested with {dialect.tested_version}"
+    if facts.version is None:
+        return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}")
+    if (facts.version.major, facts.version.minor) < dialect.oldest_version:
+        oldest = ".".join(map(str, dialect.oldest_version))
+        text = f"{facts.words}, which is older than {oldest}; faultline is {tested}"
         return Check(Severity.WARNING, facts.name, text)
-    acts_s = rule.returns_after_s if facts.failsafe_timeout_s is None else (
-        facts.failsafe_timeout_s + rule.returns_after_s - rule.reacts_after_s
-    )  # fmt: skip
-    if link_timeout_s < acts_s:
+    return Check(Severity.OK, facts.name, facts.words)
+
+
+def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
+    """Say what the vehicle does by itself when it does not hear us, and how long it is waited for.
+
+    Args:
+        facts: What it said.
+        own: What its parameters mean.
+        waited_s: The silence after which its segments are given away.
+        wanted_s: The site file's figure for that; None if it has none.
+    """
+    given_up = f"given up after {waited_s:g} s of silence"
+    if wanted_s is not None and waited_s > wanted_s:
         text = (
-            f"faults.link_timeout_s {link_timeout_s:g} is shorter than its own failsafe ({acts_s:g} s): its segments "
-            "would be given away while it still flies them"
+            f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter than that, and its segments would be given "
+            f"away while it still flies them: it is {given_up} instead"
         )
         return Check(Severity.WARNING, facts.name, text)
-    return Check(
-        Severity.OK,
-        facts.name,
-        f"acts by itself after {acts_s:g} s without us ({rule.action} {facts.failsafe_action:g})",
+    return Check(Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {given_up}")
+
+
+def stations(facts: Facts, dialect: Dialect) -> list[Check]:
+    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
+    found: list[Check] = []
+    ours = GROUND_STATION[0]
+    counted = failsafes.counted_station(dialect, facts.parameters)
+    if counted is not None and counted[1] != ours:
+        name, value = counted
+        text = f"its ground-station failsafe waits for system {value} ({name}), ours is {ours}: it does not watch us"
+        found.append(Check(Severity.WARNING, facts.name, text))
+    for station in facts.stations:
+        hides = counted is None or counted[1] == station.system
+        then = "its heartbeats would hide that ours have ended" if hides else "it may command the vehicle too"
+        text = f"another ground station is on its link, system {station.system} component {station.component}: {then}"
+        found.append(Check(Severity.WARNING, facts.name, text))
+    return found
+
+
+def battery(facts: Facts, dialect: Dialect, left_pct: float | None) -> list[Check]:
+    """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
+    rule = failsafes.battery_rule(dialect, facts.parameters)
+    settings = ", ".join(
+        dict.fromkeys(
+            f"{level.action} {facts.parameters[level.action]:g}" if level.action in facts.parameters else level.action
+            for level in dialect.battery_failsafe.levels
+        )
     )
+    if not rule.actions:
+        text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
+        if not rule.said:
+            text = f"did not say what it does on a low battery ({settings})"
+        return [Check(Severity.WARNING, facts.name, text)]
+    found = [Check(Severity.OK, facts.name, "by itself it " + ", ".join(action.words for action in rule.actions))]
+    for action in rule.actions:
+        if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
+            text = f"{action.words}, but its flight ends with {left_pct:.0f} %: its failsafe would act in the flight"
+            found.append(Check(Severity.WARNING, facts.name, text))
+    return found
+
+
+def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check]:
+    """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
+    setup = context.vehicles[facts.name]
+    cylinder = failsafes.geofence(setup.dialect, facts.parameters)
+    if cylinder is None:
+        return []
+    high_m, away_m = context.return_height_m(facts.name), 0.0
+    for point in path.waypoints if path is not None else ():
+        high_m = max(high_m, point.alt_rel_m)
+        away_m = max(away_m, math.dist(setup.pad_m, context.frame.to_local_m(point.lat_deg, point.lon_deg)))
+    rule, found = setup.dialect.geofence, []
+    for limit_m, needed_m, name, what in (
+        (cylinder.height_m, high_m, rule.height, "high"),
+        (cylinder.radius_m, away_m, rule.radius, "away from home"),
+    ):
+        if limit_m is not None and needed_m > limit_m:
+            text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
+            found.append(Check(Severity.WARNING, facts.name, text))
+    return found or [Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence")]
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnHeight:
+    """What became of the height of a vehicle's own return."""
+
+    parameter: str
+    height_m: float | None
+    """What it is now; None if it did not say."""
+    problem: str
+    """What could not be set; empty if all was."""
+
+
+def return_height(context: Context, name: str, now: ReturnHeight) -> Check:
+    """Say at which height a vehicle comes home by itself, and whether that keeps clear of the others' layers."""
+    wanted_m = context.return_height_m(name)
+    if now.height_m is None:
+        return Check(Severity.WARNING, name, f"the height of its own return is not known: {now.problem}")
+    if now.height_m < math.floor(wanted_m):
+        text = (
+            f"its own return stays at {now.height_m:g} m ({now.parameter}), below the {wanted_m:.0f} m that keep it "
+            f"clear of the others: {now.problem}"
+        )
+        return Check(Severity.WARNING, name, text)
+    if now.problem:
+        return Check(Severity.WARNING, name, f"its own return at {now.height_m:g} m: {now.problem}")
+    return Check(Severity.OK, name, f"its own return is set to {now.height_m:g} m ({now.parameter})")
+
+
+def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
+    """Return what a flight should leave in the battery; None if there is no flight."""
+    if path is None:
+        return None
+    return remaining_pct - estimate(path, context.travel, context.setup.motion).energy_pct
 
 
 def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.commands import Solve
+from executor.core.coverage import Flown
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath
 
@@ -71,6 +72,8 @@ class FleetState:
     vehicles: Mapping[str, VehicleState]
     inspected: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
     """Segment to the vehicle that inspected it."""
+    flown: Mapping[int, Flown] = field(default_factory=lambda: MappingProxyType({}))
+    """Segment to how it was flown then."""
     given_up: frozenset[int] = frozenset()
     """Segments that no survivor can inspect."""
     attempts: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))

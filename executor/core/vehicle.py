@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from executor.core import battery
 from executor.core.battery import BatteryState
 from executor.core.context import Context
-from executor.core.coverage import Run, Sample, Track, follow
+from executor.core.coverage import Flown, Run, Sample, Track, follow
 from executor.core.messages import (
     Battery,
     FlightMessage,
@@ -22,6 +23,9 @@ from executor.core.messages import (
 )
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
 from planner import segment_of
+
+_ALARM = re.compile(r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail", re.IGNORECASE)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Failsafe activated"."""
 
 
 class Stage(Enum):
@@ -144,6 +148,10 @@ class VehicleState:
     """Starts or uploads that failed since the last that succeeded."""
     last_text: tuple[str, float] = ("", float("-inf"))
     """What it said last that was worth showing, and when."""
+    took_off: bool = False
+    """Whether it was heard in the air since its last start."""
+    alarm: tuple[str, float] = ("", float("-inf"))
+    """What it said last of a failsafe or a crash, and when."""
 
     @property
     def airborne(self) -> bool:
@@ -203,6 +211,8 @@ class Folded:
 
     state: VehicleState
     inspected: int | None = None
+    flown: Flown | None = None
+    """How it was flown."""
     broken: str = ""
     """Why an inspection under way does not count any more."""
     text: StatusText | None = None
@@ -230,7 +240,9 @@ def fold(context: Context, state: VehicleState, message: FlightMessage, now_s: f
             return Folded(_at_item(state, seq))
         case LandedState(on_ground):
             return Folded(replace(state, on_ground=on_ground))
-        case StatusText():
+        case StatusText(_, said):
+            if _ALARM.search(said):
+                state = replace(state, alarm=(said, now_s))
             return Folded(state, text=message)
         case _:
             return Folded(state)
@@ -270,8 +282,9 @@ def _positioned(context: Context, state: VehicleState, message: Position, now_s:
     anchor = state.anchor
     if anchor is None or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
-    state = replace(state, fix=fix, battery=drained, anchor=anchor)
-    return _covered(context, state, Sample(message.boot_s, place))
+    took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
+    state = replace(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off)
+    return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 
 
 def _apart_m(one: Fix, other: Fix) -> float:
@@ -293,7 +306,7 @@ def _covered(context: Context, state: VehicleState, sample: Sample) -> Folded:
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
     state = replace(state, run=step.run, run_visit=visit)
     if step.done:
-        return Folded(state, inspected=track.segment)
+        return Folded(state, inspected=track.segment, flown=step.flown)
     if step.broken:
         broken = (*state.runs_broken, (track.segment, step.broken))
         return Folded(replace(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")

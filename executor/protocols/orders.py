@@ -8,8 +8,11 @@ from missions import ModeNumber
 DO_SET_MODE = 176
 MISSION_START = 300
 COMPONENT_ARM_DISARM = 400
+RUN_PREARM_CHECKS = 401
 SET_MESSAGE_INTERVAL = 511
 REQUEST_MESSAGE = 512
+DO_SEND_BANNER = 42428
+"""Of ArduPilot's own dialect."""
 
 GLOBAL_POSITION_INT = 33
 SYS_STATUS = 1
@@ -47,3 +50,13 @@ def message_interval(message: int, hz: float) -> SendCommand:
 def request_message(message: int) -> SendCommand:
     """Ask for a message once."""
     return _command(REQUEST_MESSAGE, float(message))
+
+
+def run_prearm_checks() -> SendCommand:
+    """Let the vehicle say now why it cannot be armed."""
+    return _command(RUN_PREARM_CHECKS)
+
+
+def send_banner() -> SendCommand:
+    """Let the vehicle say again what it says when it starts."""
+    return _command(DO_SEND_BANNER)

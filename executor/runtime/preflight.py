@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from executor.core.messages import Battery, Heartbeat, Message, Position, StatusText, SystemStatus, Version
+from executor.core import failsafes, prearm
+from executor.core.firmware import banner_version
+from executor.core.messages import (
+    Battery,
+    Heartbeat,
+    Message,
+    Position,
+    StationHeard,
+    StatusText,
+    SystemStatus,
+    Version,
+)
 from executor.core.ports import Clock, Link
-from executor.core.preflight import Facts
+from executor.core.preflight import Facts, ReturnHeight
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
@@ -25,18 +37,24 @@ STREAMS_HZ = {
 }
 """What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
 STEADY_S = 3.0
+ASK_WHY_S = 10.0
+"""How often a vehicle that cannot be armed is asked for its reasons."""
+BANNER_TIMEOUT_S = 3.0
 
 
 @dataclass(slots=True)
 class _Heard:
     """The latest of everything that a vehicle said before the flight."""
 
+    clock: Clock
     heartbeat: Heartbeat | None = None
     position: Position | None = None
     remaining_pct: float | None = None
     status: SystemStatus | None = None
     version: Version | None = None
-    texts: list[str] = field(default_factory=list)
+    reasons_s: dict[str, float] = field(default_factory=dict)
+    """Why it cannot be armed, by its own words, and when it said so last."""
+    stations: set[StationHeard] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def take(self, message: Message) -> None:
@@ -51,9 +69,18 @@ class _Heard:
                 self.status = message
             case Version():
                 self.version = message
-            case StatusText(severity, text) if severity <= 4:
-                self.texts.append(text)
+            case StationHeard():
+                self.stations.add(message)
+            case StatusText(_, text):
+                self._read(text)
         self.changed.set()
+
+    def _read(self, text: str) -> None:
+        reason = prearm.reason_in(text)
+        if reason is not None:
+            self.reasons_s[reason] = self.clock.now_s()
+        if self.version is None:
+            self.version = banner_version(text)
 
     @property
     def remaining(self) -> float | None:
@@ -62,14 +89,19 @@ class _Heard:
             return self.remaining_pct
         return None if self.status is None else self.status.remaining_pct
 
+    @property
+    def unarmable(self) -> bool:
+        """Whether its own checks fail."""
+        return self.status is not None and self.status.prearm_ok is False
+
     def missing(self) -> str:
         """Return what is still not known, in words; empty when the vehicle is ready."""
         if self.position is None or (self.position.lat_deg == 0.0 and self.position.lon_deg == 0.0):
             return "no position"
         if self.remaining is None:
             return "no battery state"
-        if self.status is not None and self.status.prearm_ok is False:
-            return "its own pre-arm checks fail" + (f": {self.texts[-1]}" if self.texts else "")
+        if self.unarmable:
+            return prearm.complaint(self.reasons_s, self.status, self.clock.now_s())
         return ""
 
 
@@ -89,13 +121,23 @@ async def answer(name: str, connection: str, sysid: int, link: Link, timeout_rea
         )
 
 
-async def interview(name: str, link: Link, clock: Clock, dialect: Dialect, ready_timeout_s: float) -> Facts:
+async def interview(
+    name: str, link: Link, clock: Clock, dialect: Dialect, ready_timeout_s: float, waits: Callable[[str], None]
+) -> Facts:
     """Ask one vehicle for its streams, and wait until it is ready to fly.
+
+    Args:
+        name: Of the vehicle.
+        link: To it.
+        clock: The flight's.
+        dialect: What it should speak.
+        ready_timeout_s: How long it may take to be ready, in its time.
+        waits: Told what it is waited for, whenever that changes.
 
     Raises:
         PreflightFailed: it did not become ready in time.
     """
-    heard = _Heard()
+    heard = _Heard(clock)
     stop_listening = link.listen(heard.take)
     try:
         for message, rate_hz in STREAMS_HZ.items():
@@ -105,59 +147,102 @@ async def interview(name: str, link: Link, clock: Clock, dialect: Dialect, ready
         )
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
-                await _steadily_ready(heard, clock)
+                await _steadily_ready(heard, link, clock, waits)
         except TimeoutError:
             raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.missing()}") from None
-        rule = dialect.ground_station_failsafe
-        action = await _parameter(link, clock, rule.action)
-        timeout_s = await _parameter(link, clock, rule.timeout)
+        if heard.version is None:
+            await _banner(heard, link, clock)
+        parameters = await _parameters(link, clock, failsafes.names(dialect))
+        for older in failsafes.older_names(dialect, parameters):
+            parameters |= await _parameters(link, clock, [older])
     finally:
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
         raise PreflightFailed(f"{name}: fell silent while it was asked")
-    said = heard.version
-    text = "unknown version" if said is None else f"{said.major}.{said.minor}.{said.patch}"
-    return Facts(name, heard.heartbeat, heard.position, heard.remaining, text, action, timeout_s)
+    stations = tuple(sorted(heard.stations, key=lambda station: (station.system, station.component)))
+    return Facts(name, heard.heartbeat, heard.position, heard.remaining, heard.version, parameters, stations)
 
 
-async def _steadily_ready(heard: _Heard, clock: Clock) -> None:
+async def _steadily_ready(heard: _Heard, link: Link, clock: Clock, waits: Callable[[str], None]) -> None:
     """Wait until nothing was missing for a while: ArduPilot's pre-arm checks pass for a second and fail again."""
     since_s: float | None = None
+    asked_s, told = float("-inf"), ""
     while True:
-        if heard.missing() or heard.heartbeat is None:
+        missing = heard.missing()
+        if missing or heard.heartbeat is None:
             since_s = None
         elif since_s is None:
             since_s = clock.now_s()
         elif clock.now_s() - since_s >= STEADY_S:
             return
+        if heard.unarmable and clock.now_s() - asked_s >= ASK_WHY_S:
+            asked_s = clock.now_s()
+            link.send(orders.run_prearm_checks())
+        if missing and missing != told:
+            told = missing
+            waits(missing)
         heard.changed.clear()
         await heard.changed.wait()
 
 
-async def prepare_return(name: str, link: Link, clock: Clock, dialect: Dialect, height_m: float) -> str:
-    """Set the height of the vehicle's own return to its layer; returns what could not be done, in words."""
+async def _banner(heard: _Heard, link: Link, clock: Clock) -> None:
+    """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
+    await procedures.order(link, clock, CommandDialogue(orders.send_banner(), "banner"))
+    until_s = clock.now_s() + BANNER_TIMEOUT_S
+    while heard.version is None and clock.now_s() < until_s:
+        heard.changed.clear()
+        try:
+            async with asyncio.timeout((until_s - clock.now_s()) / clock.speedup):
+                await heard.changed.wait()
+        except TimeoutError:
+            return
+
+
+async def _parameters(link: Link, clock: Clock, names: Iterable[str]) -> dict[str, float]:
+    """Read parameters, all at once: one that the vehicle does not have is answered by nothing."""
+    asked = {name: asyncio.create_task(_parameter(link, clock, name)) for name in names}
+    try:
+        values = {name: await value for name, value in asked.items()}
+    finally:
+        for value in asked.values():
+            value.cancel()
+    return {name: value for name, value in values.items() if value is not None}
+
+
+async def _parameter(link: Link, clock: Clock, name: str) -> float | None:
+    ended = await procedures.read_parameter(link, clock, name)
+    if not isinstance(ended.outcome, Accepted) or ended.value is None or not math.isfinite(ended.value.value):
+        return None
+    return ended.value.value
+
+
+async def prepare_return(link: Link, clock: Clock, dialect: Dialect, height_m: float) -> ReturnHeight:
+    """Set the height of the vehicle's own return to its layer; returns what it is then, and what could not be done."""
     rule = dialect.return_parameters
     height = await procedures.read_parameter(link, clock, rule.height)
-    key, value = rule.height, height_m / rule.unit_m
+    key, unit_m = rule.height, rule.unit_m
     if height.value is None and rule.newer_height is not None:
         height = await procedures.read_parameter(link, clock, rule.newer_height)
-        key, value = rule.newer_height, height_m
+        key, unit_m = rule.newer_height, 1.0
     if height.value is None:
-        return f"{name}: {key} does not answer, so the height of its own return is not known"
+        return ReturnHeight(key, None, f"{key} does not answer")
     problems = []
-    done = await procedures.set_parameter(link, clock, key, float(math.ceil(value)), height.value.kind)
+    wanted = float(math.ceil(height_m / unit_m))
+    is_m = wanted * unit_m
+    done = await procedures.set_parameter(link, clock, key, wanted, height.value.kind)
     if not done.accepted:
         problems.append(done.reason)
-    for other, wanted in ((rule.descend_height, height_m), (rule.cone, rule.cone_off)):
+        is_m = height.value.value * unit_m
+    for other, value in ((rule.descend_height, height_m), (rule.cone, rule.cone_off)):
         if other is None:
             continue
         known = await procedures.read_parameter(link, clock, other)
         if known.value is None:
             continue
-        done = await procedures.set_parameter(link, clock, other, wanted, known.value.kind)
+        done = await procedures.set_parameter(link, clock, other, value, known.value.kind)
         if not done.accepted:
             problems.append(done.reason)
-    return f"{name}: height of its own return: {'; '.join(problems)}" if problems else ""
+    return ReturnHeight(key, is_m, "; ".join(problems))
 
 
 async def load(name: str, link: Link, clock: Clock, dialect: Dialect, mission: EncodedMission) -> None:
@@ -169,8 +254,3 @@ async def load(name: str, link: Link, clock: Clock, dialect: Dialect, mission: E
     done = await procedures.put_on_board(link, clock, dialect, mission.items)
     if not done.accepted:
         raise PreflightFailed(f"{name}: the mission is not on board: {done.reason}")
-
-
-async def _parameter(link: Link, clock: Clock, name: str) -> float | None:
-    ended = await procedures.read_parameter(link, clock, name)
-    return ended.value.value if isinstance(ended.outcome, Accepted) and ended.value is not None else None

@@ -56,7 +56,8 @@ ARDUPILOT: Mapping[str, Param] = {
     "AUTO_OPTIONS": _i32(0), "MIS_RESTART": _i8(0), "MIS_OPTIONS": _i16(0), "ARMING_CHECK": _i32(1),
     "BATT_MONITOR": _i8(4), "BATT_CAPACITY": _i32(0), "BATT_LOW_VOLT": Param(0), "BATT_LOW_MAH": Param(0),
     "BATT_CRT_VOLT": Param(0), "BATT_CRT_MAH": Param(0), "BATT_LOW_TIMER": _i8(10), "BATT_FS_LOW_ACT": _i8(0),
-    "BATT_FS_CRT_ACT": _i8(0), "BATT_ARM_VOLT": Param(0), "BATT_ARM_MAH": _i32(0),
+    "BATT_FS_CRT_ACT": _i8(0), "BATT_ARM_VOLT": Param(0), "BATT_ARM_MAH": _i32(0), "FENCE_ENABLE": _i8(0),
+    "FENCE_AUTOENABLE": _i8(0), "FENCE_TYPE": _i8(7), "FENCE_ALT_MAX": Param(100), "FENCE_RADIUS": Param(300),
 }  # fmt: skip
 # PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
 PX4: Mapping[str, Param] = {
@@ -67,7 +68,8 @@ PX4: Mapping[str, Param] = {
     "RTL_DESCEND_ALT": Param(30), "RTL_LAND_DELAY": Param(0), "RTL_CONE_ANG": _i32(45), "MPC_XY_CRUISE": Param(5),
     "MPC_XY_VEL_MAX": Param(12), "MPC_Z_VEL_MAX_UP": Param(3), "MPC_Z_VEL_MAX_DN": Param(1.5),
     "MPC_TKO_SPEED": Param(1.5), "MPC_LAND_SPEED": Param(0.7), "NAV_ACC_RAD": Param(2), "MIS_TAKEOFF_ALT": Param(2.5),
-    "MIS_TKO_LAND_REQ": _i32(0), "GF_ACTION": _i32(2),
+    "MIS_TKO_LAND_REQ": _i32(0), "GF_ACTION": _i32(2), "GF_MAX_HOR_DIST": Param(0), "GF_MAX_VER_DIST": Param(0),
+    "COM_DLL_EXCEPT": _i32(0),
 }  # fmt: skip
 LOW_CELL_V = 3.5
 """BATT_LOW_VOLT for each cell: ArduPilot's default of 10.5 V is for three."""

@@ -42,13 +42,13 @@ async def test_a_vehicle_is_heard_and_interviewed(way: Way) -> None:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         link = ground.links[ONE]
         await preflight.answer("uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_REAL_S, ground.clock)
-        facts = await preflight.interview("uav", link, ground.clock, way.vehicles.dialect, 100.0)
-        assert facts.heartbeat.autopilot == way.vehicles.autopilot
+        facts = await preflight.interview("uav", link, ground.clock, way.vehicles.dialect, 100.0, lambda _: None)
+        assert (facts.heartbeat.autopilot, facts.heartbeat.vehicle_type) == (way.vehicles.autopilot, way.vehicles.kind)
         assert (facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((LAT_DEG, LON_DEG), abs=1e-6)
         assert 99 <= facts.remaining_pct <= 100
         rule = way.vehicles.dialect.ground_station_failsafe
-        assert facts.failsafe_action == rule.action_return
-        assert facts.failsafe_timeout_s == pytest.approx(rule.timeout_s, abs=0.5)
+        assert facts.parameters[rule.action] == rule.action_return
+        assert facts.parameters[rule.timeout] == pytest.approx(rule.timeout_s, abs=0.5)
         assert link.counts.received > 5
         assert not link.counts.missing
 

@@ -57,6 +57,8 @@ class Vehicles:
     dialect: Dialect
     autopilot: int
     """What its heartbeat says."""
+    kind: int
+    """MAV_TYPE of its heartbeat: 2 is a quadrotor, 0 a generic vehicle."""
     parameters: tuple[tuple[str, float, int], ...]
     """Some that it has, with another value for each and the type."""
     lossy: bool
@@ -168,13 +170,13 @@ class _MavsdkVehicle:
 
 
 ARDUPILOTS = Vehicles(
-    "ardupilot", ARDUPILOT, 3, (("RTL_ALT", 4200.0, 6), ("FS_GCS_TIMEOUT", 7.5, 9)), True,
+    "ardupilot", ARDUPILOT, 3, 2, (("RTL_ALT", 4200.0, 6), ("FS_GCS_TIMEOUT", 7.5, 9)), True,
     simulated(AutopilotKind.ARDUPILOT),
 )  # fmt: skip
 PX4S = Vehicles(
-    "px4", PX4, 12, (("NAV_DLL_ACT", 0.0, 6), ("RTL_RETURN_ALT", 42.5, 9)), True, simulated(AutopilotKind.PX4)
+    "px4", PX4, 12, 2, (("NAV_DLL_ACT", 0.0, 6), ("RTL_RETURN_ALT", 42.5, 9)), True, simulated(AutopilotKind.PX4)
 )
-MAVSDKS = Vehicles("mavsdk", PX4, 0, (("NAV_DLL_ACT", 3.0, 6), ("COM_DL_LOSS_T", 12.25, 9)), False, served)
+MAVSDKS = Vehicles("mavsdk", PX4, 0, 0, (("NAV_DLL_ACT", 3.0, 6), ("COM_DL_LOSS_T", 12.25, 9)), False, served)
 
 
 def through_mavsdk(orders: Mapping[str, LinkOrder]) -> Links:

@@ -86,6 +86,19 @@ async def test_a_fifth_of_everything_lost(tmp_path: Path) -> None:
     assert not any("could not be given" in line for line in flown.said)
 
 
+async def test_one_crashes_and_one_comes_back(tmp_path: Path) -> None:
+    """Both are mission interruptions; what is heard again is on its way home, by its own failsafe or by our order."""
+    flown = await demo(tmp_path / "run", "uav2:silent=90s@30%", "uav3:crash@60%")
+    finished(flown)
+    assert sorted(lost(flown)) == [("uav2", "link"), ("uav3", "interruption")]
+    assert any(line.startswith("uav2: is heard again, on its way home") for line in flown.said)
+    assert flown.vehicle("uav2")["landed"]
+    assert not flown.vehicle("uav3")["landed"]
+    known = {row["segment"]: row["vehicle"] for row in flown.report["inspections"]}
+    assert len(known) == flown.report["segments_total"]
+    assert {row["firmware"] for row in flown.report["vehicles"]} == {"4.7.0"}
+
+
 async def test_a_survivor_that_refuses_its_new_mission(tmp_path: Path) -> None:
     flown = await demo(tmp_path / "run", "uav2:battery-step=30@30%", "uav3:refuse-upload@10%")
     finished(flown)

@@ -138,9 +138,29 @@ def _report(*, finished: bool) -> dict[str, object]:
                 "landed": name != "uav2",
                 "min_reserve_pct": 85.0,
                 "state": "lost" if name == "uav2" else "landed",
+                "type": "quadrotor",
+                "autopilot": "PX4",
+                "firmware": "1.17.0",
             }
             for name in NAMES
         ],
+        "checks": [
+            {"severity": "ok", "subject": "uav1", "text": "quadrotor, PX4 1.17.0"},
+            {"severity": "warning", "subject": "uav3", "text": "no battery failsafe"},
+        ],
         "min_separation_m": 12.5,
+        "inspection_speed_m_s": 5.0,
+        "inspections": [
+            {
+                "segment": segment,
+                "vehicle": name,
+                "speed_mean_m_s": 5.0,
+                "speed_max_m_s": 5.0 + 0.1 * segment,
+                "deviation_mean_m": 0.0,
+                "deviation_max_m": 0.25,
+            }
+            for name, flown in segments.items()
+            for segment in flown
+        ],
         "not_counted": [],
     }

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import distributed
+import numpy as np
 import pytest
 
 from executor.adapters.pictures import risk_figure
@@ -142,8 +143,8 @@ def test_a_sweep_has_a_curve_for_each_number_of_replans(content: Campaign) -> No
         swept, given = fly(campaign, parts, ignored), fly(content, PARTS, ignored)[0]
     assert [risk.mtbf_h for risk in swept] == [0.1 * factor for factor in SWEEP]
     (axes,) = risk_figure(swept, given).axes
-    curves = [line for line in axes.lines if len(line.get_xydata()) == len(SWEEP)]
-    assert [list(curve.get_ydata()) for curve in curves] == [
+    curves = [line for line in axes.lines if np.size(line.get_xdata()) == len(SWEEP)]
+    assert [np.asarray(curve.get_ydata()).tolist() for curve in curves] == [
         [100 * risk.finished[replans].estimate for risk in swept] for replans in range(3)
     ]
     words = " ".join(text.get_text() for text in axes.texts)

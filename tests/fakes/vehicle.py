@@ -200,7 +200,8 @@ class FakeAutopilot:
 
     def heartbeat(self) -> Heartbeat:
         """What it says of itself."""
-        return Heartbeat(AUTOPILOTS[self.dialect.name], self.mode.custom_mode, self.armed, 4 if self.armed else 3)
+        status = 4 if self.armed else 3
+        return Heartbeat(AUTOPILOTS[self.dialect.name], self.mode.custom_mode, self.armed, status, 2)
 
     def hear(self, message: Outgoing, now_s: float) -> list[Message]:
         """Answer."""

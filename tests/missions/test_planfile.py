@@ -74,7 +74,7 @@ def test_a_file_reads_back_as_it_was_written(tmp_path: Path) -> None:
     again = read_plan(path)
     assert again == content
     assert again.source == str(path)
-    assert check_plan(again) == []
+    assert check_plan(again, search_window=False) == []
     assert again.task().segment_ids == (3, 7, 8, 20)
     # Written again it is the same file, and nothing else is left beside it.
     write_plan(tmp_path / "again.json", again)
@@ -85,14 +85,14 @@ def test_a_file_reads_back_as_it_was_written(tmp_path: Path) -> None:
 def test_a_plan_chosen_by_its_window_reads_back(tmp_path: Path) -> None:
     content = small()
     longest_s = max(content.durations_s)
-    window = Window(75.0, 0.25 * longest_s, longest_s)
+    window = Window(0.0, longest_s, longest_s)  # it leaves a segment out
     chosen = replace(content, cost=None, cost_value=window.earliest_s, window=window)
     path = tmp_path / "plan.json"
     write_plan(path, chosen)
     assert json.loads(path.read_text())["cost"] == {"name": "window", "value": window.earliest_s}
     assert read_plan(path) == chosen
     assert check_plan(chosen) == []
-    assert "cost.value (window) is 1, its content gives 35" in check_plan(replace(chosen, cost_value=1.0))
+    assert "cost.value (window) is 1, its content gives 140" in check_plan(replace(chosen, cost_value=1.0))
 
 
 def test_a_plan_chosen_by_a_window_has_one(tmp_path: Path) -> None:
@@ -174,8 +174,22 @@ def test_places_and_lengths_are_checked() -> None:
     assert "segment 0: length_m is 100, its ends are 101 m apart" in findings
 
 
-def test_a_small_window_agrees_with_itself() -> None:
-    assert check_plan(replace(small(), window=Window(50.0, 70.0, small().durations_s[0]))) == []
+def test_a_window_is_searched_for_anew() -> None:
+    content, longest_s = small(), small().durations_s[0]
+    assert check_plan(replace(content, window=Window(0.0, longest_s, longest_s))) == []
+    wrong = replace(content, window=Window(50.0, 70.0, longest_s))
+    assert check_plan(wrong) == ["window.earliest_s is 70, its content gives 140"]
+    assert check_plan(wrong, search_window=False) == []
+
+
+def test_a_plan_of_one_vehicle_has_no_window() -> None:
+    network = line_east()
+    task = whole_task(network, [depot_vehicle("uav1", 80.0)], TRAVEL)
+    plan = Plan((Route(0, (0, 2, 4)),))
+    content = make_plan_file(network, task, TRAVEL, plan, Cost.MINMAX, SOLVED, window=Window(0.0, 1.0, 1.0))
+    longest_s = content.durations_s[0]
+    (finding,) = check_plan(replace(content, window=Window(0.0, longest_s, longest_s)))
+    assert finding.startswith("window: uav1 is the only vehicle")
 
 
 def _set(*keys: Any, value: object) -> Callable[[Any], None]:

@@ -14,7 +14,9 @@ from typing import Any
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.cutter import Cutter
+from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
+    GROUND_STATION,
     Battery,
     CommandAck,
     Heartbeat,
@@ -39,19 +41,19 @@ from executor.core.messages import (
     SendMissionRequestList,
     SendParamRequest,
     SendParamSet,
-    StatusText,
+    StationHeard,
     SystemStatus,
     Version,
 )
 from missions import MissionItem
 
-GROUND_STATION = (255, 190)
-"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
 AUTOPILOT_ARDUPILOT = 3
 MISSION_TYPE_MISSION = 0
 INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
+_RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
+"""FIRMWARE_VERSION_TYPE; 255, official, goes without a word."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,8 @@ class Received:
     frame: bytes
     message: Message | None
     """None for a message that nobody here follows."""
+    more: tuple[Message, ...] = ()
+    """What else this frame brings to an end: a text whose last part never came."""
 
 
 class Codec:
@@ -74,9 +78,9 @@ class Codec:
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         self._datagrams = Cutter(in_datagrams=True)
+        self._texts = Texts()
         self._sent: dict[int, int] = {}
         """How many frames went to each system: each is numbered as a stream of its own."""
-        self._chunks: dict[tuple[int, int], dict[int, str]] = {}
         self.autopilots: dict[int, int] = {}
         """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
         self.garbage = 0
@@ -91,12 +95,18 @@ class Codec:
     def read(self, frames: Iterable[Any]) -> Iterator[Received]:
         """Yield what a `Cutter`'s frames say."""
         for frame in frames:
+            source = (frame.get_srcSystem(), frame.get_srcComponent())
+            more = self._texts.passed(source)
             message = self._message(frame)
             if isinstance(message, Heartbeat):
                 self.autopilots[frame.get_srcSystem()] = message.autopilot
-            yield Received(
-                frame.get_srcSystem(), frame.get_srcComponent(), frame.get_seq(), bytes(frame.get_msgbuf()), message
-            )
+            if frame.get_type() == "STATUSTEXT":
+                # The raw field: pymavlink's own reading loses every byte that is not ASCII.
+                raw = frame._text_raw  # noqa: SLF001
+                more += self._texts.take(source, frame.severity, raw, frame.id, frame.chunk_seq)
+            if message is None and more:
+                message = more.pop(0)
+            yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), message, tuple(more))
 
     def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
@@ -106,8 +116,8 @@ class Codec:
 
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, Message | None] | None:
-        """Return what a message says that another parser took apart, and a frame of it; None if it is not known.
+    ) -> tuple[bytes, tuple[Message, ...]] | None:
+        """Return a frame of a message that another parser took apart, and what it says; None if it is not known.
 
         Args:
             name: MAVLink's name of the message.
@@ -125,7 +135,8 @@ class Codec:
             return None  # another parser's definition of the message is another one
         lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in INTEGER_TYPES
         [received] = self.read([frame])
-        return packed, None if lost else received.message
+        said = received.more if lost else (received.message, *received.more)
+        return packed, tuple(message for message in said if message is not None)
 
     def write_fields(
         self, message: Outgoing, sysid: int, compid: int
@@ -144,25 +155,11 @@ class Codec:
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
         if not _for_us(frame):
             return None
-        if frame.get_type() == "STATUSTEXT":
-            return self._text(frame)
         if frame.get_type() == "PARAM_VALUE":
             value = _param_from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
             return ParamValue(frame.param_id, value, frame.param_type)
         read = _READERS.get(frame.get_type())
         return None if read is None else read(frame)
-
-    def _text(self, frame: Any) -> StatusText | None:  # noqa: ANN401
-        if frame.id == 0:
-            return StatusText(frame.severity, frame.text.strip())
-        key = (frame.get_srcSystem(), frame.id)
-        chunks = self._chunks.setdefault(key, {})
-        chunks[frame.chunk_seq] = frame.text
-        last = max(chunks)  # a chunk that is not filled to its 50 characters ends the text
-        if len(chunks[last]) >= 50 or len(chunks) <= last:
-            return None
-        del self._chunks[key]
-        return StatusText(frame.severity, "".join(chunks[index] for index in sorted(chunks)).strip())
 
 
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
@@ -186,11 +183,13 @@ def _known(value: float, *, unknown_below: float = 0.0) -> float | None:
     return None if value < unknown_below or math.isnan(value) else value
 
 
-def _heartbeat(frame: Any) -> Heartbeat | None:  # noqa: ANN401
+def _heartbeat(frame: Any) -> Heartbeat | StationHeard | None:  # noqa: ANN401
+    if frame.type == mav.MAV_TYPE_GCS:
+        return StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
     if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
         return None
     armed = bool(frame.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
-    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status)
+    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
 
 
 def _position(frame: Any) -> Position:  # noqa: ANN401
@@ -263,9 +262,11 @@ def _of_mission(build: Callable[[int], Message], field: str) -> Any:  # noqa: AN
     return read
 
 
-def _version(frame: Any) -> Version:  # noqa: ANN401
+def _version(frame: Any) -> Version | None:  # noqa: ANN401
     packed = frame.flight_sw_version
-    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255)
+    if packed == 0:
+        return None  # not filled in
+    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
 _READERS: dict[str, Any] = {

@@ -44,7 +44,7 @@ class Router:
             link = self._links.get(received.sysid)
             if link is None:
                 for other in self._links.values():
-                    other.counts.foreign += 1
+                    other.take_foreign(received)
                 continue
             link.write = write
             link.take(received)

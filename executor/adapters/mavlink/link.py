@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import Codec, Received
-from executor.core.messages import Heartbeat, Message, Outgoing
+from executor.core.messages import Heartbeat, Message, Outgoing, StationHeard
 from executor.core.ports import FrameLog, LinkCounts
 
 AUTOPILOT_COMPONENT = 1
@@ -55,7 +55,14 @@ class VehicleLink:
         if self._log is not None:
             self._log.write(received.frame)
         self._count(received)
-        if received.message is not None:
+        for message in (received.message, *received.more):
+            if message is not None:
+                self._hand_on(message, received.compid)
+
+    def take_foreign(self, received: Received) -> None:
+        """Take a frame that came over this vehicle's connection, of a system that is nobody's vehicle."""
+        self.counts.foreign += 1
+        if isinstance(received.message, StationHeard):
             self._hand_on(received.message, received.compid)
 
     def _hand_on(self, message: Message, component: int) -> None:

@@ -10,13 +10,12 @@ import atexit
 import functools
 from typing import TYPE_CHECKING
 
+from executor.core.messages import GROUND_STATION
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:
     from mavsdk import Mavsdk
 
-GROUND_STATION = (255, 190)
-"""MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured)."""
 MOST_AT_ONCE = 16
 """MAVSDKs in one process: with 24 it wrote beyond its memory, and the process died (measured). One holds any fleet."""
 
@@ -48,6 +47,7 @@ def ground_station() -> Mavsdk:
     """Return a MAVSDK of its own threads; `destroy` ends them. Both block: not for the event loop."""
     from mavsdk import Configuration, Mavsdk
 
+    # MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured).
     return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))
 
 

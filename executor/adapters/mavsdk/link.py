@@ -11,17 +11,18 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from executor.adapters.mavsdk.library import GROUND_STATION, connect, ground_station, load
+from executor.adapters.mavsdk.library import connect, ground_station, load
 from executor.core.connection import Connection, Scheme
-from executor.core.messages import Heartbeat, Message, Outgoing
+from executor.core.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
 from executor.core.ports import LinkCounts, LinkOrder
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:
+    from mavsdk import Mavsdk
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
     from mavsdk.system import System
 
@@ -34,8 +35,10 @@ Fields = Mapping[str, object]
 class Translator(Protocol):
     """Turns MAVLink fields into our messages and back."""
 
-    def read_fields(self, name: str, sysid: int, compid: int, fields: Fields) -> tuple[bytes, Message | None] | None:
-        """Return the message and a frame for the log; None for a message that is not known."""
+    def read_fields(
+        self, name: str, sysid: int, compid: int, fields: Fields
+    ) -> tuple[bytes, tuple[Message, ...]] | None:
+        """Return a frame for the log and what is heard with it; None for a message that is not known."""
         ...
 
     def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
@@ -87,41 +90,92 @@ class MavsdkLink:
 
     def attach(self, system: System) -> None:
         """Take the system that MAVSDK has found."""
-        from mavsdk.plugins.mavlink_direct import MavlinkDirect
-
-        loop = asyncio.get_running_loop()
-        self._direct = MavlinkDirect(system)
-        # MAVSDK calls from a thread of its own; the flight lives on the event loop.
-        self._direct.subscribe_message("", lambda message, _: loop.call_soon_threadsafe(self._take, message))
+        self._direct = _subscribe(system, "", self._take)
 
     def detach(self) -> list[object]:
-        """Let go of the system, before MAVSDK ends; returns what must be kept until it has.
-
-        The plugin frees the callbacks that C calls when it ends, while some of those calls may still be in MAVSDK's
-        queue: without this a process died in one of about two hundred ends (measured).
-        """
-        kept: list[object] = (
-            [self._direct, *vars(self._direct).get("_subscriptions", {}).values()] if self.found else []
-        )
+        """Let go of the system, before MAVSDK ends; returns what must be kept until it has."""
+        kept = [] if self._direct is None else _held(self._direct)
         self._direct = None
         return kept
 
+    def hand_on(self, message: Message) -> None:
+        """Hand a message to everybody who listens."""
+        for listener in tuple(self._listeners):
+            listener(message)
+
     def _take(self, message: MavlinkMessage) -> None:
         self.counts.received += 1
-        # A text may have a tab in it, as PX4's have.
-        fields = json.loads(message.fields_json, strict=False)
-        read = self._translator.read_fields(message.message_name, message.system_id, message.component_id, fields)
+        read = _read(self._translator, message)
         if read is None:
             return
         frame, heard = read
         if self._log is not None:
             self._log.write(frame)
-        if heard is None:
-            return
-        if isinstance(heard, Heartbeat):
-            self.component = message.component_id
-        for listener in tuple(self._listeners):
-            listener(heard)
+        for one in heard:
+            if isinstance(one, Heartbeat):
+                self.component = message.component_id
+            self.hand_on(one)
+
+
+def _subscribe(system: System, name: str, take: Callable[[MavlinkMessage], None]) -> MavlinkDirect:
+    """Have messages of a name of one system taken on the event loop; without a name, all."""
+    from mavsdk.plugins.mavlink_direct import MavlinkDirect
+
+    loop, direct = asyncio.get_running_loop(), MavlinkDirect(system)
+    # MAVSDK calls from a thread of its own; the flight lives on the event loop.
+    direct.subscribe_message(name, lambda message, _: loop.call_soon_threadsafe(take, message))
+    return direct
+
+
+def _held(direct: MavlinkDirect) -> list[object]:
+    """Return what must be kept until MAVSDK has ended.
+
+    The plugin frees the callbacks that C calls when it ends, while some of those calls may still be in MAVSDK's queue:
+    without this a process died in one of about two hundred ends (measured).
+    """
+    return [direct, *vars(direct).get("_subscriptions", {}).values()]
+
+
+def _read(translator: Translator, message: MavlinkMessage) -> tuple[bytes, tuple[Message, ...]] | None:
+    # A text may have a tab in it, as PX4's have.
+    fields = json.loads(message.fields_json, strict=False)
+    return translator.read_fields(message.message_name, message.system_id, message.component_id, fields)
+
+
+class _Systems:
+    """All systems that MAVSDK finds: the links' vehicles, and the ground stations among the others."""
+
+    def __init__(self, mavsdk: Mavsdk, links: Iterable[MavsdkLink], translator: Translator) -> None:
+        self._mavsdk = mavsdk
+        self._links = tuple(links)
+        self._translator = translator
+        self._others: dict[int, MavlinkDirect] = {}
+        self._ending = False
+
+    def look(self) -> None:
+        """Take what was found since the last time."""
+        for system in () if self._ending else self._mavsdk.get_systems():
+            number = system.get_system_id()
+            wanted = [link for link in self._links if link.sysid == number]
+            for link in wanted:
+                if not link.found:
+                    link.attach(system)
+            if not wanted and number not in self._others:
+                self._others[number] = _subscribe(system, "HEARTBEAT", self._overhear)
+
+    def detach(self) -> list[object]:
+        """Let go of all systems, before MAVSDK ends; returns what must be kept until it has."""
+        self._ending = True
+        kept = [link.detach() for link in self._links] + [_held(direct) for direct in self._others.values()]
+        return [one for held in kept for one in held]
+
+    def _overhear(self, message: MavlinkMessage) -> None:
+        read = _read(self._translator, message)
+        for heard in () if read is None else read[1]:
+            if isinstance(heard, StationHeard):
+                # On which connection it is MAVSDK does not say.
+                for link in self._links:
+                    link.hand_on(heard)
 
 
 @asynccontextmanager
@@ -141,24 +195,16 @@ async def open_links(
     loop = asyncio.get_running_loop()
     mavsdk = await asyncio.to_thread(ground_station)
 
-    ending = False
-
-    def look() -> None:
-        for system in () if ending else mavsdk.get_systems():
-            for link in links.values():
-                if link.sysid == system.get_system_id() and not link.found:
-                    link.attach(system)
-
+    systems = _Systems(mavsdk, links.values(), translator)
     try:
-        mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(look))
+        mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(systems.look))
         for connection in dict.fromkeys(order.connection for order in orders.values()):
             if connection.scheme is Scheme.UDP_IN:
                 _expect_free(connection)
             connect(mavsdk, str(connection))
         yield links
     finally:
-        ending = True
-        kept = [link.detach() for link in links.values()]
+        kept = systems.detach()
         # It waits for its threads, which may be about to hand a message to the loop.
         await asyncio.to_thread(mavsdk.destroy)
         kept.clear()

@@ -12,7 +12,15 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
-from executor.core.messages import Heartbeat, Message, MissionCurrent, SendCommand, SendHeartbeat
+from executor.core.messages import (
+    Heartbeat,
+    Message,
+    MissionCurrent,
+    SendCommand,
+    SendHeartbeat,
+    StationHeard,
+    StatusText,
+)
 from executor.core.ports import LinkCounts
 from tests.executor.adapters.test_codec import PX4, Vehicle
 
@@ -101,6 +109,25 @@ def test_frames_of_other_systems_are_foreign() -> None:
     assert (link.counts.foreign, link.counts.received, heard) == (1, 0, [])
 
 
+def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() -> None:
+    behind, link, heard = link_of()
+    station, sent = mav.MAVLink(None, srcSystem=254, srcComponent=190), list[bytes]()
+    beat = mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    behind.feed(bytes(beat.pack(station)), sent)
+    link.send(SendHeartbeat())
+    assert (heard, sent) == ([StationHeard(254, 190)], [])
+    assert (link.counts.foreign, link.counts.received, link.component, behind.codec.autopilots) == (1, 0, 1, {})
+
+
+def test_a_text_whose_end_never_came_is_handed_on_all_the_same() -> None:
+    behind, _, heard = link_of()
+    torn = mav.MAVLink_statustext_message(4, b"x" * 50, 9, 0)
+    vehicle = Vehicle()
+    for message in (torn, *(current(1) for _ in range(60))):
+        behind.feed(vehicle.pack(message))
+    assert [message for message in heard if isinstance(message, StatusText)] == [StatusText(4, "x" * 50)]
+
+
 def test_frames_of_other_components_neither_lose_nor_gain() -> None:
     behind, link, _ = link_of()
     for frame in frames([0, 1]):
@@ -116,7 +143,7 @@ def test_the_heartbeat_says_which_autopilot_and_which_component() -> None:
     behind, link, heard = link_of()
     behind.feed(Vehicle(compid=2).pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
     assert (behind.codec.autopilots, link.component) == ({7: PX4}, 2)
-    assert heard == [Heartbeat(PX4, 0, armed=False, system_status=3)]
+    assert heard == [Heartbeat(PX4, 0, armed=False, system_status=3, vehicle_type=2)]
 
 
 def test_a_listener_that_has_stopped_hears_nothing() -> None:

@@ -18,13 +18,16 @@ from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk.link import MavsdkLink, open_links
 from executor.core.connection import parse_connection
 from executor.core.messages import (
+    Heartbeat,
     Message,
     MissionItemReceived,
     ParamValue,
     SendHeartbeat,
     SendMissionItem,
     SendParamSet,
+    StationHeard,
     StatusText,
+    Version,
 )
 from executor.core.ports import LinkOrder
 from executor.errors import ConnectionFailed
@@ -50,8 +53,9 @@ class Air:
         self._heard: asyncio.Queue[Message] = asyncio.Queue()
         link.listen(self._heard.put_nowait)
 
-    def say(self, message: Any) -> None:
-        self._plug.sendto(self._vehicle.pack(message), ("127.0.0.1", self._port))
+    def say(self, message: Any, speaker: mav.MAVLink | None = None) -> None:
+        frame = self._vehicle.pack(message) if speaker is None else bytes(message.pack(speaker))
+        self._plug.sendto(frame, ("127.0.0.1", self._port))
 
     async def passed(self, *messages: Any) -> list[Message]:
         """Say messages, and return what the link hands on of them."""
@@ -114,6 +118,37 @@ async def test_texts_come_through_with_their_marks() -> None:
         assert await air.passed(mav.MAVLink_statustext_message(4, b'say "no" \\ end\t')) == [
             StatusText(4, 'say "no" \\ end')
         ]
+
+
+async def test_what_kind_of_vehicle_and_which_release_come_through() -> None:
+    version = mav.MAVLink_autopilot_version_message(0, 1 << 24 | 17 << 16, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)
+    async with found() as air:
+        assert await air.passed(BEAT, version) == [
+            Heartbeat(PX4, 0, armed=False, system_status=3, vehicle_type=2),
+            Version(1, 17, 0, "dev"),
+        ]
+
+
+async def test_a_long_text_is_put_together_and_a_torn_one_is_shown_as_far_as_it_came() -> None:
+    whole, torn = b"w" * 60, b"t" * 50
+    parts = [mav.MAVLink_statustext_message(4, whole[at : at + 50], 8, at // 50) for at in (0, 50)]
+    async with found() as air:
+        heard = await air.passed(*parts, mav.MAVLink_statustext_message(3, torn, 9, 0), *[BEAT] * 60)
+    texts = [message for message in heard if isinstance(message, StatusText)]
+    assert texts == [StatusText(4, whole.decode()), StatusText(3, torn.decode())]
+
+
+async def test_other_ground_stations_are_heard_and_other_vehicles_are_not() -> None:
+    station, vehicle = (mav.MAVLink(None, srcSystem=system, srcComponent=190) for system in (254, 8))
+    async with found() as air:
+        heard: list[Message] = []
+        air.link.listen(heard.append)
+        async with asyncio.timeout(PATIENCE_S):
+            while StationHeard(254, 190) not in heard:
+                air.say(mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3), station)
+                air.say(BEAT, vehicle)
+                await asyncio.sleep(0.02)
+    assert set(heard) == {StationHeard(254, 190)}
 
 
 async def test_a_negative_integer_of_px4_is_neither_read_wrongly_nor_set_wrongly() -> None:

@@ -72,7 +72,7 @@ def test_the_outcome_comes_first(flight: tuple[FlightRecord, dict[str, object]])
     sentence = "All 5 segments were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of them."
     assert reader.of("title") == [sentence]
     assert reader.of("h1") == [sentence]
-    assert reader.of("p")[0].startswith("3 vehicles; 1 re-plan; any two vehicles stayed at least 12.5 m apart.")
+    assert reader.of("p")[0].startswith("3 vehicles; 1 re-plan; any two vehicles stayed at least 12.5 m apart; ")
 
 
 def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
@@ -92,19 +92,31 @@ def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, dict[str, ob
 def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, dict[str, object]]) -> None:
     record, report = flight
     reader = _read(page(record, report, {}))
-    assert reader.of("h2") == ["Faults", "Re-plans", "Vehicles", "Decisions", "Segments"]
+    assert reader.of("h2") == [
+        "Faults", "Re-plans", "Vehicles", "Before the flight", "How the segments were flown", "Decisions", "Segments"
+    ]  # fmt: skip
     cells = reader.of("td")
     rows = [
         ["uav2", "link", "silent for 10 s", "40.0", "50.0", "10.0"],
         ["1", "uav2: link", "yes", "0.10", "9.00", "10.0", "none"],
-        ["uav1", "landed", "yes", "2, 3, 4", "15.0", "85.0"],
+        ["uav1", "landed", "yes", "2, 3, 4", "15.0", "85.0", "PX4", "1.17.0"],
+        ["uav3", "warning", "no battery failsafe"],
+        ["3", "uav1", "5.00", "5.30", "0.00", "0.25"],
         ["50.0", "fault", "uav2: lost, silent for 10 s <again>"],
     ]
     for row in rows:
         assert any(cells[at : at + len(row)] == row for at in range(len(cells)))
-    assert list(reader.classes.values()) == ["fault"]
+    assert list(reader.classes.values()) == ["warning", "fault"]
     segment = cells.index("0", cells.index("150.0"))
     assert cells[segment : segment + 4] == ["0", "100.0", "uav2", "uav2"]
+
+
+def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    facts = _read(page(record, report, {})).of("p")[0]
+    assert "flown at 5.00 m/s on average (5.00 m/s were asked for), at most 5.40 m/s and at most 0.25 m beside" in facts
+    without = {key: value for key, value in report.items() if key != "inspections"}
+    assert "on average" not in _read(page(record, without, {})).of("p")[0]
 
 
 def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, dict[str, object]], tmp_path: Path) -> None:

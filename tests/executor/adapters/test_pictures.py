@@ -17,7 +17,19 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox, BboxBase
 
-from executor.adapters.pictures import battery_figure, draw_battery, draw_map, draw_plan, map_figure, plan_figure
+from executor.adapters.pictures import (
+    FrontPoint,
+    battery_figure,
+    draw_battery,
+    draw_front,
+    draw_map,
+    draw_plan,
+    draw_window,
+    front_figure,
+    map_figure,
+    plan_figure,
+    window_figure,
+)
 from executor.adapters.pictures.battery import spread
 from executor.adapters.pictures.maps import connected
 from executor.adapters.pictures.placing import Placer, along, calmest
@@ -26,6 +38,7 @@ from executor.adapters.pictures.style import COLOURS, DPI, INK, LOSS, style_of
 from executor.core.record import FlightRecord, SegmentRecord
 from executor.record import read_run
 from missions.geo import FloatArray
+from planner import repairs_at, replan_window
 from tests.executor.flights import first_plan_file, write_run
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -242,3 +255,39 @@ def _lightness(colour: str) -> float:
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in to_rgb(colour)]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
     return 116.0 * math.cbrt(luminance) - 16.0
+
+
+def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_path: Path) -> None:
+    content = first_plan_file()
+    found = replan_window(content.instance(), content.plan, effort=100)
+    repairs = repairs_at(content.instance(), content.plan, found.earliest_s, effort=100)
+    figure = window_figure(content, found, repairs)
+    (axes,) = figure.axes
+    assert {repair.remainder.lost for repair in repairs} == {0, 1}
+    solid = [line for line in axes.lines if line.get_color() in COLOURS and line.get_linestyle() == "-"]
+    assert [float(_x(line)[-1]) for line in solid] == pytest.approx(list(content.durations_s))
+    assert any(line.get_linestyle() == "--" for line in axes.lines)
+    assert {text.get_text() for text in axes.texts} >= {
+        "budget, 75 %", f"window begins, {found.earliest_s:.0f} s", f"longest route, {found.longest_route_s:.0f} s",
+    }  # fmt: skip
+    assert _legend_words(figure) >= {"plan", "re-plan without uav1", "re-plan without uav2", "re-plan window"}
+    assert f"{found.window_pct:.1f} %" in figure.texts[0].get_text()
+    draw_window(content, found, repairs, tmp_path / "window.png")
+    assert (tmp_path / "window.png").read_bytes().startswith(PNG)
+
+
+def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:
+    front = [FrontPoint(100.0 + 20 * number, 90.0 - 15 * number, 50.0 + number % 3) for number in range(6)]
+    others = {"minmax": FrontPoint(100.0, 95.0, 55.0), "mincomb": FrontPoint(160.0, 80.0, 49.0)}
+    figure = front_figure(front, others)
+    axes, _ = figure.axes
+    assert [text.get_text() for text in axes.texts] == ["1", "2", "3", "4", "5", "6"]
+    assert _legend_words(figure) == {"minmax", "mincomb"}
+    places = {(float(_x(line)[0]), float(np.ravel(line.get_ydata())[0])) for line in axes.lines}
+    assert places == {(point.longest_route_s, point.earliest_s) for point in [*front, *others.values()]}
+    figure.set_dpi(DPI)
+    figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    draw_front(front[:1], {}, tmp_path / "front.png")
+    assert (tmp_path / "front.png").read_bytes().startswith(PNG)

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from executor.bench.upload import Cell, Measured, Row, Timing, content_of, markdown_of, measure, upload
+from executor.bench.cli import cli
+from executor.bench.upload import Cell, Measured, Row, Timing, content_of, markdown_of, measure
 
 
 def test_both_programs_upload_to_both_autopilots() -> None:
@@ -39,10 +39,8 @@ def test_our_own_failures_are_named() -> None:
 
 
 def test_the_command_writes_what_it_prints(tmp_path: Path) -> None:
-    application = typer.Typer()
-    application.command()(upload)
-    case = ["--items", "4", "--loss", "0", "--delay", "0", "--repeats", "1"]
-    done = CliRunner().invoke(application, [*case, "--out", str(tmp_path)])
+    case = ["upload", "--items", "4", "--loss", "0", "--delay", "0", "--repeats", "1"]
+    done = CliRunner().invoke(cli, [*case, "--out", str(tmp_path)])
     assert done.exit_code == 0
     assert (tmp_path / "upload.md").read_text() == done.stdout.removesuffix("\n")
     rows = json.loads((tmp_path / "upload.json").read_text())["rows"]
@@ -51,6 +49,4 @@ def test_the_command_writes_what_it_prints(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("case", [["--items", "3"], ["--loss", "1"], ["--delay", "-1"], ["--repeats", "0"]])
 def test_a_case_that_cannot_be_measured_is_refused(case: list[str]) -> None:
-    application = typer.Typer()
-    application.command()(upload)
-    assert CliRunner().invoke(application, case).exit_code == 2
+    assert CliRunner().invoke(cli, ["upload", *case]).exit_code == 2

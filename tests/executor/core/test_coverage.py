@@ -6,12 +6,13 @@ import itertools
 import math
 import random
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.core.coverage import GAP_S, SPEED_FACTOR, Run, Sample, Step, Track, follow
+from executor.core.coverage import GAP_S, SPEED_FACTOR, Flown, Run, Sample, Step, Track, follow
 
 SPEED_M_S = 3.0
 CORRIDOR_M = 10.0
@@ -183,3 +184,51 @@ def test_a_place_is_located_along_and_beside() -> None:
     track = Track(0, (10.0, 10.0), (10.0, 50.0))
     assert track.locate((13.0, 30.0)) == pytest.approx((20.0, 3.0))
     assert track.locate((10.0, 55.0)) == pytest.approx((45.0, 5.0))
+
+
+def shown(samples: Iterable[Sample], track: Track) -> Flown:
+    """Return how the one run in a flight was flown."""
+    run, found = None, list[Flown]()
+    for sample in samples:
+        step = follow(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
+        run = step.run
+        found += [step.flown] if step.flown is not None else []
+    [flown_as] = found
+    return flown_as
+
+
+def test_how_a_segment_was_flown() -> None:
+    """60 m at 3 m/s, 2 m beside the line on its second half, and once reported at 3.6 m/s."""
+    samples = [
+        replace(sample, speed_m_s=3.6 if index == 60 else 3.0)
+        for index, sample in enumerate(flown([(0.0, 0.0), (30.0, 0.0), (30.0, 2.0), (60.0, 2.0)]))
+    ]
+    measured = shown(samples, line())
+    assert measured.mean_m_s == pytest.approx(3.0, abs=0.15)
+    assert measured.max_m_s == 3.6
+    assert measured.deviation_max_m == pytest.approx(2.0)
+    assert 0.8 < measured.deviation_mean_m < 1.2
+
+
+def test_a_vehicle_that_does_not_report_its_speed_has_no_highest_one() -> None:
+    assert shown(flown([(0.0, 0.0), (60.0, 0.0)]), line()).max_m_s is None
+
+
+def test_a_wait_at_the_first_pylon_is_no_part_of_the_run() -> None:
+    waited = shown(flown([(0.0, 0.0), (60.0, 0.0)], hold_s=60.0), line())
+    assert waited.mean_m_s == pytest.approx(SPEED_M_S, abs=0.1)
+
+
+def test_a_run_past_the_last_pylon_is_not_beside_the_track() -> None:
+    coarse = [Sample(float(second), (3.0 * second, 0.0)) for second in range(30)]
+    assert shown(coarse, line(58.0)).deviation_max_m == pytest.approx(0.0, abs=1e-9)
+
+
+@given(speed=st.floats(0.5, 3.5), aside=st.floats(0.0, 9.0), length=st.floats(20.0, 300.0))
+def test_the_measures_are_those_of_the_flight(speed: float, aside: float, length: float) -> None:
+    samples = [replace(one, speed_m_s=speed) for one in flown([(0.0, aside), (length, aside)], speed)]
+    measured = shown(samples, line(length))
+    assert measured.mean_m_s == pytest.approx(speed, rel=0.1)
+    assert measured.max_m_s == speed
+    assert measured.deviation_mean_m == pytest.approx(aside, abs=1e-3)
+    assert measured.deviation_max_m == pytest.approx(aside, abs=1e-3)

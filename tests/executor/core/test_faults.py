@@ -46,6 +46,7 @@ def flying(**changes: object) -> VehicleState:
         "heard_s": NOW_S,
         "heartbeat": Heartbeat(3, AUTO, True, 4),
         "armed_once": True,
+        "took_off": True,
         "fix": at(),
         "anchor": at(),
         "battery": pack(90.0, 90.0),
@@ -74,6 +75,12 @@ ROWS = [
         unknown=flying(fix=None),
     ),
     Row("falling", flying(fix=at(climbs_m_s=-6.0)), "falls at 6.0 m/s", flying(fix=at(climbs_m_s=-6.0, age_s=3.5))),
+    Row(
+        "terminated",
+        flying(heartbeat=Heartbeat(12, AUTO, True, 8)),
+        "reports that its flight is terminated",
+        unknown=flying(heartbeat=None),
+    ),
     Row("link", flying(heard_s=NOW_S - 10.0), "silent for 10.0 s, time-out 10 s", flying(heard_s=None)),
     Row(
         "battery-step",
@@ -225,6 +232,36 @@ def test_a_landing_on_the_pad_is_no_fault() -> None:
     assert (
         verdict("off-pad", flying(heartbeat=Heartbeat(3, AUTO, False, 3), fix=at(east_m=5.0, up_m=0.0))) is Verdict.OK
     )
+
+
+DISARMED = Heartbeat(3, AUTO, False, 3)
+
+
+def off_pad(state: VehicleState) -> faults.Finding:
+    return point("off-pad").judge(View(CONTEXT, SETUP, state, False, NOW_S))
+
+
+def test_a_vehicle_that_disarms_high_above_its_pad_falls() -> None:
+    high = off_pad(flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=18.0)))
+    assert (high.verdict, high.evidence) == (Verdict.FAIL, "disarmed 18 m above its pad")
+    old = off_pad(flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=18.0, age_s=8.0)))
+    assert old.verdict is Verdict.OK, "it came down in the silence"
+
+
+def test_a_vehicle_that_disarms_before_it_took_off_did_not_fly_its_mission() -> None:
+    sitting = flying(heartbeat=DISARMED, fix=at(east_m=0.0, up_m=0.0), took_off=False)
+    assert off_pad(sitting).evidence == "disarmed on its pad before it took off"
+    assert off_pad(replace(sitting, stage=Stage.RETURNING)).verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(("age_s", "shown"), [(1.0, True), (14.0, True), (16.0, False)])
+def test_what_the_vehicle_said_of_it_is_part_of_the_evidence(age_s: float, shown: bool) -> None:
+    said = ("Battery Failsafe", NOW_S - age_s)
+    went = point("mode").judge(
+        View(CONTEXT, SETUP, flying(heartbeat=Heartbeat(3, RTL, True, 5), alarm=said), False, NOW_S)
+    )
+    assert went.evidence == "went to mode RETURN by itself" + ("; it says: Battery Failsafe" if shown else "")
+    assert off_pad(flying(heartbeat=DISARMED, alarm=said)).evidence.endswith("Battery Failsafe") is shown
 
 
 def test_a_vehicle_that_never_armed_is_not_down() -> None:

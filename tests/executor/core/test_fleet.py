@@ -15,6 +15,8 @@ from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, FLEET, TIMEOUT_S, story, under_way
 from tests.fakes.flight import Story
 
+RTL, LAND, SMART_RTL = 6, 9, 21
+
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_flight_without_a_fault(autopilot: str) -> None:
@@ -159,15 +161,97 @@ def test_a_vehicle_that_does_not_obey_the_return_is_told_again() -> None:
     assert flight.sent_home() == ["uav2"] * 3
 
 
-def test_a_lost_vehicle_that_is_heard_on_the_ground_has_landed() -> None:
+def lost_uav2(mode: int | None = None, *, landed: bool = False) -> Story:
+    """Return a flight in which uav2 was silent for long enough, and what it did meanwhile."""
     flight = under_way()
     lost = flight.crafts["uav2"]
     lost.mute = True
     flight.run(lambda: flight.stage("uav2") is Stage.LOST)
-    lost.armed, lost.up_m = False, 0.0
+    if landed:
+        lost.armed, lost.up_m = False, 0.0
+    if mode is not None:
+        lost.mode = mode
     lost.mute = False
+    return flight
+
+
+def test_a_lost_vehicle_that_is_heard_on_the_ground_has_landed() -> None:
+    flight = lost_uav2(RTL, landed=True)
     flight.pass_s(3.0)
     assert flight.stage("uav2") is Stage.LANDED
+    assert flight.sent_home() == [], "it is in no mode that could take off"
+
+
+def test_a_lost_vehicle_that_landed_in_mission_mode_is_told_to_return_and_stays_where_it_is() -> None:
+    flight = lost_uav2(landed=True)
+    flight.pass_s(12.0)
+    assert flight.stage("uav2") is Stage.LANDED
+    assert flight.sent_home() == ["uav2"]
+    assert flight.given(Start).count(Start("uav2")) == 1
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+    assert flight.vehicle("uav2").stage is Stage.LANDED
+
+
+def test_what_a_lost_vehicle_says_before_its_first_heartbeat_decides_nothing() -> None:
+    """The heartbeat on record is from before the silence: it may have landed, or come home, since."""
+    flight = lost_uav2(landed=True)
+    flight.happen(Heard("uav2", flight.crafts["uav2"].position(flight.now_s)))
+    assert flight.stage("uav2") is Stage.LOST
+    assert flight.sent_home() == []
+    flight.happen(Heard("uav2", flight.crafts["uav2"].heartbeat()))
+    assert flight.stage("uav2") is Stage.LANDED
+
+
+@pytest.mark.parametrize("mode", [LAND, RTL, SMART_RTL])
+def test_a_lost_vehicle_that_comes_home_by_itself_is_left_to_that(mode: int) -> None:
+    flight = lost_uav2(mode)
+    flight.run(lambda: flight.stage("uav2") is Stage.RETURNING)
+    flight.pass_s(12.0)
+    assert flight.sent_home() == []
+
+
+@pytest.mark.parametrize(("mode", "name"), [(LAND, "LAND"), (RTL, "RETURN"), (SMART_RTL, "SMART_RTL")])
+def test_a_failsafe_that_brings_it_home_or_down_is_an_interruption_and_is_not_overruled(mode: int, name: str) -> None:
+    """A landing on the last of a battery must not become a flight home."""
+    flight = under_way()
+    flight.happen(Heard("uav2", StatusText(4, "Battery Failsafe")))
+    flight.crafts["uav2"].mode = mode
+    flight.run(lambda: flight.vehicle("uav2").fault is not None)
+    fault = flight.vehicle("uav2").fault
+    assert fault is not None
+    assert (fault.kind, fault.reason) == (
+        FaultKind.INTERRUPTION, f"went to mode {name} by itself; it says: Battery Failsafe"
+    )  # fmt: skip
+    assert flight.sent_home() == []
+    flight.pass_s(12.0)
+    assert flight.sent_home() == []
+    flight.crafts["uav2"].go_home()
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_a_pause_that_nobody_here_ordered_ends_in_a_return() -> None:
+    flight = under_way()
+    flight.crafts["uav2"].mode = 17
+    flight.finish()
+    assert flight.sent_home() == ["uav2"]
+    assert flight.said(Level.FAULT)[0].startswith("uav2: interruption, went to mode HOLD by itself; it is told")
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_a_vehicle_that_disarms_on_its_pad_instead_of_taking_off_is_planned_around() -> None:
+    """It would start, disarm and be given its segments again and again."""
+    flight = Story(FLEET.context, dict(FLEET.boards))
+    flight.launch()
+    stays = flight.crafts["uav2"]
+    stays.goals_m = [(*stays.place_m, 0.0)] * len(stays.goals_m)
+    flight.run(lambda: flight.stage("uav2") is Stage.FLYING and flight.vehicle("uav2").armed)
+    stays.armed = False
+    flight.finish()
+    assert flight.said(Level.FAULT)[0].startswith("uav2: interruption, disarmed on its pad before it took off")
+    assert flight.given(Start).count(Start("uav2")) == 1
+    assert set(flight.state.inspected) == EVERYTHING
 
 
 def test_a_start_that_fails_is_tried_again() -> None:

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import math
 
 import pytest
 
-from executor.core.messages import Message, Position, StatusText, SystemStatus, Version
+from executor.core.messages import (
+    Message,
+    Outgoing,
+    Position,
+    SendCommand,
+    StationHeard,
+    StatusText,
+    SystemStatus,
+    Version,
+)
 from executor.core.preflight import Facts
 from executor.errors import ConnectionFailed, PreflightFailed
+from executor.protocols import orders
 from executor.runtime import preflight
 from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
 from tests.fakes.clock import LoopClock
@@ -30,13 +41,16 @@ class Ready:
         self.vehicle = Flyer(dialect, FRAME, (3.0, 4.0), FRAME.alt_m)
         self.vehicle.parameters = dict(parameters)
         self.link = FakeLink(self.vehicle, self.clock)
+        self.waited_for: list[str] = []
 
     def says(self, message: Message, after_s: float) -> None:
         asyncio.get_running_loop().call_later(after_s, self.link.say, message)
 
     async def interview(self, timeout_s: float = 30.0) -> Facts:
         try:
-            return await preflight.interview("uav1", self.link, self.clock, self.dialect, timeout_s)
+            return await preflight.interview(
+                "uav1", self.link, self.clock, self.dialect, timeout_s, self.waited_for.append
+            )
         finally:
             self.link.close()
 
@@ -47,15 +61,56 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
     ready = Ready(dialect, **{rule.action: 1.0, rule.timeout: 5.0})
     ready.says(Version(4, 7, 2), 0.5)
     facts = await ready.interview()
-    assert (facts.name, facts.remaining_pct, facts.version) == ("uav1", 100.0, "4.7.2")
-    assert (facts.failsafe_action, facts.failsafe_timeout_s) == (1.0, 5.0)
+    assert (facts.name, facts.remaining_pct, facts.version) == ("uav1", 100.0, Version(4, 7, 2))
+    assert facts.parameters == {rule.action: 1.0, rule.timeout: 5.0}
+    assert facts.words == f"quadrotor, {'ArduPilot' if dialect is ARDUPILOT else 'PX4'} 4.7.2"
     assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
     assert ready.vehicle.commands.count(511) == len(preflight.STREAMS_HZ)
 
 
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:
     facts = await Ready(PX4).interview()
-    assert (facts.version, facts.failsafe_action, facts.failsafe_timeout_s) == ("unknown version", None, None)
+    assert (facts.version, facts.parameters, facts.stations) == (None, {}, ())
+    assert facts.words == "quadrotor, PX4 of unknown version"
+
+
+async def test_a_firmware_without_a_version_message_is_asked_for_its_banner() -> None:
+    ready = Ready(ARDUPILOT)
+    asked = ready.vehicle.hear
+
+    def hear(message: Outgoing, now_s: float) -> list[Message]:
+        said = asked(message, now_s)
+        if isinstance(message, SendCommand) and message.command == orders.DO_SEND_BANNER:
+            said.append(StatusText(6, "ArduCopter V4.5.7 (2a3dc4b7)"))
+        return said
+
+    ready.vehicle.hear = hear  # type: ignore[method-assign]
+    assert (await ready.interview()).version == Version(4, 5, 7)
+
+
+async def test_another_ground_station_on_the_link_is_noticed() -> None:
+    ready = Ready(PX4)
+    for after_s in (0.5, 1.5):
+        ready.says(StationHeard(254, 190), after_s)
+    assert (await ready.interview()).stations == (StationHeard(254, 190),)
+
+
+async def test_the_parameters_are_asked_for_at_once() -> None:
+    """One that the firmware does not have costs four seconds, so they must not be asked for in turn."""
+    ready = Ready(ARDUPILOT)
+    ready.says(Version(4, 7, 2), 0.5)
+    await ready.interview()
+    assert ready.clock.now_s() < preflight.STEADY_S + 10.0
+
+
+async def test_the_older_name_of_a_parameter_is_asked_for_where_the_newer_is_not_known() -> None:
+    ready = Ready(ARDUPILOT, SYSID_MYGCS=252.0)
+    assert (await ready.interview()).parameters == {"SYSID_MYGCS": 252.0}
+
+
+async def test_a_parameter_that_is_no_number_is_not_known() -> None:
+    ready = Ready(ARDUPILOT, FS_GCS_ENABLE=math.nan)
+    assert (await ready.interview()).parameters == {}
 
 
 async def test_a_vehicle_whose_checks_fail_is_waited_for() -> None:
@@ -81,9 +136,10 @@ async def test_a_vehicle_that_never_gets_ready_says_why() -> None:
     ready.says(FAILING, 0.1)
     with pytest.raises(PreflightFailed) as raised:
         await ready.interview(20.0)
-    assert str(raised.value) == (
-        "uav1: not ready after 20 s: its own pre-arm checks fail: PreArm: compass not calibrated"
-    )
+    why = "its own pre-arm checks fail: compass not calibrated"
+    assert str(raised.value) == f"uav1: not ready after 20 s: {why}"
+    assert ready.waited_for[-1] == why
+    assert ready.vehicle.commands.count(orders.RUN_PREARM_CHECKS) == 2
 
 
 async def test_a_place_in_the_gulf_of_guinea_is_no_place() -> None:

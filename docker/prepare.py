@@ -1,0 +1,63 @@
+"""Writes the site of a fleet in containers: its site file, and where each vehicle stands.
+
+The pattern is a site file with one vehicle. Vehicle number i of the fleet, counted from 0, is that vehicle with i more
+on its number, its system and its port. The pads are the ones that faultline chooses around the depot, a line of
+latitude, longitude and height each, so that simulators outside of this image can be started on them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import tomli_w
+
+from executor import build
+from executor.config import check_site
+from executor.errors import ExecutorError
+from missions import MissionsError
+
+
+def fleet(pattern: dict[str, object], vehicles: int, speedup: float) -> dict[str, object]:
+    """Return the site of a fleet."""
+    tables = pattern["vehicle"]
+    if not isinstance(tables, list) or len(tables) != 1:
+        raise ValueError("vehicle: expected one table, the pattern")
+    first = tables[0]
+    url = urlsplit(first["connection"])
+    made = []
+    for number in range(vehicles):
+        connection = f"{url.scheme}://{url.hostname}:{(url.port or 0) + number}"
+        made.append(first | {"name": f"uav{number + 1}", "sysid": number + 1, "connection": connection})
+    flight = pattern.get("flight", {})
+    return pattern | {"flight": {**flight, "speedup": speedup}, "vehicle": made}  # type: ignore[dict-item]
+
+
+def main() -> int:
+    """Write site.toml and pads; returns 2 with one line if that cannot be done."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pattern", type=Path, help="a site file with one vehicle")
+    parser.add_argument("--vehicles", type=int, default=4)
+    parser.add_argument("--speedup", type=float, default=1.0)
+    parser.add_argument("--into", type=Path, required=True, metavar="DIR")
+    given = parser.parse_args()
+    try:
+        content = fleet(tomllib.loads(given.pattern.read_text(encoding="utf-8")), given.vehicles, given.speedup)
+        ground = build.ground_of(check_site(content, str(given.pattern)), given.pattern.parent)
+        frame = ground.network.frame
+        pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in build.setup_of(ground).pads]
+        (given.into / "site.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
+        lines = [f"{lat_deg:.7f} {lon_deg:.7f} {alt_m:.1f}\n" for lat_deg, lon_deg, alt_m in pads]
+        (given.into / "pads").write_text("".join(lines), encoding="utf-8")
+    except (OSError, ValueError, ExecutorError, MissionsError) as error:
+        print(f"prepare: {given.pattern}: {error}", file=sys.stderr)
+        return 2
+    print(f"{given.vehicles} vehicles, {given.into / 'site.toml'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""STATUSTEXT put together: a long text comes in parts of 50 bytes, and parts come twice, late, or never.
+
+A machine without I/O and without a clock: its measure of time is how many frames came since. At the rates that a flight
+asks for (about ten frames a second) `PATIENCE_FRAMES` are a few seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from executor.core.messages import StatusText
+
+PART_BYTES = 50
+"""Of the text field; a part that does not fill it is the last one (common.xml)."""
+PATIENCE_FRAMES = 40
+"""Frames after its newest part until a text is shown as far as it came."""
+MEMORY_FRAMES = 400
+"""Frames for which late and repeated parts of a text that was shown are recognised."""
+GAP = "[...]"
+"""Stands for parts that never came."""
+
+Source = tuple[int, int]
+"""System and component of who speaks."""
+
+
+@dataclass(slots=True)
+class _Text:
+    """One text under way, or shown already."""
+
+    severity: int
+    parts: dict[int, bytes] = field(default_factory=dict)
+    newest: int = 0
+    """The frame that brought the newest part."""
+    shown: bool = False
+
+    @property
+    def whole(self) -> bool:
+        last = max(self.parts)
+        return len(self.parts) == last + 1 and len(self.parts[last]) < PART_BYTES
+
+    def words(self) -> str:
+        """Return what came, with a mark for each gap; a full last part may have been the end or not."""
+        last = max(self.parts)
+        pieces: list[bytes] = []
+        for number in range(last + 1):
+            if number in self.parts:
+                pieces.append(self.parts[number])
+            elif number - 1 in self.parts or number == 0:
+                pieces.append(GAP.encode())
+        return clean(b"".join(pieces))
+
+
+def clean(raw: bytes) -> str:
+    r"""Return a text without the zeros that fill its field and without PX4's trailing tab.
+
+    >>> clean(b"Takeoff detected\t")
+    'Takeoff detected'
+    """
+    return raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n")
+
+
+class Texts:
+    """The texts of everybody behind one endpoint."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._texts: dict[Source, dict[int, _Text]] = {}
+        self._frames: dict[Source, int] = {}
+
+    def passed(self, source: Source) -> list[StatusText]:
+        """Count a frame of any kind; returns its source's texts that were waited for in vain, as far as they came."""
+        frame = self._frames[source] = self._frames.get(source, 0) + 1
+        texts = self._texts.get(source, {})
+        given_up = []
+        for number, text in list(texts.items()):
+            age = frame - text.newest
+            if text.shown and age > MEMORY_FRAMES:
+                del texts[number]
+            elif not text.shown and age > PATIENCE_FRAMES:
+                text.shown = True
+                given_up.append(StatusText(text.severity, text.words()))
+        return given_up
+
+    def take(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[StatusText]:
+        """Take one part; returns the texts that it ends.
+
+        Args:
+            source: Who speaks.
+            severity: MAV_SEVERITY.
+            raw: The text field, filled up with zeros or not.
+            number: The id of the text; 0 is a text in one part.
+            part: The number of the part, from 0.
+        """
+        raw = raw.split(b"\x00", 1)[0]
+        if number == 0:
+            return [StatusText(severity, clean(raw))]
+        found: list[StatusText] = []
+        texts = self._texts.setdefault(source, {})
+        text = texts.get(number)
+        if text is not None and text.parts.get(part, raw) != raw:
+            # The same id with other words: the vehicle restarted, and counts its texts from the beginning again.
+            if not text.shown:
+                found.append(StatusText(text.severity, text.words()))
+            text = None
+        if text is None:
+            text = texts[number] = _Text(severity)
+        text.newest = self._frames.get(source, 0)
+        if text.shown:
+            return found
+        text.parts[part] = raw
+        if text.whole:
+            text.shown = True
+            found.append(StatusText(text.severity, text.words()))
+        return found

@@ -1,0 +1,53 @@
+"""The checklist before the flight: every check over what the vehicles said, in the order in which a crew reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from executor.config import Site
+from executor.core import preflight
+from executor.core.context import Context
+from executor.core.failsafes import LinkFailsafe
+from executor.core.preflight import Check, Facts, Severity
+from executor.core.vehicle import OnBoard
+from missions import PlanFile
+
+
+def checklist(
+    site: Site,
+    plan: PlanFile,
+    context: Context,
+    facts: Mapping[str, Facts],
+    own: Mapping[str, LinkFailsafe],
+    boards: Mapping[str, OnBoard | None],
+) -> list[Check]:
+    """Return what was found.
+
+    Args:
+        site: The site file.
+        plan: The first plan.
+        context: Of the flight.
+        facts: What each vehicle said.
+        own: What each vehicle does by itself when it does not hear us.
+        boards: The first mission of each vehicle.
+    """
+    found: list[Check] = [Check(Severity.OK, "heights", f"over {context.setup.layers.reference.value}")]
+    paths = [board.path for board in boards.values() if board is not None]
+    found += preflight.separation(paths, site.inspection.layer_m, context.setup.home_alt_m)
+    for name, fact in facts.items():
+        setup, board = context.vehicles[name], boards[name]
+        path = board.path if board is not None else None
+        place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
+        found += preflight.identity(fact, setup.dialect, place_m)
+        found.append(
+            preflight.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s)
+        )
+        found += preflight.stations(fact, setup.dialect)
+        found += preflight.battery(fact, setup.dialect, preflight.left_pct(context, path, fact.remaining_pct))
+        found += preflight.fence(context, fact, path)
+        found.append(preflight.energy(context, name, path, fact.remaining_pct))
+    uncovered = plan.plan.uncovered
+    if uncovered:
+        ids = ", ".join(str(plan.segments[number].id) for number in uncovered)
+        found.append(Check(Severity.WARNING, "plan", f"the budgets do not cover segments {ids}"))
+    return found

@@ -1,0 +1,144 @@
+"""What a vehicle does by itself, read from its parameters and said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from missions import BatteryLevel, Charge, Dialect
+
+Parameters = Mapping[str, float]
+"""What a vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
+
+
+def names(dialect: Dialect) -> tuple[str, ...]:
+    """Return every parameter that the checks before the flight read."""
+    link, battery, fence = dialect.ground_station_failsafe, dialect.battery_failsafe, dialect.geofence
+    wanted = [link.action, link.timeout, link.pause, link.exception[0], *link.station_sysid[:1], battery.capacity]
+    for level in battery.levels:
+        wanted += [level.action, level.threshold, level.voltage]
+    wanted += [*fence.enabled_by, fence.height, fence.radius, fence.kinds[0] if fence.kinds is not None else None]
+    return tuple(dict.fromkeys(name for name in wanted if name is not None))
+
+
+def older_names(dialect: Dialect, parameters: Parameters) -> tuple[str, ...]:
+    """Return the older names of a parameter that did not answer by its newest; nothing if it did."""
+    stations = dialect.ground_station_failsafe.station_sysid
+    return () if any(name in parameters for name in stations) else stations[1:]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFailsafe:
+    """What a vehicle does when it does not hear the ground station."""
+
+    acts: bool | None
+    """Whether it does anything; None if it did not say."""
+    after_s: float
+    """Silence, in its own time, until it has begun to; by its autopilot's defaults if it did not say."""
+    words: str
+
+
+def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
+    """Return what a vehicle does by itself in silence."""
+    rule = dialect.ground_station_failsafe
+    slack_s = rule.reacts_after_s - rule.timeout_s
+    holds_s = parameters.get(rule.pause, rule.pause_s) if rule.pause is not None else 0.0
+    after_s = parameters.get(rule.timeout, rule.timeout_s) + slack_s + holds_s
+    action = parameters.get(rule.action)
+    if action is None:
+        return LinkFailsafe(None, after_s, f"did not say what it does when it does not hear us ({rule.action})")
+    setting = f"{rule.action} {action:g}"
+    if action == 0:
+        return LinkFailsafe(
+            False, after_s, f"no ground-station failsafe ({setting}): lost in silence, it flies its mission to the end"
+        )
+    name, bit = rule.exception
+    if int(parameters.get(name, 0.0)) & bit:
+        words = f"flies its mission on when it does not hear us ({setting}, but {name} {parameters[name]:g})"
+        return LinkFailsafe(False, after_s, words)
+    does = dict(rule.actions).get(int(action), "does something that is not known here")
+    return LinkFailsafe(True, after_s, f"without us it {does} after {after_s:g} s ({setting})")
+
+
+def counted_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
+    """Return the parameter that says whose heartbeats count, and its value; None if anybody's do or nobody knows."""
+    for name in dialect.ground_station_failsafe.station_sysid:
+        if name in parameters:
+            return name, int(parameters[name])
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryAction:
+    """What a vehicle does below one threshold."""
+
+    below_pct: float | None
+    """Of a full battery; None where only a voltage sets it off."""
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryRule:
+    """What a vehicle does on a low battery."""
+
+    said: bool
+    """Whether it said so of every level."""
+    actions: tuple[BatteryAction, ...]
+    """What it does, level by level; empty if it does nothing."""
+
+
+def battery_rule(dialect: Dialect, parameters: Parameters) -> BatteryRule:
+    """Return what a vehicle does by itself on a low battery."""
+    failsafe = dialect.battery_failsafe
+    capacity_mah = parameters.get(failsafe.capacity, 0.0) if failsafe.capacity is not None else 0.0
+    actions = [_battery_action(level, parameters, capacity_mah) for level in failsafe.levels]
+    said = all(level.action in parameters for level in failsafe.levels)
+    return BatteryRule(said, tuple(action for action in actions if action is not None))
+
+
+def _battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: float) -> BatteryAction | None:
+    action = parameters.get(level.action, 0.0)
+    if action == 0:
+        return None
+    threshold = parameters.get(level.threshold, 0.0)
+    volts = parameters.get(level.voltage, 0.0) if level.voltage is not None else 0.0
+    limits, below_pct = [], None
+    if threshold > 0 and level.unit is Charge.SHARE:
+        below_pct = 100.0 * threshold
+    elif threshold > 0 and capacity_mah > 0:
+        below_pct = 100.0 * threshold / capacity_mah
+    elif threshold > 0:
+        limits.append(f"{threshold:g} mAh")
+    if below_pct is not None:
+        limits.insert(0, f"{below_pct:.0f} %")
+    if volts > 0:
+        limits.append(f"{volts:g} V")
+    if not limits:
+        return None  # an action without a threshold is never taken
+    does = dict(level.actions).get(int(action), "does something that is not known here")
+    return BatteryAction(below_pct, f"{does} below {' or '.join(limits)} ({level.action} {action:g})")
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """The geofence that a vehicle's parameters describe."""
+
+    height_m: float | None
+    """Over home; None if there is no limit."""
+    radius_m: float | None
+    """About home."""
+
+
+def geofence(dialect: Dialect, parameters: Parameters) -> Cylinder | None:
+    """Return the cylinder that a vehicle keeps to by itself; None if it has none."""
+    fence = dialect.geofence
+    if not any(parameters.get(name, 0.0) for name in fence.enabled_by):
+        return None
+    height_m, radius_m = parameters.get(fence.height, 0.0), parameters.get(fence.radius, 0.0)
+    if fence.kinds is not None:
+        name, height_bit, radius_bit = fence.kinds
+        kinds = int(parameters.get(name, height_bit | radius_bit))
+        height_m, radius_m = height_m * bool(kinds & height_bit), radius_m * bool(kinds & radius_bit)
+    if height_m <= 0 and radius_m <= 0:
+        return None
+    return Cylinder(height_m if height_m > 0 else None, radius_m if radius_m > 0 else None)

@@ -1,0 +1,68 @@
+"""Silence: of one vehicle, of all of them at once, and our own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core.commands import Command, Level, Say
+from executor.core.context import Context
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+SLEPT_S = 2.0
+"""A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
+NOTED_SLEEP_S = 5.0
+"""A pause this long is worth a line."""
+
+
+def own_sleep(state: FleetState, now_s: float) -> Stepped:
+    """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
+    slept_s = 0.0 if state.tick_s is None else now_s - state.tick_s
+    state = replace(state, tick_s=now_s)
+    if slept_s <= SLEPT_S:
+        return state, ()
+    state = _excused(state, slept_s, now_s)
+    if slept_s <= NOTED_SLEEP_S:
+        return state, ()
+    return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
+
+
+def of_all(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one."""
+    expected = [vehicle for vehicle in state.vehicles.values() if vehicle.stage is not Stage.LOST]
+    if not expected or state.launched_s is None:
+        return replace(state, silent_since_s=None), ()
+    latest = max(vehicle.heard_s if vehicle.heard_s is not None else float("-inf") for vehicle in expected)
+    if now_s - latest < context.limits.link_stale_s:
+        if state.silent_since_s is None:
+            return state, ()
+        # The first one is heard before the others, whose time begins anew.
+        state = _excused(state, latest - state.silent_since_s, now_s)
+        return replace(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
+    if not state.flying():
+        return replace(state, silent_since_s=None), ()
+    if state.silent_since_s is not None:
+        return state, ()
+    text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
+    return replace(state, silent_since_s=latest), (Say(Level.WARNING, text),)
+
+
+def of_one(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Say when a vehicle falls silent and when it is heard again, before and after that is a fault."""
+    age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
+    stale = age_s >= context.limits.link_stale_s
+    if stale == vehicle.stale:
+        return state, ()
+    text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
+    level = Level.WARNING if stale else Level.INFO
+    return state.put(replace(vehicle, stale=stale)), (Say(level, text),)
+
+
+def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
+    """Count a time in which nobody could be heard against no vehicle."""
+    for vehicle in state.vehicles.values():
+        if vehicle.heard_s is not None:
+            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
+    return state

@@ -1,0 +1,122 @@
+"""The services of the profile `demo` as processes, with their own commands; only names and paths are changed."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.composed import ROOT, services
+from tests.e2e.flights import ended, free_ports, interrupt
+
+ASKED = {"FAULTLINE_VEHICLES": "3", "FAULTLINE_SPEEDUP": "12", "FAULTLINE_FAULT": "uav2:battery-step=30@40%"}
+TRIES_HEALTHY = 120
+
+
+class Services:
+    """Starts services where they are."""
+
+    def __init__(self, folder: Path) -> None:
+        self.site, self.work = folder / "site", folder / "work"
+        self.site.mkdir()
+        self.work.mkdir()
+        self.port = _row_of_ports(3)
+        pattern = (ROOT / "docker" / "demo.toml").read_text(encoding="utf-8")
+        here = pattern.replace("fleet:14600", f"127.0.0.1:{self.port}").replace("radius_m = 700", "radius_m = 250")
+        assert here.count(str(self.port)) == 1
+        self.pattern = folder / "demo.toml"
+        self.pattern.write_text(here, encoding="utf-8")
+        self.services = services("demo", ASKED)
+
+    def argv(self, service: dict[str, Any], words: list[str] | None = None) -> list[str]:
+        if words is None:
+            words = [*service.get("entrypoint", ["faultline"]), *service["command"]]
+        places = {
+            "/opt/faultline/docker/demo.toml": str(self.pattern),
+            "/opt/faultline/docker": str(ROOT / "docker"),
+            "/site": str(self.site),
+            "/runs": str(self.work / "runs"),
+            "14600": str(self.port),
+        }
+        given = []
+        for word in words:
+            for there, here in places.items():
+                if word.startswith(there):
+                    word = here + word.removeprefix(there)
+                    break
+            given.append(word)
+        programs = {"faultline": [sys.executable, "-m", "executor"], "python": [sys.executable]}
+        return [*programs[given[0]], *given[1:]]
+
+    async def start(self, name: str) -> asyncio.subprocess.Process:
+        service, pipe = self.services[name], asyncio.subprocess.PIPE
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), **service.get("environment", {})}
+        return await asyncio.create_subprocess_exec(
+            *self.argv(service), cwd=self.work, env=environment, stdin=asyncio.subprocess.DEVNULL, stdout=pipe,
+            stderr=pipe,
+        )  # fmt: skip
+
+    async def healthy(self, name: str) -> bool:
+        service = self.services[name]
+        test = service["healthcheck"]["test"]
+        assert test[0] == "CMD"
+        process = await asyncio.create_subprocess_exec(*self.argv(service, test[1:]))
+        return await process.wait() == 0
+
+
+def _row_of_ports(count: int) -> int:
+    """Return the first of as many neighbouring ports that nobody uses at the moment."""
+    for _ in range(100):
+        [first] = free_ports(1)
+        if all(_is_free(first + more) for more in range(count)):
+            return first
+    raise AssertionError("no free ports")
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+        try:
+            plug.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+@pytest.mark.asyncio
+async def test_the_demo_of_the_containers_flies_to_its_end(tmp_path: Path) -> None:
+    here = Services(tmp_path)
+    prepared = await here.start("site-demo")
+    _, err = await ended(prepared)
+    assert prepared.returncode == 0, err
+    assert not await here.healthy("fleet")
+    fleet = await here.start("fleet")
+    try:
+        for _ in range(TRIES_HEALTHY):
+            if await here.healthy("fleet"):
+                break
+        else:
+            raise AssertionError("the fleet never got healthy")
+        executor = await here.start("executor-demo")
+        try:
+            _, err = await ended(executor)
+        finally:
+            if executor.returncode is None:
+                executor.kill()
+                await executor.wait()
+        assert executor.returncode == 0, err
+        assert await here.healthy("executor-demo")
+    finally:
+        interrupt(fleet)
+        await ended(fleet)
+    [run] = (here.work / "runs").iterdir()
+    report = json.loads((run / "report.json").read_text(encoding="utf-8"))
+    assert report["finished"]
+    assert ("uav2", "battery") in [(fault["vehicle"], fault["kind"]) for fault in report["faults"]]
+    assert len(report["vehicles"]) == 3
+    assert {row["firmware"] for row in report["vehicles"]} == {"4.7.0"}
