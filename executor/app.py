@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -13,7 +13,9 @@ from typing import Protocol
 from executor import build
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
-from executor.adapters.mavlink.link import VehicleLink, open_link
+from executor.adapters.mavlink import endpoints
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavsdk import link as mavsdk
 from executor.adapters.rundir import keep_site, write_json
 from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
@@ -25,6 +27,7 @@ from executor.core.commands import Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
+from executor.core.ports import LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
@@ -117,7 +120,7 @@ async def _fly(
     console: Console,
     clock: SystemClock,
     solver: SolverProcess,
-    links: Mapping[str, VehicleLink],
+    links: Mapping[str, OpenLink],
 ) -> Flown:
     ground, run = order.ground, order.run
     facts = await _interviews(order, links, clock, console)
@@ -162,23 +165,20 @@ def keep(order: Order) -> None:
 
 
 @asynccontextmanager
-async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, VehicleLink]]:
-    links: dict[str, VehicleLink] = {}
-    logs: list[TelemetryLog] = []
-    try:
+async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, OpenLink]]:
+    async with AsyncExitStack() as stack:
+        wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
         for table in order.site.vehicle:
-            logs.append(TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec))
-            links[table.name] = await open_link(table.connection, table.sysid, logs[-1])
-        yield links
-    finally:
-        for link in links.values():
-            link.close()
-        for log in logs:
-            log.close()
+            log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
+            stack.callback(log.close)
+            wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
+        native = await stack.enter_async_context(endpoints.open_links(wanted["native"]))
+        others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
+        yield {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
 
 
 async def _interviews(
-    order: Order, links: Mapping[str, VehicleLink], clock: SystemClock, console: Console
+    order: Order, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
 ) -> Mapping[str, Facts]:
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
     tables = {table.name: table for table in order.site.vehicle}
@@ -225,7 +225,7 @@ def _boards(context: Context, routes: Mapping[str, tuple[int, ...]]) -> dict[str
 
 async def _load(
     context: Context,
-    links: Mapping[str, VehicleLink],
+    links: Mapping[str, OpenLink],
     clock: SystemClock,
     boards: Mapping[str, OnBoard | None],
     console: Console,

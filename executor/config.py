@@ -8,10 +8,10 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from executor.core.connection import Connection, parse_connection
 from executor.errors import SiteError
 from planner import PRESETS
 
@@ -84,10 +84,12 @@ class VehicleTable(_Table):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
     connection: str
-    """udpin://HOST:PORT listens there, udpout://HOST:PORT talks to there."""
+    """udpin:// and tcpin://HOST:PORT listen there, udpout:// and tcpout://HOST:PORT call there, serial://DEVICE:BAUD.
+    Vehicles with different system ids may share one."""
     sysid: Annotated[int, Field(ge=1, le=254)]
     autopilot: Literal["ardupilot", "px4"]
-    backend: Literal["native"] = "native"
+    backend: Literal["native", "mavsdk"] = "native"
+    """Which software speaks to the vehicle."""
     budget_pct: Percent = 75.0
     reserve_pct: Percent = 15.0
 
@@ -99,13 +101,15 @@ class VehicleTable(_Table):
                 f"{self.reserve_pct:g}, got {self.budget_pct:g}"
             )
         try:
-            url = urlsplit(self.connection)
-            good = url.scheme in {"udpin", "udpout"} and bool(url.hostname) and bool(url.port)
-        except ValueError:
-            good = False
-        if not good:
-            raise ValueError(f"connection: expected udpin://HOST:PORT or udpout://HOST:PORT, got '{self.connection}'")
+            parse_connection(self.connection)
+        except ValueError as error:
+            raise ValueError(f"connection: {error}") from None
         return self
+
+    @property
+    def link(self) -> Connection:
+        """The connection, read."""
+        return parse_connection(self.connection)
 
 
 class FlightTable(_Table):
@@ -149,26 +153,34 @@ class Site(_Table):
 
     @model_validator(mode="after")
     def _distinct(self) -> Site:
-        for key in ("name", "sysid", "connection"):
+        for key in ("name", "sysid"):
             seen: dict[object, str] = {}
             for index, vehicle in enumerate(self.vehicle):
                 value = getattr(vehicle, key)
-                unit = _place(value) if key == "connection" else value
-                if unit in seen:
-                    what = "port" if key == "connection" else key
+                if value in seen:
                     raise ValueError(
-                        f"vehicle[{index}].{key}: expected a {what} of its own, got {unit}, which is also the "
-                        f"{what} of vehicle '{seen[unit]}'"
+                        f"vehicle[{index}].{key}: expected a {key} of its own, got {value}, which is also the "
+                        f"{key} of vehicle '{seen[value]}'"
                     )
-                seen[unit] = vehicle.name
+                seen[value] = vehicle.name
         return self
 
-
-def _place(connection: str) -> object:
-    """Return what two connections must not share: a port here, or an address elsewhere."""
-    url = urlsplit(connection)
-    here = url.scheme == "udpin" or url.hostname in {"127.0.0.1", "localhost"}
-    return url.port if here else f"{url.hostname}:{url.port}"
+    @model_validator(mode="after")
+    def _reachable(self) -> Site:
+        first: dict[str, VehicleTable] = {}
+        for index, vehicle in enumerate(self.vehicle):
+            other = first.setdefault(vehicle.link.place, vehicle)
+            if other.link != vehicle.link:
+                raise ValueError(
+                    f"vehicle[{index}].connection: expected a port of its own, or '{other.link}' as vehicle "
+                    f"'{other.name}' has it, got '{vehicle.connection}'"
+                )
+            if other.backend != vehicle.backend:
+                raise ValueError(
+                    f"vehicle[{index}].backend: expected '{other.backend}', as vehicle '{other.name}' on the same "
+                    f"connection has it, got '{vehicle.backend}'"
+                )
+        return self
 
 
 def read_site(path: Path) -> Site:

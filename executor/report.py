@@ -77,7 +77,7 @@ def report_of(
     state: FleetState,
     ended_s: float,
     truths: Sequence[Happening] = (),
-    frames: Mapping[str, tuple[int, int]] = MappingProxyType({}),
+    frames: Mapping[str, tuple[int, int | None]] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
 ) -> dict[str, object]:
     """Return the content of report.json.
@@ -156,7 +156,7 @@ def _fault(vehicle: VehicleState, began_s: float, truths: Sequence[Happening]) -
 
 
 def _vehicle(
-    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, tuple[int, int]]
+    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, tuple[int, int | None]]
 ) -> dict[str, object]:
     received, missing = frames.get(vehicle.name, (None, None))
     battery = vehicle.battery

@@ -1,4 +1,4 @@
-"""The commands `faultline bench solvers` and `faultline bench table`."""
+"""The commands `faultline bench solvers`, `faultline bench table` and `faultline bench upload`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planner import Cost
 
 cli = typer.Typer(
     name="bench",
-    help="Measure the planner: against published figures, other solvers, and the clock.",
+    help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -163,6 +163,37 @@ def table(
     )
     summary = make_table(settings, out, jobs=jobs or cores(), fresh=fresh)
     print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb; see {out / 'table.md'}")
+
+
+@cli.command()
+def upload(
+    items: Annotated[
+        list[int] | None, typer.Option(min=4, max=500, help="How many items; may be repeated. By default 10, 40, 200.")
+    ] = None,
+    loss: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0, max=0.9, help="Share of datagrams lost, each way; may be repeated. By default 0, 0.05, 0.2."
+        ),
+    ] = None,
+    delay: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0, max=5, metavar="S", help="Of every datagram, each way; may be repeated. By default 0, 0.05, 0.3."
+        ),
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Uploads of each program in each case.")] = 5,
+    seed: SeedOption = 1,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write upload.md and upload.json there.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Upload missions over bad links: faultline's way and MAVSDK's, to simulated vehicles of both autopilots."""
+    from executor.bench.upload import DELAYS_S, ITEMS, LOSSES, keep_uploads, measure_uploads
+
+    content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
+    if out is not None:
+        keep_uploads(content, text, out)
+    print(json.dumps(content) if as_json else text)
 
 
 def _network_path(network: str | None, data: Path | None) -> Path | None:

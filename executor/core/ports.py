@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from executor.core.commands import Solve
+from executor.core.connection import Connection
 from executor.core.events import Event, SolveEnded
 from executor.core.messages import Message, Outgoing
 
@@ -33,6 +35,43 @@ class Link(Protocol):
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
         """Call `listener` with every message from now on; returns how to stop that."""
         ...
+
+
+@dataclass(slots=True)
+class LinkCounts:
+    """What came from a vehicle and what did not."""
+
+    received: int = 0
+    missing: int | None = 0
+    """Frames that the sequence numbers say were sent and never came; None where they cannot be seen."""
+    foreign: int = 0
+    """Frames of systems on this connection that are nobody's vehicle."""
+
+
+class OpenLink(Link, Protocol):
+    """A link of the flight, as long as it is open."""
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What came so far."""
+        ...
+
+
+class FrameLog(Protocol):
+    """Where every frame of both directions is recorded."""
+
+    def write(self, frame: bytes) -> None:
+        """Append one frame."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LinkOrder:
+    """A link to be opened."""
+
+    connection: Connection
+    sysid: int
+    log: FrameLog | None = None
 
 
 class EventSink(Protocol):

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from executor.config import Site, check_site, read_site
+from executor.core.connection import EXPECTED
 from executor.errors import SiteError
 
 Content = dict[str, Any]
@@ -58,6 +59,9 @@ def test_wind_is_two_numbers_for_where_the_air_moves() -> None:
     assert reason(content(inspection={"wind_m_s": [40.0, 0.0]})).startswith("inspection.wind_m_s[0]: expected")
 
 
+SHARED = "udpin://0.0.0.0:14550"
+
+
 def test_a_site_without_a_depot_is_good() -> None:
     without = content()
     del without["depot"]
@@ -67,6 +71,11 @@ def test_a_site_without_a_depot_is_good() -> None:
 def test_one_port_on_two_other_machines_is_no_clash() -> None:
     hosts = [vehicle(number, connection=f"udpout://uav{number}:14550") for number in (1, 2)]
     assert len(check_site(content(*hosts), "site.toml").vehicle) == 2
+
+
+def test_vehicles_may_share_a_connection() -> None:
+    site = check_site(content(*(vehicle(number, connection=SHARED) for number in (1, 2))), "site.toml")
+    assert site.vehicle[0].link == site.vehicle[1].link
 
 
 NAN, INF = float("nan"), float("inf")
@@ -82,8 +91,13 @@ NAN, INF = float("nan"), float("inf")
          "vehicle[1].sysid: expected a sysid of its own, got 1, which is also the sysid of vehicle 'uav1'"),
         (content(vehicle(1), vehicle(2, name="uav1")),
          "vehicle[1].name: expected a name of its own, got uav1, which is also the name of vehicle 'uav1'"),
-        (content(vehicle(1), vehicle(2, connection="udpin://127.0.0.1:14551")),
-         "vehicle[1].connection: expected a port of its own, got 14551, which is also the port of vehicle 'uav1'"),
+        (content(vehicle(1), vehicle(2, connection="udpin://0.0.0.0:14551")),
+         "vehicle[1].connection: expected a port of its own, or 'udpin://127.0.0.1:14551' as vehicle 'uav1' has it, "),
+        (content(vehicle(1, connection="serial:///dev/ttyUSB0:57600"),
+                 vehicle(2, connection="serial:///dev/ttyUSB0:115200")),
+         "vehicle[1].connection: expected a port of its own, or 'serial:///dev/ttyUSB0:57600' as vehicle 'uav1' has "),
+        (content(vehicle(1, connection=SHARED), vehicle(2, connection=SHARED, backend="mavsdk")),
+         "vehicle[1].backend: expected 'native', as vehicle 'uav1' on the same connection has it, got 'mavsdk'"),
         (content(vehicle(sysid=0)), "vehicle[0].sysid: expected greater than or equal to 1, got 0"),
         (content(vehicle(sysid=255)), "vehicle[0].sysid: expected less than or equal to 254, got 255"),
         (content(vehicle(sysid=1.5)), "vehicle[0].sysid: expected "),
@@ -92,7 +106,7 @@ NAN, INF = float("nan"), float("inf")
         (content(vehicle(name="../../etc")), "vehicle[0].name: "),
         (content(vehicle(autopilot="betaflight")),
          "vehicle[0].autopilot: expected 'ardupilot' or 'px4', got 'betaflight'"),
-        (content(vehicle(backend="dronekit")), "vehicle[0].backend: expected 'native', got 'dronekit'"),
+        (content(vehicle(backend="dronekit")), "vehicle[0].backend: expected 'native' or 'mavsdk', got 'dronekit'"),
         # budgets
         (content(vehicle(budget_pct=-5)), "vehicle[0].budget_pct: expected greater than or equal to 0, got -5"),
         (content(vehicle(budget_pct=120)), "vehicle[0].budget_pct: expected less than or equal to 100, got 120"),
@@ -103,10 +117,12 @@ NAN, INF = float("nan"), float("inf")
         (content(vehicle(budget_pct="much")), "vehicle[0].budget_pct: expected number"),
         # connections
         *((content(vehicle(connection=text)),
-           f"vehicle[0].connection: expected udpin://HOST:PORT or udpout://HOST:PORT, got '{text}'")
+           f"vehicle[0].connection: {EXPECTED}, got '{text}'")
           for text in ("", "14550", "udp://:14550", "udpin://", "udpin://127.0.0.1", "udpin://127.0.0.1:0",
-                       "udpin://127.0.0.1:99999", "udpin://127.0.0.1:abc", "serial:///dev/ttyUSB0:57600",
-                       "udpin://[::1:14550")),
+                       "udpin://127.0.0.1:99999", "udpin://127.0.0.1:abc", "serial:/dev/ttyUSB0:57600",
+                       "udpin://[::1:14550", "serial:///dev/ttyUSB0", "tcpout:///dev/ttyUSB0:57600")),
+        (content(vehicle(connection="serial:///dev/ttyUSB0:12345")),
+         "vehicle[0].connection: expected a baud rate of 9600, "),
         # depot
         (content(depot={"lat_deg": 115.6, "lon_deg": 49.6}),
          "depot.lat_deg: expected less than or equal to 89, got 115.6"),

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
+from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
     GROUND_STATION,
@@ -46,7 +47,7 @@ from executor.core.messages import (
 )
 from missions import MissionItem
 
-AUTOPILOT_PX4 = 12
+AUTOPILOT_ARDUPILOT = 3
 MISSION_TYPE_MISSION = 0
 INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
@@ -70,33 +71,35 @@ class Received:
 
 
 class Codec:
-    """One direction each way of one link: sequence numbers, parser state, texts under way."""
+    """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
     def __init__(self) -> None:
-        """Begin with an empty parser."""
+        """Begin knowing nobody."""
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._mav.robust_parsing = True
+        self._datagrams = Cutter(in_datagrams=True)
         self._texts = Texts()
-        self.autopilot: int | None = None
-        """MAV_AUTOPILOT of the vehicle, once known: PX4 packs integer parameters in another way."""
+        self._sent: dict[int, int] = {}
+        """How many frames went to each system: each is numbered as a stream of its own."""
+        self.autopilots: dict[int, int] = {}
+        """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
         self.garbage = 0
-        """Bytes and frames that could not be understood."""
+        """Runs of bytes in datagrams that could not be understood."""
 
     def decode(self, data: bytes) -> Iterator[Received]:
-        """Yield every frame in a datagram."""
-        try:
-            frames = self._mav.parse_buffer(data)
-        except (mav.MAVError, struct.error, UnicodeDecodeError):
-            self.garbage += 1
-            return
-        for frame in frames or ():
-            if frame.get_type() == "BAD_DATA" or frame.get_type().startswith("UNKNOWN"):
-                self.garbage += 1
-                continue
+        """Yield every frame of a datagram; no frame goes on in the next."""
+        frames = self._datagrams.feed(data)
+        self.garbage = self._datagrams.close()
+        yield from self.read(frames)
+
+    def read(self, frames: Iterable[Any]) -> Iterator[Received]:
+        """Yield what a `Cutter`'s frames say."""
+        for frame in frames:
             source = (frame.get_srcSystem(), frame.get_srcComponent())
             more = self._texts.passed(source)
             message = self._message(frame)
+            if isinstance(message, Heartbeat):
+                self.autopilots[frame.get_srcSystem()] = message.autopilot
             if frame.get_type() == "STATUSTEXT":
                 # The raw field: pymavlink's own reading loses every byte that is not ASCII.
                 raw = frame._text_raw  # noqa: SLF001
@@ -107,18 +110,67 @@ class Codec:
 
     def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
-        frame = bytes(_to_mavlink(message, sysid, compid, self.autopilot).pack(self._mav))
-        self._mav.seq = (self._mav.seq + 1) % 256  # pack leaves it as it is
-        return frame
+        self._mav.seq = self._sent.get(sysid, 0)
+        self._sent[sysid] = (self._mav.seq + 1) % 256
+        return bytes(_to_mavlink(message, sysid, compid, self.autopilots.get(sysid)).pack(self._mav))
+
+    def read_fields(
+        self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
+    ) -> tuple[bytes, tuple[Message, ...]] | None:
+        """Return a frame of a message that another parser took apart, and what it says; None if it is not known.
+
+        Args:
+            name: MAVLink's name of the message.
+            sysid: who sent it.
+            compid: its component.
+            fields: by MAVLink's names; None stands for a float that is not finite.
+        """
+        kind = _BY_NAME.get(name)
+        if kind is None:
+            return None
+        try:
+            frame = kind(*(_as_field(fields.get(field)) for field in kind.fieldnames))
+            packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
+        except (struct.error, TypeError, AttributeError):
+            return None  # another parser's definition of the message is another one
+        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in INTEGER_TYPES
+        [received] = self.read([frame])
+        said = received.more if lost else (received.message, *received.more)
+        return packed, tuple(message for message in said if message is not None)
+
+    def write_fields(
+        self, message: Outgoing, sysid: int, compid: int
+    ) -> tuple[str, Mapping[str, object], bytes] | None:
+        """Return the name, fields and frame of a message; None if its fields as numbers would not be the same."""
+        packed = self.encode(message, sysid, compid)
+        frame = self._mav.decode(bytearray(packed))
+        fields = {
+            field: None if isinstance(value := getattr(frame, field), float) and not math.isfinite(value) else value
+            for field in frame.fieldnames
+        }
+        if isinstance(message, SendParamSet) and fields["param_value"] is None:
+            return None
+        return frame.get_type(), fields, packed
 
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
         if not _for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
-            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilot)
+            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
             return ParamValue(frame.param_id, value, frame.param_type)
         read = _READERS.get(frame.get_type())
         return None if read is None else read(frame)
+
+
+_BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
+
+
+def _as_field(value: object) -> object:
+    if isinstance(value, str):
+        return value.encode()
+    if isinstance(value, list):
+        return [_as_field(one) for one in value]
+    return math.nan if value is None else value
 
 
 def _for_us(frame: Any) -> bool:  # noqa: ANN401
@@ -236,15 +288,19 @@ _READERS: dict[str, Any] = {
 }
 
 
+def _bitwise(kind: int, autopilot: int | None) -> bool:
+    """Return whether the bits of an integer stand where the float would; ArduPilot alone sends its value as a float."""
+    return kind in INTEGER_TYPES and autopilot not in {None, AUTOPILOT_ARDUPILOT}
+
+
 def _param_from_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if autopilot == AUTOPILOT_PX4 and kind in INTEGER_TYPES:
-        # PX4 puts the bits of an integer where the float would be; ArduPilot sends its value as a float.
+    if _bitwise(kind, autopilot):
         return float(struct.unpack("<i", struct.pack("<f", value))[0])
     return float(value)
 
 
 def _param_to_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if autopilot == AUTOPILOT_PX4 and kind in INTEGER_TYPES:
+    if _bitwise(kind, autopilot):
         return float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
     return value
 

@@ -60,7 +60,7 @@ def clean(raw: bytes) -> str:
 
 
 class Texts:
-    """The texts of everybody on one link."""
+    """The texts of everybody behind one endpoint."""
 
     def __init__(self) -> None:
         """Begin with nothing."""

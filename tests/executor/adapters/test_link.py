@@ -1,32 +1,28 @@
-"""The link to one vehicle, on real UDP on the loopback interface."""
+"""The link to one vehicle: what it counts, logs and hands on."""
 
 from __future__ import annotations
 
-import asyncio
-import socket
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Iterable, Sequence
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.link import LinkCounts, VehicleLink, open_link
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.endpoints import Router
+from executor.adapters.mavlink.link import VehicleLink
 from executor.core.messages import (
     Heartbeat,
     Message,
-    MissionAck,
     MissionCurrent,
+    SendCommand,
     SendHeartbeat,
     StationHeard,
     StatusText,
 )
-from executor.errors import ConnectionFailed
-from tests.executor.adapters.test_codec import ARDUPILOT, PX4, Vehicle
-
-PATIENCE_S = 10.0
-NOBODY = ("127.0.0.1", 9)
+from executor.core.ports import LinkCounts
+from tests.executor.adapters.test_codec import PX4, Vehicle
 
 
 class Frames:
@@ -39,11 +35,30 @@ class Frames:
         self.frames.append(frame)
 
 
-def link_of(*, log: Frames | None = None) -> tuple[VehicleLink, list[Message]]:
-    """Return a link without an endpoint, and what it hands on."""
-    link, heard = VehicleLink(7, log), list[Message]()
-    link.listen(heard.append)
-    return link, heard
+class Behind:
+    """Links behind one endpoint that is fed by hand."""
+
+    def __init__(self, *sysids: int, log: Frames | None = None) -> None:
+        self.codec = Codec()
+        self.links = [VehicleLink(sysid, self.codec, log) for sysid in sysids]
+        self.router = Router(self.links, self.codec)
+
+    def feed(self, data: bytes, sent: list[bytes] | None = None) -> None:
+        """Take a datagram from somebody who is answered into `sent`."""
+
+        def write(frame: bytes) -> bool:
+            if sent is not None:
+                sent.append(frame)
+            return sent is not None
+
+        self.router.take(self.codec.decode(data), write)
+
+
+def link_of(*, log: Frames | None = None) -> tuple[Behind, VehicleLink, list[Message]]:
+    """Return an endpoint, its one link, and what that hands on."""
+    behind, heard = Behind(7, log=log), list[Message]()
+    behind.links[0].listen(heard.append)
+    return behind, behind.links[0], heard
 
 
 def current(seq: int) -> object:
@@ -67,9 +82,9 @@ def frames(numbers: Sequence[int]) -> list[bytes]:
     ],
 )  # fmt: skip
 def test_gaps_in_the_sequence_are_losses_and_overtaking_is_none(numbers: list[int], missing: int) -> None:
-    link, _ = link_of()
+    behind, link, _ = link_of()
     for frame in frames(numbers):
-        link.datagram_received(frame, NOBODY)
+        behind.feed(frame)
     assert link.counts == LinkCounts(received=len(numbers), missing=missing)
 
 
@@ -81,154 +96,114 @@ def test_losses_are_counted_whatever_is_overtaken(lost: set[int], swaps: set[int
         at = 3 * swap + 1
         if at + 1 < len(numbers) - 1 and numbers[at + 1] - numbers[at - 1] < 100:
             numbers[at], numbers[at + 1] = numbers[at + 1], numbers[at]
-    link, _ = link_of()
+    behind, link, _ = link_of()
     for frame in frames(numbers):
-        link.datagram_received(frame, NOBODY)
+        behind.feed(frame)
     assert link.counts == LinkCounts(received=len(numbers), missing=500 - len(numbers))
 
 
 def test_frames_of_other_systems_are_foreign() -> None:
-    link, heard = link_of()
+    behind, link, heard = link_of()
     other = mav.MAVLink(None, srcSystem=8, srcComponent=1)
-    link.datagram_received(bytes(current(3).pack(other)), NOBODY)  # type: ignore[attr-defined]
+    behind.feed(bytes(current(3).pack(other)))  # type: ignore[attr-defined]
     assert (link.counts.foreign, link.counts.received, heard) == (1, 0, [])
 
 
 def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() -> None:
-    link, heard = link_of()
-    station = mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    behind, link, heard = link_of()
+    station, sent = mav.MAVLink(None, srcSystem=254, srcComponent=190), list[bytes]()
     beat = mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
-    link.datagram_received(bytes(beat.pack(station)), NOBODY)
-    assert heard == [StationHeard(254, 190)]
-    assert (link.counts.foreign, link.counts.received, link.component, link.codec.autopilot) == (1, 0, 1, None)
+    behind.feed(bytes(beat.pack(station)), sent)
+    link.send(SendHeartbeat())
+    assert (heard, sent) == ([StationHeard(254, 190)], [])
+    assert (link.counts.foreign, link.counts.received, link.component, behind.codec.autopilots) == (1, 0, 1, {})
 
 
 def test_a_text_whose_end_never_came_is_handed_on_all_the_same() -> None:
-    link, heard = link_of()
+    behind, _, heard = link_of()
     torn = mav.MAVLink_statustext_message(4, b"x" * 50, 9, 0)
     vehicle = Vehicle()
     for message in (torn, *(current(1) for _ in range(60))):
-        link.datagram_received(vehicle.pack(message), NOBODY)
+        behind.feed(vehicle.pack(message))
     assert [message for message in heard if isinstance(message, StatusText)] == [StatusText(4, "x" * 50)]
 
 
 def test_frames_of_other_components_neither_lose_nor_gain() -> None:
-    link, _ = link_of()
+    behind, link, _ = link_of()
     for frame in frames([0, 1]):
-        link.datagram_received(frame, NOBODY)
+        behind.feed(frame)
     gimbal = Vehicle(compid=154)
     gimbal.mav.seq = 90
-    link.datagram_received(gimbal.pack(current(5)), NOBODY)
-    link.datagram_received(frames([2])[0], NOBODY)
+    behind.feed(gimbal.pack(current(5)))
+    behind.feed(frames([2])[0])
     assert (link.counts.missing, link.counts.received) == (0, 4)
 
 
 def test_the_heartbeat_says_which_autopilot_and_which_component() -> None:
-    link, heard = link_of()
-    link.datagram_received(Vehicle(compid=2).pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)), NOBODY)
-    assert (link.codec.autopilot, link.component) == (PX4, 2)
+    behind, link, heard = link_of()
+    behind.feed(Vehicle(compid=2).pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
+    assert (behind.codec.autopilots, link.component) == ({7: PX4}, 2)
     assert heard == [Heartbeat(PX4, 0, armed=False, system_status=3, vehicle_type=2)]
 
 
 def test_a_listener_that_has_stopped_hears_nothing() -> None:
-    link, heard = VehicleLink(7, None), list[Message]()
-    stop = link.listen(heard.append)
-    link.datagram_received(frames([0])[0], NOBODY)
+    behind, heard = Behind(7), list[Message]()
+    stop = behind.links[0].listen(heard.append)
+    behind.feed(frames([0])[0])
     stop()
-    link.datagram_received(frames([1])[0], NOBODY)
+    behind.feed(frames([1])[0])
     assert heard == [MissionCurrent(0, 0)]
 
 
 def test_what_is_received_is_logged_and_foreign_frames_are_not() -> None:
     log = Frames()
-    link, _ = link_of(log=log)
+    behind = Behind(7, log=log)
     [frame] = frames([0])
     other = mav.MAVLink(None, srcSystem=8, srcComponent=1)
-    link.datagram_received(frame + bytes(current(3).pack(other)), NOBODY)  # type: ignore[attr-defined]
+    behind.feed(frame + bytes(current(3).pack(other)))  # type: ignore[attr-defined]
     assert log.frames == [frame]
 
 
 def test_before_the_vehicle_is_known_there_is_nowhere_to_send_to() -> None:
     log = Frames()
-    link, _ = link_of(log=log)
+    _, link, _ = link_of(log=log)
     link.send(SendHeartbeat())
     assert log.frames == []
 
 
-def socket_on_loopback() -> socket.socket:
-    plug = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    plug.bind(("127.0.0.1", 0))
-    plug.setblocking(False)
-    return plug
+def test_vehicles_on_one_port_are_told_apart_and_answered_where_each_calls_from() -> None:
+    behind = Behind(7, 8)
+    sent: dict[int, list[bytes]] = {7: [], 8: []}
+    for sysid in (7, 8):
+        vehicle = mav.MAVLink(None, srcSystem=sysid, srcComponent=1)
+        behind.feed(bytes(current(3).pack(vehicle)), sent[sysid])  # type: ignore[attr-defined]
+    for link in behind.links:
+        link.send(SendCommand(400))
+    assert [link.counts for link in behind.links] == [LinkCounts(received=1)] * 2
+    targets = {
+        sysid: [mav.MAVLink(None).parse_buffer(frame)[0].target_system for frame in sent[sysid]] for sysid in sent
+    }
+    assert targets == {7: [7], 8: [8]}
+    assert [frame[4] for frames_of in sent.values() for frame in frames_of] == [0, 0]
 
 
-def free_port() -> int:
-    with socket_on_loopback() as plug:
-        return int(plug.getsockname()[1])
+def answered(stations: Iterable[list[bytes]]) -> list[int]:
+    return [len(station) for station in stations]
 
 
-@asynccontextmanager
-async def opened(connection: str, log: Frames | None = None) -> AsyncIterator[VehicleLink]:
-    link = await open_link(connection, 7, log)
-    try:
-        yield link
-    finally:
-        link.close()
-        await asyncio.sleep(0)
-
-
-async def received(plug: socket.socket) -> bytes:
-    async with asyncio.timeout(PATIENCE_S):
-        return await asyncio.get_running_loop().sock_recv(plug, 2048)
-
-
-@pytest.mark.asyncio
-async def test_udpin_answers_where_the_vehicle_calls_from() -> None:
-    port, log = free_port(), Frames()
-    async with opened(f"udpin://127.0.0.1:{port}", log) as link:
-        came = asyncio.Event()
-        link.listen(lambda _: came.set())
-        with socket_on_loopback() as plug:
-            plug.sendto(Vehicle().pack(mav.MAVLink_heartbeat_message(2, ARDUPILOT, 0, 0, 3, 3)), ("127.0.0.1", port))
-            async with asyncio.timeout(PATIENCE_S):
-                await came.wait()
-            link.send(SendHeartbeat())
-            frame = await received(plug)
-    assert log.frames[-1] == frame
-    assert mav.MAVLink(None).parse_buffer(frame)[0].get_type() == "HEARTBEAT"
-
-
-@pytest.mark.asyncio
-async def test_udpout_calls_the_vehicle() -> None:
-    with socket_on_loopback() as plug:
-        async with opened(f"udpout://127.0.0.1:{plug.getsockname()[1]}") as link:
-            heard: asyncio.Queue[Message] = asyncio.Queue()
-            link.listen(heard.put_nowait)
-            link.send(SendHeartbeat())
-            async with asyncio.timeout(PATIENCE_S):
-                _, address = await asyncio.get_running_loop().sock_recvfrom(plug, 2048)
-            plug.sendto(Vehicle().pack(mav.MAVLink_mission_ack_message(255, 190, 0)), address)
-            async with asyncio.timeout(PATIENCE_S):
-                assert await heard.get() == MissionAck(0)
-
-
-@pytest.mark.asyncio
-async def test_a_port_that_is_taken_is_named() -> None:
-    with socket_on_loopback() as plug:
-        connection = f"udpin://127.0.0.1:{plug.getsockname()[1]}"
-        with pytest.raises(ConnectionFailed, match=f"^{connection}: cannot be opened: "):
-            await open_link(connection, 7, None)
-
-
-@pytest.mark.asyncio
-async def test_a_vehicle_that_is_not_there_yet_costs_nothing() -> None:
-    """The refusal of a closed port comes back as an error on the socket, which stays open."""
-    port = free_port()
-    async with opened(f"udpout://127.0.0.1:{port}") as link:
+def test_a_vehicle_that_moves_to_another_address_is_answered_there() -> None:
+    behind, link, _ = link_of()
+    old, new = list[bytes](), list[bytes]()
+    for station in (old, new):
+        behind.feed(frames([len(old)])[0], station)
         link.send(SendHeartbeat())
-        link.send(SendHeartbeat())
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
-            plug.setblocking(False)
-            plug.bind(("127.0.0.1", port))
-            link.send(SendHeartbeat())
-            assert await received(plug)
+    assert answered((old, new)) == [1, 1]
+
+
+def test_what_was_not_sent_is_not_logged() -> None:
+    log = Frames()
+    behind, link, _ = link_of(log=log)
+    [frame] = frames([0])
+    behind.feed(frame)
+    link.send(SendHeartbeat())
+    assert log.frames == [frame]

@@ -1,0 +1,93 @@
+"""Bytes to MAVLink frames: out of datagrams, and out of streams that have noise in them and are cut anywhere."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mav
+
+V1, V2 = 0xFE, 0xFD
+HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
+"""Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
+HEADS = {V1: HEAD_V1, V2: HEAD_V2}
+"""Header lengths by the byte that frames of both versions begin with."""
+
+
+class Cutter:
+    """Cuts a stream of bytes into frames, wherever it was cut on its way.
+
+    A frame counts only with its checksum. Where there is none the search goes on one byte later, so that a start mark
+    among noise costs no frame that follows it. The checksum of a message that pymavlink does not know cannot be seen:
+    in a datagram such a frame counts where another or the end follows it, as there is no noise between.
+    """
+
+    def __init__(self, *, in_datagrams: bool = False) -> None:
+        """Begin with nothing."""
+        self._mav = mav.MAVLink(None)
+        self._in_datagrams = in_datagrams
+        self._buffer = bytearray()
+        self._in_garbage = False
+        self.garbage = 0
+        """How many runs of bytes were no frame."""
+
+    def feed(self, data: bytes) -> list[Any]:
+        """Take the next bytes; return the frames that are whole now."""
+        self._buffer += data
+        frames, at = [], 0
+        while (end := self._end(at)) <= len(self._buffer):
+            frame = self._frame(at, end)
+            if frame is None:
+                self.garbage += not self._in_garbage
+                at += 1
+            else:
+                frames.append(frame)
+                at = end
+            self._in_garbage = frame is None
+        del self._buffer[:at]
+        return frames
+
+    def close(self) -> int:
+        """Give up what is unfinished; return how many runs of bytes were no frame so far."""
+        self.garbage += bool(self._buffer) and not self._in_garbage
+        self._buffer.clear()
+        self._in_garbage = False
+        return self.garbage
+
+    def _end(self, at: int) -> int:
+        """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
+        buffer = self._buffer
+        if at >= len(buffer):
+            return sys.maxsize
+        if buffer[at] not in HEADS:
+            return at
+        head = HEADS[buffer[at]]
+        if at + head > len(buffer):
+            return sys.maxsize
+        end, flags, number = at + head + buffer[at + 1] + CHECKSUM, 0, buffer[at + 5]
+        if head == HEAD_V2:
+            flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
+            end += SIGNATURE * (flags & SIGNED)
+        if flags & ~SIGNED or not (number in mav.mavlink_map or self._is_followed(end)):
+            return at
+        return end
+
+    def _is_followed(self, end: int) -> bool:
+        """Return whether a frame that ends here fills its datagram, or another begins behind it."""
+        size = len(self._buffer)
+        return self._in_datagrams and (end == size or (end < size and self._buffer[end] in HEADS))
+
+    def _frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
+        if end == at:
+            return None
+        data = self._buffer[at:end]
+        try:
+            frame = self._mav.decode(data)
+        except (mav.MAVError, struct.error, UnicodeDecodeError):
+            return None
+        if isinstance(frame, mav.MAVLink_unknown):  # pymavlink says nothing of who sent it
+            system = 3 if data[0] == V1 else 5
+            frame.get_header().srcSystem, frame.get_header().srcComponent = data[system], data[system + 1]
+            frame.get_header().seq = data[system - 1]
+        return frame

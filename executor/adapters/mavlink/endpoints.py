@@ -1,0 +1,273 @@
+"""Endpoints: UDP, TCP and serial ports, each for all vehicles behind it.
+
+A byte stream that breaks is opened again for as long as the links are wanted. Meanwhile its vehicles are silent, which
+is what the link watchpoint is for; nothing here raises once the links are open.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+from collections.abc import AsyncIterator, Iterable, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from functools import partial
+from typing import cast
+
+from executor.adapters.mavlink.codec import Codec, Received
+from executor.adapters.mavlink.cutter import Cutter
+from executor.adapters.mavlink.link import VehicleLink, Write, nowhere
+from executor.core.connection import Connection, Scheme
+from executor.core.ports import LinkOrder
+from executor.errors import ConnectionFailed
+
+AGAIN_S = 0.5
+"""Real seconds between two attempts to open a stream again."""
+STALLED_BYTES = 8192
+"""A stream that has so much unsent, 0.7 s at 115200 baud, takes no more: old messages are worth nothing."""
+UNACKNOWLEDGED_MS = 8000
+"""A TCP peer that acknowledges nothing for so long is gone; our heartbeats ask it every second."""
+READ_BYTES = 4096
+
+
+class Router:
+    """The vehicles behind one endpoint: frames to the right link, and the way back from each."""
+
+    def __init__(self, links: Iterable[VehicleLink], codec: Codec) -> None:
+        """Route to these links."""
+        self.codec = codec
+        self._links = {link.sysid: link for link in links}
+
+    def take(self, frames: Iterable[Received], write: Write) -> None:
+        """Hand frames on; who sent them is answered with `write`."""
+        for received in frames:
+            link = self._links.get(received.sysid)
+            if link is None:
+                for other in self._links.values():
+                    other.take_foreign(received)
+                continue
+            link.write = write
+            link.take(received)
+
+    def opened(self, write: Write) -> None:
+        """Note that all vehicles are at the other end, before they have said anything."""
+        for link in self._links.values():
+            link.write = write
+
+    def closed(self, write: Write) -> None:
+        """Note that nobody is reached with `write` any more."""
+        for link in self._links.values():
+            if link.write == write:
+                link.write = nowhere
+
+
+class _Datagrams(asyncio.DatagramProtocol):
+    """A UDP port."""
+
+    def __init__(self, router: Router) -> None:
+        self._router = router
+        self._transport: asyncio.DatagramTransport | None = None
+        self._peers: dict[tuple[str, int], Write] = {}
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
+        self._transport = cast("asyncio.DatagramTransport", transport)
+        if transport.get_extra_info("peername") is not None:
+            self._router.opened(partial(self._write, None))
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        self._router.take(self._router.codec.decode(data), self._peers.setdefault(addr, partial(self._write, addr)))
+
+    def error_received(self, exc: Exception) -> None:
+        """A port where nobody listens yet answers with an error; the link-loss watchpoint covers it."""
+
+    def _write(self, addr: tuple[str, int] | None, frame: bytes) -> bool:
+        if self._transport is None or self._transport.is_closing():
+            return False
+        self._transport.sendto(frame, addr)
+        return True
+
+
+class _TcpPeer(asyncio.Protocol):
+    """One TCP connection."""
+
+    def __init__(self, router: Router, peers: set[_TcpPeer], *, we_called: bool = False) -> None:
+        self.lost = asyncio.Event()
+        self._router = router
+        self._peers = peers
+        self._we_called = we_called
+        self._cutter = Cutter()
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast("asyncio.Transport", transport)
+        self._peers.add(self)
+        _end_when_unacknowledged(transport.get_extra_info("socket"))
+        if self._we_called:
+            self._router.opened(self._write)
+
+    def data_received(self, data: bytes) -> None:
+        self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
+        self._router.closed(self._write)
+        self._peers.discard(self)
+        self.lost.set()
+
+    def abort(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+
+    def _write(self, frame: bytes) -> bool:
+        transport = self._transport
+        if transport is None or transport.is_closing() or transport.get_write_buffer_size() > STALLED_BYTES:
+            return False
+        transport.write(frame)
+        return True
+
+
+def _end_when_unacknowledged(plug: socket.socket) -> None:
+    with suppress(OSError):
+        plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        option = getattr(socket, "TCP_USER_TIMEOUT", None)  # Linux; elsewhere the system's own patience holds
+        if option is not None:
+            plug.setsockopt(socket.IPPROTO_TCP, option, UNACKNOWLEDGED_MS)
+
+
+class _SerialPort:
+    """One opened serial port; reads and writes never wait."""
+
+    def __init__(self, router: Router, connection: Connection) -> None:
+        import serial
+
+        self.lost = asyncio.Event()
+        self._router = router
+        self._cutter = Cutter()
+        # Exclusive: two programs on one port would each read half of the frames.
+        self._port = serial.Serial(connection.where, connection.number, timeout=0, write_timeout=0, exclusive=True)
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._port.fileno(), self._readable)
+        router.opened(self._write)
+
+    def close(self) -> None:
+        if self._port.is_open:
+            self._router.closed(self._write)
+            self._loop.remove_reader(self._port.fileno())
+            self._port.close()
+            self.lost.set()
+
+    def _readable(self) -> None:
+        try:
+            data = os.read(self._port.fileno(), READ_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError:
+            data = b""
+        if data:
+            self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
+        else:
+            self.close()  # the device was unplugged
+
+    def _write(self, frame: bytes) -> bool:
+        if not self._port.is_open:
+            return False
+        try:
+            # What the port cannot take now is lost: the receiver finds the next frame behind a half one.
+            return os.write(self._port.fileno(), frame) == len(frame)
+        except (BlockingIOError, InterruptedError):
+            return False
+        except OSError:
+            self.close()
+            return False
+
+
+@asynccontextmanager
+async def open_links(orders: Mapping[str, LinkOrder]) -> AsyncIterator[Mapping[str, VehicleLink]]:
+    """Open the links to vehicles by name; those with the same connection share one endpoint.
+
+    Raises:
+        ConnectionFailed: a port is taken, a device is not there, or a host is not known.
+    """
+    links: dict[str, VehicleLink] = {}
+    async with AsyncExitStack() as stack:
+        for connection in dict.fromkeys(order.connection for order in orders.values()):
+            codec = Codec()
+            behind = {
+                name: VehicleLink(order.sysid, codec, order.log)
+                for name, order in orders.items()
+                if order.connection == connection
+            }
+            links |= behind
+            try:
+                await _open(connection, Router(behind.values(), codec), stack)
+            except (OSError, ValueError) as error:
+                raise ConnectionFailed(f"{connection}: cannot be opened: {_reason(error)}") from error
+        yield {name: links[name] for name in orders}
+    await asyncio.sleep(0)  # a closed transport lets go of its socket in the loop's next round
+
+
+async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -> None:
+    """Open an endpoint, and keep it open until the stack is unwound."""
+    loop, address = asyncio.get_running_loop(), (connection.where, connection.number)
+    match connection.scheme:
+        case Scheme.UDP_IN:
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), local_addr=address)
+            stack.callback(transport.close)
+        case Scheme.UDP_OUT:
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), remote_addr=address)
+            stack.callback(transport.close)
+        case Scheme.TCP_IN:
+            peers: set[_TcpPeer] = set()
+            server = await loop.create_server(lambda: _TcpPeer(router, peers), *address)
+            stack.callback(_hang_up, server, peers)
+        case Scheme.TCP_OUT:
+            # Whether the vehicle is there yet does not matter, whether its name is known does.
+            await loop.getaddrinfo(*address, type=socket.SOCK_STREAM)
+            stack.push_async_callback(_cancel, asyncio.create_task(_keep_calling(address, router)))
+        case Scheme.SERIAL:
+            port = _SerialPort(router, connection)
+            stack.push_async_callback(_cancel, asyncio.create_task(_keep_plugged(port, router, connection)))
+
+
+def _hang_up(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
+    server.close()
+    for peer in tuple(peers):
+        peer.abort()
+
+
+async def _cancel(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    await asyncio.wait([task])
+
+
+async def _keep_calling(address: tuple[str, int], router: Router) -> None:
+    """Connect, and connect again whenever the connection is lost."""
+    loop = asyncio.get_running_loop()
+    while True:
+        with suppress(OSError):
+            _, peer = await loop.create_connection(lambda: _TcpPeer(router, set(), we_called=True), *address)
+            try:
+                await peer.lost.wait()
+            finally:
+                peer.abort()
+        await asyncio.sleep(AGAIN_S)
+
+
+async def _keep_plugged(port: _SerialPort | None, router: Router, connection: Connection) -> None:
+    """Wait until the device is unplugged, and open it again when it is back."""
+    while True:
+        with suppress(OSError):  # pyserial's errors are
+            port = port or _SerialPort(router, connection)
+            try:
+                await port.lost.wait()
+            finally:
+                port.close()
+        port = None
+        await asyncio.sleep(AGAIN_S)
+
+
+def _reason(error: Exception) -> str:
+    number = error.errno if isinstance(error, OSError) else None
+    if isinstance(error, socket.gaierror) or not number:
+        return str(error.args[-1] if error.args else error)
+    return os.strerror(number)

@@ -1,0 +1,1 @@
+"""Vehicles that are reached through MAVSDK, in this process."""
