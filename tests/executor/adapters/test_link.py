@@ -119,6 +119,15 @@ def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() ->
     assert (link.counts.foreign, link.counts.received, link.component, behind.codec.autopilots) == (1, 0, 1, {})
 
 
+def test_every_vehicle_on_a_port_hears_of_another_ground_station_there() -> None:
+    behind, heard = Behind(7, 8), (list[Message](), list[Message]())
+    for link, by_link in zip(behind.links, heard, strict=True):
+        link.listen(by_link.append)
+    station = mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    behind.feed(bytes(mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3).pack(station)))
+    assert heard == ([StationHeard(254, 190)], [StationHeard(254, 190)])
+
+
 def test_a_text_whose_end_never_came_is_handed_on_all_the_same() -> None:
     behind, _, heard = link_of()
     torn = mav.MAVLink_statustext_message(4, b"x" * 50, 9, 0)
