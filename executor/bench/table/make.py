@@ -67,8 +67,8 @@ def make(maker: Maker) -> tuple[Cell, ...]:
     bounds = maker.all("bounds", [frame.task(Kind.BOUND) for frame in frames])
     series = {frame: _series(frame, plans) for frame in frames}
     chosen = maker.all("plans chosen for their window", [
-        _robust_task(frame, stretch)
-        for frame in frames for stretch in dict.fromkeys((*STRETCHES, _taken(frame, series[frame])))
+        *(_robust_task(frame, stretch, frame.best_routes) for frame in frames for stretch in STRETCHES),
+        *(_robust_task(frame, _taken(frame, series[frame]), _mincomb_routes(frame, plans)) for frame in frames),
     ])  # fmt: skip
     return tuple(
         _cell(frame, table, series[frame], chosen, bounds[frame.task(Kind.BOUND)]["least_earliest_s"])
@@ -111,11 +111,18 @@ def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[
                 yield Task(Kind.PLAN, radius, tightness, budget, solver, cost, seed)
 
 
-def _robust_task(frame: _Frame, stretch: float) -> Task:
+def _robust_task(frame: _Frame, stretch: float, initial: Routes) -> Task:
     return Task(
         Kind.ROBUST, frame.radius_m, frame.tightness, frame.budget_pct,
-        stretch=stretch, routes=frame.best_routes, longest_s=frame.best_s,
+        stretch=stretch, routes=initial, longest_s=frame.best_s,
     )  # fmt: skip
+
+
+def _mincomb_routes(frame: _Frame, plans: Results) -> Routes:
+    """Return the routes of the best MinComb plan."""
+    wanted = (frame.radius_m, frame.tightness, Cost.MINCOMB)
+    results = [result for task, result in plans.items() if (task.radius_m, task.tightness, task.cost) == wanted]
+    return _routes(max(results, key=lambda result: (result["window_pct"], -float(result["earliest_s"]))))
 
 
 def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:

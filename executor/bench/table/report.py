@@ -45,7 +45,8 @@ def _preamble(settings: TableSettings) -> str:
         "solver, of at most 50 runs, stopped by the same limit; search is faultline's own. "
         f"A plan chosen for its window (`window`) had {window} on one core, one seed. *Stretch* is how much longer "
         "than the best MinMax plan's its longest route may be; what was found at a smaller stretch counts at a larger "
-        "one too. Bounds are certain: no window of that plan, or of any "
+        "one too. At the stretch of the best MinComb plan the search begins with that plan besides its own. "
+        "Bounds are certain: no window of that plan, or of any "
         "plan, begins before them."
     )
 

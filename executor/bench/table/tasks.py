@@ -58,7 +58,7 @@ class Task:
     stretch: float | None = None
     """How much longer the longest route may be than that of the best MinMax plan."""
     routes: Routes = ()
-    """The plan whose window is asked for, or the best MinMax plan."""
+    """The plan whose window is asked for, or one to begin with."""
     longest_s: float = 0.0
     """Of the best MinMax plan."""
 
