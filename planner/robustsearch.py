@@ -14,7 +14,7 @@ from planner.construct import copy_of, problem_of, random_state
 from planner.costs import Cost
 from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
-from planner.kernels.robust import Limits, Walk, assess, earliest, set_clocks, walk
+from planner.kernels.robust import Limits, Walk, assess, earliest, set_clocks, take_repairs, walk
 from planner.kernels.tours import measure
 from planner.kernels.window import Desk, Loss, Repairs
 from planner.losses import base_of, clock_of, desk_of, loss_of, no_repairs, timing_of
@@ -30,20 +30,22 @@ LOOK = 1_000
 """Effort for a loss when a plan's whole window is looked at."""
 FOLLOW = 20
 """Effort for a loss in a walk, where the repair follows another."""
-CYCLE, LONGEST_CYCLE = 4_000, 32_000
-"""Iterations of a walk from hot to cold, at first and at most: twice as many after each round of steps in vain."""
+CYCLE, LONGEST_CYCLE = 4_000, 256_000
+"""Iterations of a walk from hot to cold, at first and at most."""
+LONGER = 4
+"""So much longer are the cycles after a round of steps in vain."""
 NEARLY = 3.0
 """Mean transits that repairs may lack at the end of a cycle to be looked at once more, with more effort."""
 BATCH = 250
 """Iterations of each walk between two questions to the stop rule."""
 HOT, COLD = 2.0, 0.05
-"""Temperatures of a walk, in mean transits of its plan."""
-FIRST_STEP, LAST_STEP = 0.06, 0.01
+"""Temperatures of a walk, in mean transits of its plan; the longer a cycle is, the hotter it begins."""
+FIRST_STEP, LAST_STEP = 0.03, 0.01
 """How far below the earliest time so far a walk aims, as shares of the longest route."""
 RISE = 0.03
 """How much more energy a plan may use than the one before it, as a share of the first plan's."""
-SHARE = 4
-"""Cycles after which a walk goes on from the best plan of all walks."""
+ELITE = 4
+"""The best plans so far, from which walks begin in turn."""
 FULL_EFFORT_FROM = 40
 """Segments below which searches for plans to begin with are shorter, in proportion."""
 MINMAX_ITERATIONS = 20_000
@@ -52,7 +54,7 @@ OTHER_ITERATIONS = 10_000
 """Of each search for other plans to begin with."""
 MINMAX_SEARCHES = 2
 """Searches for the MinMax plan."""
-OTHER_SEARCHES = 4
+OTHER_SEARCHES = 6
 """Searches for each other cost."""
 FINALISTS = 4
 """The best plans, whose windows are computed in full in the end."""
@@ -83,6 +85,9 @@ class Walker:
     """Work space for whole windows."""
     rng: RandomState
     best: Found
+    """What its aim is measured against."""
+    start: Found
+    """Where its cycles begin."""
     step: float = FIRST_STEP
     probes_s: FloatArray = field(default_factory=lambda: np.full(PROBES, -1.0))
     temperature: FloatArray = field(default_factory=lambda: np.zeros(1))
@@ -90,8 +95,10 @@ class Walker:
     """Iterations of a cycle."""
     left: int = 0
     """Iterations until the cycle ends."""
-    cycles: int = 0
-    """Cycles since the walk last found something."""
+    rounds: int = 0
+    """Rounds of steps in vain."""
+    waits: bool = False
+    """Whether such a round has just ended: it is told where to go on."""
     found: list[Found] = field(default_factory=list)
     """What it has found since that was last gathered."""
 
@@ -245,15 +252,18 @@ class RobustSearch:
                 self._gather(walkers)
 
     def _gather(self, walkers: Sequence[Walker]) -> None:
-        """Enter what the walks have found; those that have long found nothing go on from the best of all."""
+        """Enter what the walks have found; those that long found nothing aim at the best of all, from elsewhere."""
         for walker in walkers:
             for found in walker.found:
                 self._enter(found)
             walker.found.clear()
-        best = min((walker.best for walker in walkers), key=lambda found: found.earliest_s)
+        if not any(walker.waits for walker in walkers):
+            return
+        elite = sorted(self.archive, key=lambda found: found.earliest_s)[:ELITE]
         for walker in walkers:
-            if walker.cycles >= SHARE:
-                walker.best, walker.cycles, walker.left = best, 0, 0
+            if walker.waits:
+                walker.best, walker.start = elite[0], elite[walker.rounds % len(elite)]
+                walker.waits, walker.left = False, 0
 
     def _walker(self, seed: int, best: Found) -> Walker:
         fleet = len(self._instance.vehicles)
@@ -261,14 +271,16 @@ class RobustSearch:
         return Walker(
             here=self._room(base), there=self._room(copy_of(base)), loss=loss_of(self._problem),
             desk=desk_of(base), own=desk_of(base), full=no_repairs(self._problem, fleet),
-            rng=random_state(seed), best=best,
+            rng=random_state(seed), best=best, start=best,
         )  # fmt: skip
 
     def _room(self, base: State) -> Walk:
         slots = PROBES * len(base.lengths)
         return Walk(
             base, clock_of(self._problem, self._timing, base), no_repairs(self._problem, slots), np.zeros(slots),
-            np.zeros(slots, dtype=np.int64),
+            opened=np.zeros((slots, len(base.route_of)), dtype=np.int64),
+            begun=np.zeros((slots, len(base.lengths)), dtype=np.int64),
+            left=np.zeros((slots, len(base.lengths))), order=np.zeros(slots, dtype=np.int64),
         )  # fmt: skip
 
     def _place(self, walker: Walker, routes: Sequence[tuple[int, ...]]) -> None:
@@ -294,7 +306,7 @@ class RobustSearch:
                 self._begin_cycle(walker)
             done = walk(
                 self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
-                walker.probes_s, self._limits(walker), walker.temperature, (COLD / HOT) ** (1 / walker.length),
+                walker.probes_s, self._limits(walker), walker.temperature, (COLD / _hot(walker)) ** (1 / walker.length),
                 min(iterations, walker.left), walker.rng,
             )  # fmt: skip
             iterations -= max(1, done)
@@ -316,12 +328,13 @@ class RobustSearch:
 
     def _next_step(self, walker: Walker) -> None:
         """Aim less far in the next cycle; after the last step begin again, with longer cycles."""
-        walker.cycles += 1
         if walker.step > LAST_STEP:
             walker.step /= 2
         else:
             walker.step = FIRST_STEP
-            walker.length = min(2 * walker.length, LONGEST_CYCLE)
+            walker.length = min(LONGER * walker.length, LONGEST_CYCLE)
+            walker.rounds += 1
+            walker.waits = True
 
     def _limits(self, walker: Walker) -> Limits:
         return Limits(
@@ -329,7 +342,7 @@ class RobustSearch:
         )
 
     def _begin_cycle(self, walker: Walker) -> None:
-        self._place(walker, walker.best.routes)
+        self._place(walker, walker.start.routes)
         self._aim(walker)
 
     def _aim(self, walker: Walker) -> None:
@@ -338,7 +351,7 @@ class RobustSearch:
         walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
         walker.probes_s[walker.probes_s < walker.probes_s[0]] = -1.0
         self._assess(walker)
-        walker.temperature[0] = HOT * self._transit_pct(walker.here.base)
+        walker.temperature[0] = _hot(walker) * self._transit_pct(walker.here.base)
         walker.left = walker.length
 
     def _assess(self, walker: Walker) -> None:
@@ -347,9 +360,7 @@ class RobustSearch:
             self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.probes_s,
             self._limits(walker), np.inf, walker.rng,
         )  # fmt: skip
-        walker.here.lacks[:] = walker.there.lacks
-        for ours, theirs in zip(walker.here.repairs, walker.there.repairs, strict=True):
-            ours[...] = theirs
+        take_repairs(walker.there, walker.here)
 
     def _transit_pct(self, base: State) -> float:
         """Return the mean energy that a plan spends from visit to visit, inspections not counted."""
@@ -365,15 +376,13 @@ class RobustSearch:
             routes = tuple(
                 tuple(int(visit) for visit in base.visits[route, :length]) for route, length in enumerate(base.lengths)
             )
-            walker.best = Found(routes, earliest_s)
+            walker.best = walker.start = Found(routes, earliest_s)
             walker.found.append(walker.best)
             walker.step = min(FIRST_STEP, 1.5 * walker.step)
-            walker.length = max(CYCLE, walker.length // 2)
-            walker.cycles = 0
+            walker.length = max(CYCLE, walker.length // LONGER)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
             # A repair that a walk has and a look does not find: elsewhere then.
             walker.left = 0
-            walker.cycles += 1
             return
         if broken_s > walker.probes_s[0]:
             walker.probes_s[2:] = walker.probes_s[1:-1]
@@ -403,3 +412,8 @@ class RobustSearch:
 def as_plan(routes: Sequence[tuple[int, ...]]) -> Plan:
     """Return routes as a plan that leaves nothing out."""
     return Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))
+
+
+def _hot(walker: Walker) -> float:
+    """Return the temperature that a cycle begins with, in mean transits."""
+    return HOT * math.sqrt(math.sqrt(walker.length / CYCLE))

@@ -161,8 +161,9 @@ def table(
         window_seconds=window_seconds,
         iterations=iterations,
     )
-    summary = make_table(settings, out, jobs=jobs or cores(), fresh=fresh)
-    print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb; see {out / 'table.md'}")
+    for summary in make_table(settings, out, jobs=jobs or cores(), fresh=fresh):
+        print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb by {summary.solver}")
+    print(out / "table.md")
 
 
 @cli.command()

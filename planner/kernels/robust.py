@@ -15,10 +15,12 @@ import numpy as np
 
 from planner.kernels.arrays import (
     FLOATS,
+    INT_TABLE,
     INTS,
     PROBLEM,
     RANDOM,
     STATE,
+    TABLE,
     FloatArray,
     IntArray,
     Problem,
@@ -26,10 +28,9 @@ from planner.kernels.arrays import (
     State,
 )
 from planner.kernels.chance import below, uniform
+from planner.kernels.change import change
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import cheapest_place
-from planner.kernels.ruin import position_of, remove_strings
-from planner.kernels.tours import copy_route, insert, measure, orient
+from planner.kernels.tours import copy_route, measure, orient
 from planner.kernels.window import (
     CLOCK,
     DESK,
@@ -55,6 +56,12 @@ from planner.kernels.window import (
 
 UNKNOWN = 200
 """How much more effort a repair takes that follows none."""
+NOBODY, GROUND = -2, -1
+"""In place of a visit."""
+SAME = 2
+"""In place of 1, for known: as the repair that it would have followed."""
+POLISH = 0.1
+"""How often a repair that lacks something is worked on although its loss leaves what it left before."""
 
 
 class Walk(NamedTuple):
@@ -66,6 +73,12 @@ class Walk(NamedTuple):
     """``k`` for each probe."""
     lacks: FloatArray
     """For each repair what it lacks, in percent of a battery."""
+    opened: IntArray
+    """(repairs, n): which segments were open to each repair."""
+    begun: IntArray
+    """(repairs, k): the visit that each survivor finishes first, NOBODY for the lost vehicle, GROUND for one landed."""
+    left: FloatArray
+    """(repairs, k): what each survivor may spend after it."""
     order: IntArray
     """Work space: the repairs in the order in which they are looked at."""
 
@@ -85,7 +98,7 @@ class Limits(NamedTuple):
     """A plan that uses this much more energy than the one before is not looked at."""
 
 
-WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INTS), Walk)
+WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INT_TABLE, INT_TABLE, TABLE, INTS), Walk)
 LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64), Limits)
 
 
@@ -147,6 +160,34 @@ def order_lacks(lacks: FloatArray, order: IntArray) -> None:
         order[hole] = place
 
 
+@inner(nb.void(LOSS, WALK, nb.int64, nb.int64))
+def describe(loss: Loss, there: Walk, slot: int, lost: int) -> None:
+    """Note what a loss leaves: two repairs of which the same is noted are repairs of the same."""
+    for segment in range(len(loss.is_open)):
+        there.opened[slot, segment] = loss.is_open[segment]
+    base = there.base
+    for route in range(len(base.lengths)):
+        there.left[slot, route] = loss.problem.budget[route]
+        if route == lost:
+            there.begun[slot, route] = NOBODY
+        elif loss.done[route] < base.lengths[route]:
+            there.begun[slot, route] = base.visits[route, loss.done[route]]
+        else:
+            there.begun[slot, route] = GROUND
+
+
+@inner(nb.boolean(WALK, WALK, nb.int64))
+def is_alike(here: Walk, there: Walk, slot: int) -> bool:
+    """Return whether a loss leaves the same of both plans."""
+    for route in range(len(here.base.lengths)):
+        if here.begun[slot, route] != there.begun[slot, route] or here.left[slot, route] != there.left[slot, route]:
+            return False
+    alike = True
+    for segment in range(len(here.base.route_of)):
+        alike = alike and here.opened[slot, segment] == there.opened[slot, segment]
+    return alike
+
+
 @kernel(nb.float64(PROBLEM, TIMING, WALK, WALK, LOSS, DESK, FLOATS, LIMITS, nb.float64, RANDOM))
 def assess(
     problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, desk: Desk, probes_s: FloatArray,
@@ -169,133 +210,19 @@ def assess(
             continue
         begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
-        begin_repair(loss, there.base, repair_of(here.repairs, slot), known, desk.current, desk, rng)
-        effort = limits.effort if known else UNKNOWN * limits.effort
-        there.lacks[slot] = repair(loss, repair_of(there.repairs, slot), desk, effort, rng)
-        there.repairs.known[slot] = 1
+        describe(loss, there, slot, lost)
+        if known and is_alike(here, there, slot) and (here.lacks[slot] <= 0.0 or uniform(rng) >= POLISH):
+            there.lacks[slot] = here.lacks[slot]
+            there.repairs.known[slot] = SAME
+        else:
+            begin_repair(loss, there.base, repair_of(here.repairs, slot), known, desk.current, desk, rng)
+            effort = limits.effort if known else UNKNOWN * limits.effort
+            there.lacks[slot] = repair(loss, repair_of(there.repairs, slot), desk, effort, rng)
+            there.repairs.known[slot] = 1
         total += float(there.lacks[slot])
         if total > most:
             return total
     return total
-
-
-@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64))
-def turn_back(base: State, route: int, begin: int, end: int) -> None:
-    """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
-    visits = base.visits[route]
-    while begin < end:
-        end -= 1
-        visits[begin], visits[end] = visits[end] ^ 1, visits[begin] ^ 1
-        begin += 1
-
-
-@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, INTS))
-def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: IntArray) -> None:
-    """Exchange what two routes do from a position of each on; ``measure`` follows."""
-    kept = base.lengths[one] - begin
-    count = base.lengths[other] - other_begin
-    for place in range(kept):
-        spare[place] = base.visits[one, begin + place]
-    for place in range(count):
-        base.visits[one, begin + place] = base.visits[other, other_begin + place]
-    for place in range(kept):
-        base.visits[other, other_begin + place] = spare[place]
-    base.lengths[one] = begin + count
-    base.lengths[other] = other_begin + kept
-
-
-@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS))
-def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int, spare: IntArray) -> None:
-    """Move ``count`` visits of a route before position ``place`` of another one, or of what is left of itself."""
-    for position in range(count):
-        spare[position] = base.visits[one, begin + position]
-    for position in range(begin, base.lengths[one] - count):
-        base.visits[one, position] = base.visits[one, position + count]
-    base.lengths[one] -= count
-    for position in range(base.lengths[other] - 1, place - 1, -1):
-        base.visits[other, position + count] = base.visits[other, position]
-    for position in range(count):
-        base.visits[other, place + position] = spare[position]
-    base.lengths[other] += count
-
-
-@inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
-def insert_within_budget(problem: Problem, base: State, segment: int, blink: float, rng: RandomState) -> int:
-    """Insert a segment where it adds least within the budgets; return the route, -1 if there is no place."""
-    best = np.inf
-    best_route = -1
-    best_position = 0
-    best_visit = 0
-    for route in range(len(base.lengths)):
-        added, position, visit = cheapest_place(problem, base, route, segment, blink, rng)
-        if added < best and base.loads[route] + added <= problem.budget[route]:
-            best = added
-            best_route = route
-            best_position = position
-            best_visit = visit
-    if best_route >= 0:
-        insert(problem, base, best_route, best_position, best_visit)
-    return best_route
-
-
-@inner(nb.boolean(PROBLEM, STATE, DESK, RANDOM))
-def reinsert(problem: Problem, base: State, desk: Desk, rng: RandomState) -> bool:
-    """Take a few visits out and put them back within the budgets; return whether all found a place."""
-    pending, touched = desk.pending, desk.touched
-    removed = remove_strings(problem, base, pending, touched, below(rng, len(base.route_of)), 3.0, 4.0, rng)
-    for place in range(removed - 1, 0, -1):
-        other = below(rng, place + 1)
-        pending[place], pending[other] = pending[other], pending[place]
-    blink = 0.02 if uniform(rng) < 0.5 else 0.3
-    for place in range(removed):
-        route = insert_within_budget(problem, base, pending[place], blink, rng)
-        if route < 0:
-            return False
-        touched[route] = 1
-    return True
-
-
-@inner(nb.boolean(PROBLEM, STATE, DESK, RANDOM))
-def change(problem: Problem, base: State, desk: Desk, rng: RandomState) -> bool:
-    """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
-    touched = desk.touched
-    kind = uniform(rng)
-    if kind < 0.4:
-        return bool(reinsert(problem, base, desk, rng))
-    segment = below(rng, len(base.route_of))
-    one = base.route_of[segment]
-    begin = position_of(base, one, segment)
-    length = base.lengths[one]
-    touched[one] = 1
-    if kind < 0.5:
-        turn_back(base, one, 0, length)
-        return True
-    if kind < 0.65:
-        turn_back(base, one, begin, begin + 1 + below(rng, length - begin))
-        return True
-    near = problem.near[segment, below(rng, min(12, problem.near.shape[1]))]
-    other = base.route_of[near]
-    place = position_of(base, other, near) + below(rng, 2)
-    if kind < 0.9:
-        count = 1 + below(rng, min(4, length - begin))
-        if other == one:
-            if begin <= place <= begin + count:
-                return False
-            if place > begin:
-                place -= count
-        if uniform(rng) < 0.5:
-            turn_back(base, one, begin, begin + count)
-        shift_string(base, one, begin, count, other, place, desk.spare)
-        touched[other] = 1
-        return True
-    if other == one:
-        return False
-    touched[other] = 1
-    if uniform(rng) < 0.5:
-        turn_back(base, other, 0, base.lengths[other])
-        place = base.lengths[other] - place
-    exchange_tails(base, one, begin, other, place, desk.spare)
-    return True
 
 
 @inner(nb.boolean(PROBLEM, TIMING, STATE, CLOCK, INTS, LIMITS, nb.float64))
@@ -335,14 +262,21 @@ def sum_of(lacks: FloatArray) -> float:
     return total
 
 
-@inner(nb.void(WALK, WALK))
+@kernel(nb.void(WALK, WALK))
 def take_repairs(there: Walk, here: Walk) -> None:
     """Copy the repairs that were looked at, and what all lack."""
     for slot in range(len(here.lacks)):
         here.lacks[slot] = there.lacks[slot]
+        if there.repairs.known[slot] == SAME:
+            continue
         here.repairs.known[slot] = there.repairs.known[slot]
         if there.repairs.known[slot] == 1:
             copy_all(repair_of(there.repairs, slot), repair_of(here.repairs, slot))
+            for segment in range(len(here.base.route_of)):
+                here.opened[slot, segment] = there.opened[slot, segment]
+            for route in range(len(here.base.lengths)):
+                here.begun[slot, route] = there.begun[slot, route]
+                here.left[slot, route] = there.left[slot, route]
 
 
 @kernel(
@@ -377,7 +311,8 @@ def walk(
     for iteration in range(iterations):
         if lacks <= 0.0:
             return iteration
-        whole = change(problem, there.base, own, rng)
+        until_s = probes_s[below(rng, len(probes_s))]
+        whole = change(problem, there.base, there.clock, max(until_s, probes_s[0]), own, rng)
         directed = uniform(rng) < 0.5
         if whole:
             for route in range(fleet):

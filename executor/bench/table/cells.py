@@ -74,6 +74,46 @@ class Stretched:
 
 
 @dataclass(frozen=True, slots=True)
+class Against:
+    """The best MinComb plan of a solver, and a plan chosen for its window that takes no longer."""
+
+    solver: str
+    mincomb: Found
+    """Best by its window, over all seeds."""
+    chosen: Stretched
+    """At the stretch that the MinComb plan takes."""
+    least_earliest_s: float
+    """No window of any plan begins earlier."""
+
+    @property
+    def earlier(self) -> bool:
+        """Whether the plan chosen for its window may lose a vehicle earlier than the MinComb plan."""
+        return self.chosen.plan.earliest_s < self.mincomb.earliest_s - NEAR_S
+
+    @property
+    def gains(self) -> bool:
+        """Whether its window is also the larger share of its longest route, which may be shorter."""
+        return self.earlier and self.chosen.plan.window_pct > self.mincomb.window_pct
+
+    @property
+    def reduction(self) -> float:
+        """How much earlier its t* is, as a share of the MinComb plan's."""
+        theirs = self.mincomb.earliest_s
+        return 0.0 if theirs <= NEAR_S else 1.0 - self.chosen.plan.earliest_s / theirs
+
+    @property
+    def most_reduction(self) -> float:
+        """What the bound leaves of such a reduction."""
+        theirs = self.mincomb.earliest_s
+        return 0.0 if theirs <= NEAR_S else max(0.0, 1.0 - self.least_earliest_s / theirs)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the MinComb plan is as good as the bound allows: nothing is left to gain."""
+        return self.mincomb.earliest_s <= self.least_earliest_s + NEAR_S
+
+
+@dataclass(frozen=True, slots=True)
 class Cell:
     """One radius with one budget."""
 
@@ -86,48 +126,21 @@ class Cell:
     series: tuple[Series, ...]
     windows: tuple[Stretched, ...]
     """At the fixed stretches."""
-    at_mincomb: Stretched
-    """At the stretch that the best MinComb plan takes."""
+    against: tuple[Against, ...]
+    """For each solver, its best MinComb plan against one chosen for its window."""
     least_earliest_s: float
     """No window of any plan begins earlier."""
 
-    @property
-    def mincomb(self) -> Found:
-        """The best MinComb plan by its window, whoever made it."""
-        return best_mincomb(self.series)
-
-    @property
-    def earlier(self) -> bool:
-        """Whether the plan chosen for its window may lose a vehicle earlier than the best MinComb plan."""
-        return self.at_mincomb.plan.earliest_s < self.mincomb.earliest_s - NEAR_S
-
-    @property
-    def gains(self) -> bool:
-        """Whether its window is also the larger share of its longest route, which may be shorter."""
-        return self.earlier and self.at_mincomb.plan.window_pct > self.mincomb.window_pct
-
-    @property
-    def reduction(self) -> float:
-        """How much earlier its t* is, as a share of the best MinComb plan's."""
-        theirs = self.mincomb.earliest_s
-        return 0.0 if theirs <= NEAR_S else 1.0 - self.at_mincomb.plan.earliest_s / theirs
-
-    @property
-    def most_reduction(self) -> float:
-        """What the bound leaves of such a reduction."""
-        theirs = self.mincomb.earliest_s
-        return 0.0 if theirs <= NEAR_S else max(0.0, 1.0 - self.least_earliest_s / theirs)
-
-    @property
-    def settled(self) -> bool:
-        """Whether the best MinComb plan is as good as the bound allows: nothing is left to gain."""
-        return self.mincomb.earliest_s <= self.least_earliest_s + NEAR_S
+    def versus(self, solver: str) -> Against:
+        """Return the comparison with a solver's MinComb plans."""
+        return next(one for one in self.against if one.solver == solver)
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A table in a few figures."""
+    """The comparisons with one solver's MinComb plans in a few figures."""
 
+    solver: str
     cells: int
     earlier: int
     """Cells where the plan chosen for its window has an earlier t* than the best MinComb plan at the same stretch."""
@@ -141,16 +154,18 @@ class Summary:
     """Of t*, over those; None if there are none."""
 
 
-def summary_of(cells: Sequence[Cell]) -> Summary:
-    """Return the figures of a table."""
-    still_open = [cell for cell in cells if cell.most_reduction >= LEAVES]
+def summary_of(cells: Sequence[Cell], solver: str) -> Summary:
+    """Return the figures of a table against a solver's MinComb plans."""
+    against = [cell.versus(solver) for cell in cells]
+    still_open = [one for one in against if one.most_reduction >= LEAVES]
     return Summary(
-        cells=len(cells),
-        earlier=sum(cell.earlier for cell in cells),
-        gains=sum(cell.gains for cell in cells),
-        settled=sum(cell.settled for cell in cells),
+        solver=solver,
+        cells=len(against),
+        earlier=sum(one.earlier for one in against),
+        gains=sum(one.gains for one in against),
+        settled=sum(one.settled for one in against),
         open=len(still_open),
-        mean_reduction=fmean(cell.reduction for cell in still_open) if still_open else None,
+        mean_reduction=fmean(one.reduction for one in still_open) if still_open else None,
     )
 
 
@@ -159,6 +174,6 @@ def best_by_window(plans: Sequence[Found]) -> Found:
     return max(plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
 
 
-def best_mincomb(series: Sequence[Series]) -> Found:
-    """Return the best MinComb plan by its window, whoever made it."""
-    return best_by_window([one.best for one in series if one.cost == Cost.MINCOMB.value])
+def best_mincomb(series: Sequence[Series], solver: str) -> Found:
+    """Return a solver's best MinComb plan by its window."""
+    return next(one.best for one in series if (one.cost, one.solver) == (Cost.MINCOMB.value, solver))

@@ -11,11 +11,11 @@ from executor.bench.store import Store, write_json, write_text
 from executor.bench.table.cells import Summary, summary_of
 from executor.bench.table.make import Maker, make
 from executor.bench.table.report import report
-from executor.bench.table.settings import TableSettings
+from executor.bench.table.settings import SOLVERS, TableSettings
 
 
-def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) -> Summary:
-    """Make a table and write table.md, table.json and table.png.
+def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) -> tuple[Summary, ...]:
+    """Make a table and write table.md, table.json and table.png; return what it shows against each solver.
 
     Raises:
         BenchError: the directory cannot be written.
@@ -24,12 +24,12 @@ def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) ->
     store = Store(out / "table", fresh=fresh)
     with ShownProgress() as shown:
         cells = make(Maker(settings, store, jobs, shown.told))
-    about, summary = machine(), summary_of(cells)
+    about, summaries = machine(), tuple(summary_of(cells, solver.value) for solver in SOLVERS)
     network = "own" if settings.network is None else settings.network.name
     content = {
         "machine": about,
         "settings": {**asdict(settings), "network": network},
-        "summary": asdict(summary),
+        "summary": [asdict(summary) for summary in summaries],
         "cells": [asdict(cell) for cell in cells],
     }
     write_json(out / "table.json", content)
@@ -38,4 +38,4 @@ def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) ->
     from executor.bench.table.picture import draw_table
 
     draw_table(cells, out / "table.png")
-    return summary
+    return summaries

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from executor.bench.problems import network_of
 from executor.bench.store import Json, Store
-from executor.bench.table.cells import Cell, Found, Series, Stretched, best_mincomb
+from executor.bench.table.cells import Against, Cell, Found, Series, Stretched, best_mincomb
 from executor.bench.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
 from executor.bench.table.tasks import Kind, Routes, Task, do
 from executor.planning import Solver
@@ -68,7 +68,10 @@ def make(maker: Maker) -> tuple[Cell, ...]:
     series = {frame: _series(frame, plans) for frame in frames}
     chosen = maker.all("plans chosen for their window", [
         *(_robust_task(frame, stretch, frame.best_routes) for frame in frames for stretch in STRETCHES),
-        *(_robust_task(frame, _taken(frame, series[frame]), _mincomb_routes(frame, plans)) for frame in frames),
+        *(
+            _robust_task(frame, _taken(frame, series[frame], solver), _mincomb_routes(frame, plans, solver))
+            for frame in frames for solver in SOLVERS
+        ),
     ])  # fmt: skip
     return tuple(
         _cell(frame, table, series[frame], chosen, bounds[frame.task(Kind.BOUND)]["least_earliest_s"])
@@ -118,10 +121,12 @@ def _robust_task(frame: _Frame, stretch: float, initial: Routes) -> Task:
     )  # fmt: skip
 
 
-def _mincomb_routes(frame: _Frame, plans: Results) -> Routes:
-    """Return the routes of the best MinComb plan."""
-    wanted = (frame.radius_m, frame.tightness, Cost.MINCOMB)
-    results = [result for task, result in plans.items() if (task.radius_m, task.tightness, task.cost) == wanted]
+def _mincomb_routes(frame: _Frame, plans: Results, solver: Solver) -> Routes:
+    """Return the routes of a solver's best MinComb plan."""
+    wanted = (frame.radius_m, frame.tightness, Cost.MINCOMB, solver)
+    results = [
+        result for task, result in plans.items() if (task.radius_m, task.tightness, task.cost, task.solver) == wanted
+    ]
     return _routes(max(results, key=lambda result: (result["window_pct"], -float(result["earliest_s"]))))
 
 
@@ -137,9 +142,9 @@ def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
     return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
 
 
-def _taken(frame: _Frame, series: Sequence[Series]) -> float:
-    """Return the stretch that the best MinComb plan takes; one that is shorter than MinMax takes none."""
-    longest_s = best_mincomb(series).longest_s
+def _taken(frame: _Frame, series: Sequence[Series], solver: Solver) -> float:
+    """Return the stretch that a solver's best MinComb plan takes; one that is shorter than MinMax takes none."""
+    longest_s = best_mincomb(series, solver.value).longest_s
     return max(0.0, longest_s / frame.best_s - 1.0)
 
 
@@ -163,7 +168,12 @@ def _cell(
         minmax_s=frame.best_s,
         series=series,
         windows=tuple(at(stretch) for stretch in STRETCHES),
-        at_mincomb=at(_taken(frame, series)),
+        against=tuple(
+            Against(
+                solver.value, best_mincomb(series, solver.value), at(_taken(frame, series, solver)), least_earliest_s
+            )
+            for solver in SOLVERS
+        ),
         least_earliest_s=least_earliest_s,
     )
 

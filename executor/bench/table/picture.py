@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from executor.adapters.pictures.style import COLOURS, DPI, FAINT, INK, MARKERS, PAPER, WIDTH_IN
 from executor.bench.table.cells import Cell
 from executor.bench.table.report import COST_NAMES
+from executor.planning import Solver
 
 HEIGHT_IN = 3.9
 CHOSEN = "chosen for the window"
@@ -36,8 +37,8 @@ def _panel(axes: Axes, cells: Sequence[Cell]) -> None:
     for number, (cost, name) in enumerate(COST_NAMES.items()):
         windows = [max(one.best.window_pct for one in cell.series if one.cost == cost) for cell in cells]
         axes.plot(tightness, windows, color=COLOURS[number], marker=MARKERS[number], label=name, lw=1.6, ms=6)
-    chosen = [cell.at_mincomb.plan.window_pct for cell in cells]
-    label = f"{CHOSEN}, no longer than MinComb"
+    chosen = [cell.versus(Solver.SEARCH.value).chosen.plan.window_pct for cell in cells]
+    label = f"{CHOSEN}, no longer than MinComb by search"
     axes.plot(tightness, chosen, color=COLOURS[4], marker=MARKERS[3], label=label, lw=2.2, ms=6, ls=(0, (5, 1.5)))
     axes.set_title(f"{cells[0].radius_m:g} m, {cells[0].segments} segments", fontsize=10, color=INK)
     axes.set_xticks(tightness)

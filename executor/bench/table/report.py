@@ -9,7 +9,7 @@ from executor.bench.machine import machine_line
 from executor.bench.markdown import number, page, table
 from executor.bench.store import Json
 from executor.bench.table.cells import LEAVES, Cell, Found, Series, Stretched, summary_of
-from executor.bench.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
+from executor.bench.table.settings import DRONE, INSPECTION_M_S, SOLVERS, TRANSIT_M_S, VEHICLES, TableSettings
 
 COST_NAMES = {"minmax": "MinMax", "minsum": "c-MinSum", "mincomb": "MinComb"}
 OWN = "faultline's own network"
@@ -23,10 +23,16 @@ def report(cells: Sequence[Cell], settings: TableSettings, machine: Json, pictur
         _preamble(settings),
         machine_line(machine),
         "## In short",
-        _in_short(cells),
+        "\n".join(_in_short(cells, solver.value) for solver in SOLVERS),
         f"![Windows by tightness, one panel for each radius]({picture})",
-        "## Plans chosen for their window against the best MinComb plan",
-        _gains(cells),
+        *(
+            part
+            for solver in SOLVERS
+            for part in (
+                f"## Plans chosen for their window against the best MinComb plan of {solver.value}",
+                _gains(cells, solver.value),
+            )
+        ),
         *[_radius(settings, [cell for cell in cells if cell.radius_m == radius]) for radius in radii],
     )
 
@@ -45,43 +51,43 @@ def _preamble(settings: TableSettings) -> str:
         "solver, of at most 50 runs, stopped by the same limit; search is faultline's own. "
         f"A plan chosen for its window (`window`) had {window} on one core, one seed. *Stretch* is how much longer "
         "than the best MinMax plan's its longest route may be; what was found at a smaller stretch counts at a larger "
-        "one too. At the stretch of the best MinComb plan the search begins with that plan besides its own. "
+        "one too. At the stretch of a solver's best MinComb plan the search begins with that plan besides its own. "
         "Bounds are certain: no window of that plan, or of any "
         "plan, begins before them."
     )
 
 
-def _in_short(cells: Sequence[Cell]) -> str:
-    summary = summary_of(cells)
+def _in_short(cells: Sequence[Cell], solver: str) -> str:
+    summary = summary_of(cells, solver)
     mean = "there is no such cell."
     if summary.mean_reduction is not None:
         mean = f"t* is {100 * summary.mean_reduction:.1f} % less on average (cells of that kind: {summary.open})"
     return (
-        f"- At the stretch that the best MinComb plan takes (by its window, over all seeds and both solvers), the plan "
+        f"- At the stretch that the best MinComb plan of {solver} takes (by its window, over all seeds), the plan "
         f"chosen for its window has the earlier t* in {summary.earlier} of {summary.cells} cells. Its longest route "
         "may be the shorter one, of which the same t* leaves a smaller share: in "
-        f"{summary.gains} cells the window is larger in percent too.\n"
-        f"- Where the bound leaves {100 * LEAVES:.0f} % of t* or more to gain: {mean}.\n"
-        f"- Cells in which nothing is left to gain, for the best MinComb plan is as good as the bound allows: "
-        f"{summary.settled} of {summary.cells}."
+        f"{summary.gains} cells the window is larger in percent too. Where the bound leaves {100 * LEAVES:.0f} % of "
+        f"t* or more to gain: {mean}. Cells in which nothing is left to gain, for the best MinComb plan is as good as "
+        f"the bound allows: {summary.settled} of {summary.cells}."
     )
 
 
-def _gains(cells: Sequence[Cell]) -> str:
+def _gains(cells: Sequence[Cell], solver: str) -> str:
+    compared = [(cell, cell.versus(solver)) for cell in cells]
     rows = [
         (
             f"{cell.radius_m:g}",
             f"{cell.tightness:.2f}",
-            _pct(100 * cell.at_mincomb.stretch),
-            _pct(cell.mincomb.window_pct),
-            _pct(cell.at_mincomb.plan.window_pct),
-            number(cell.mincomb.earliest_s, 0),
-            number(cell.at_mincomb.plan.earliest_s, 0),
-            number(cell.least_earliest_s, 0),
-            _pct(100 * cell.reduction),
-            _pct(100 * cell.most_reduction),
+            _pct(100 * one.chosen.stretch),
+            _pct(one.mincomb.window_pct),
+            _pct(one.chosen.plan.window_pct),
+            number(one.mincomb.earliest_s, 0),
+            number(one.chosen.plan.earliest_s, 0),
+            number(one.least_earliest_s, 0),
+            _pct(100 * one.reduction),
+            _pct(100 * one.most_reduction),
         )
-        for cell in cells
+        for cell, one in compared
     ]
     columns = ("D_max m", "tightness", "stretch %", "MinComb %", "window %", "MinComb t* s", "window t* s",
                "bound s", "t* less by %", "at most %")  # fmt: skip
@@ -120,12 +126,13 @@ def _by_stretch(cells: Sequence[Cell]) -> str:
         [
             f"{cell.tightness:.2f}",
             *(_window(one.plan) for one in cell.windows),
-            _at(cell.at_mincomb),
+            *(_at(one.chosen) for one in cell.against),
             f"{cell.least_earliest_s:.0f}",
         ]
         for cell in cells
     ]
-    return table(["tightness", *fixed, "MinComb's stretch", "bound for any plan s"], rows)
+    taken = (f"MinComb's stretch, {one.solver}" for one in cells[0].against)
+    return table(["tightness", *fixed, *taken, "bound for any plan s"], rows)
 
 
 def _window(plan: Found) -> str:

@@ -36,7 +36,7 @@ def test_a_table_is_made_and_goes_on_where_it_was(tmp_path: Path) -> None:
     ) / 0.8)  # fmt: skip
     assert [len(series["plans"]) for series in cell["series"]] == [2] * 6
     assert [one["stretch"] for one in cell["windows"]] == [0.0, 0.05, 0.1, 0.2]
-    for one in (*cell["windows"], cell["at_mincomb"]):
+    for one in (*cell["windows"], *(against["chosen"] for against in cell["against"])):
         assert one["plan"]["feasible"]
         assert one["plan"]["longest_s"] <= (1 + one["stretch"]) * cell["minmax_s"] + 1e-6
         assert cell["least_earliest_s"] <= one["plan"]["earliest_s"] + 1e-6
