@@ -62,8 +62,10 @@ class Px4Mission:
         It is PAUSED only when an item was reached since the mission was entered or uploaded; else it stays what it was,
         mostly ACTIVE (mavlink_mission.cpp, and measured).
         """
-        if not self.valid(now_s):
+        if not self.feasible:
             self._state = MissionState.NO_MISSION
+        elif now_s < self._checked_s:
+            return self._state
         elif self._finished:
             self._state = MissionState.COMPLETE
         elif active:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from enum import IntEnum
 from typing import ClassVar
 
 from executor.simulator import telemetry
@@ -16,6 +15,7 @@ from executor.simulator.guidance import Goal, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
 from executor.simulator.mission_store import StoreStep
+from executor.simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, Mode, custom_mode
 from executor.simulator.physics import Home, Limits, Place
 from executor.simulator.store_px4 import Px4Store
 
@@ -38,26 +38,6 @@ UNKNOWN_CURRENT_CA = -100
 EMPTY_TOTAL = 65535
 OFFICIAL = 255
 """FIRMWARE_VERSION_TYPE."""
-MAIN_AUTO = 4
-
-
-def _mode(main: int, sub: int = 0) -> int:
-    return sub << 24 | main << 16
-
-
-class Mode(IntEnum):
-    """custom_mode, as far as simulated."""
-
-    POSCTL = _mode(3)
-    TAKEOFF = _mode(4, 2)
-    LOITER = _mode(4, 3)
-    MISSION = _mode(4, 4)
-    RETURN = _mode(4, 5)
-    LAND = _mode(4, 6)
-
-
-MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
-"""In which MISSION_CURRENT says 'active', as PX4 does."""
 
 
 class Px4(Autopilot):
@@ -124,7 +104,7 @@ class Px4(Autopilot):
     def _set_mode_command(self, command: Command) -> Result:
         """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
         self.acknowledge(command, Result.ACCEPTED)
-        return self.set_mode(_mode(command.integer(1), command.integer(2)))
+        return self.set_mode(custom_mode(command.integer(1), command.integer(2)))
 
     def _set_mode_message(self, message: SetMode) -> None:
         """Follow SET_MODE, which is acknowledged as if it were the command."""

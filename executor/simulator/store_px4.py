@@ -100,14 +100,10 @@ class Px4Store:
         match message:
             case MissionCount():
                 return self._begin(message, sender, now_s)
-            case ItemReceived() if sender != self._partner:
-                return _complain("REJ. MIS ITEM: partner id mismatch")
             case ItemReceived():
                 return self._store(message, sender, now_s)
             case MissionRequestList():
                 return self._list(sender, now_s)
-            case MissionRequest() if sender != self._partner:
-                return _complain("WPM: REJ. CMD: partner id mismatch")
             case MissionRequest():
                 return self._read(message, sender, now_s)
             case MissionClearAll():
@@ -159,6 +155,8 @@ class Px4Store:
         return StoreStep((self._ask(self._upload, now_s),))
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+        if sender != self._partner:
+            return _complain("REJ. MIS ITEM: partner id mismatch")
         upload = self._upload
         # It asks on in the flavour that it was answered in.
         self._integer = message.integer
@@ -227,6 +225,8 @@ class Px4Store:
 
     def _read(self, message: MissionRequest, sender: Peer, now_s: float) -> StoreStep:
         self._integer = message.integer
+        if sender != self._partner:
+            return _complain("WPM: REJ. CMD: partner id mismatch")
         if self._upload is not None:
             return _complain(BUSY)
         download = self._download

@@ -1,4 +1,4 @@
-"""Real autopilots for a dialogue, started where the simulated ones stand; numbers keep them apart from other flights."""
+"""Real autopilots for a dialogue, started where the simulated ones stand and apart from other flights' ports."""
 
 from __future__ import annotations
 

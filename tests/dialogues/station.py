@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from missions import Dialect, MissionItem
 from tests.dialogues import words
 from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Until, Upload, What
+from tests.dialogues.answer import Answer, Heard, extension, fold
 from tests.dialogues.script import labels
 from tests.dialogues.wires import Wire
 
@@ -24,38 +22,19 @@ FRESH_S = 1.6
 STATION_PATIENCE_S = 3.0
 ATTITUDE, POSITION, CURRENT, EXTENDED = 30, 33, 42, 245
 KEPT = {
-    "ATTITUDE", "GLOBAL_POSITION_INT", "MISSION_CURRENT", "EXTENDED_SYS_STATE", "HEARTBEAT", "SYS_STATUS", "STATUSTEXT",
+    "ATTITUDE",
+    "GLOBAL_POSITION_INT",
+    "MISSION_CURRENT",
+    "EXTENDED_SYS_STATE",
+    "HEARTBEAT",
+    "SYS_STATUS",
+    "STATUSTEXT",
     "MISSION_ITEM_REACHED",
 }
 STREAMS_HZ = {ATTITUDE: 25, POSITION: 5, CURRENT: 2, EXTENDED: 4}
-LATE_S = 2.0
-"""An answer that came so long after the last that was said, or heard, has its time written behind it."""
 READY_BIT, PLACED = 0x10000000, 16
 FLIES_M_S, STANDS_M_S = 0.8, 0.3
-
-
-@dataclass(frozen=True)
-class Heard:
-    """One message that is no telemetry."""
-
-    at_s: float
-    since_s: float
-    """Since the station last said something or heard an answer."""
-    text: str
-    seq: int | None = None
-    """Of a request, which may be the next of a row."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What came of one step."""
-
-    says: tuple[str, ...]
-    texts: tuple[str, ...]
-    state: str
-
-    def lines(self) -> tuple[str, ...]:
-        return (*self.says, *(f'"{text}"' for text in self.texts), *((f"= {self.state}",) if self.state else ()))
+IN_AIR = 2
 
 
 class Station:
@@ -92,7 +71,9 @@ class Station:
             self._heard, self._texts, self._narrated, self._reports, state = [], [], [], [], ""
             for act in step.acts:
                 state = self._act(act) or state
-            answers[step.name] = Answer((*fold(self._heard), *self._narrated, *self._reports), words.texts(self._texts), state)
+            answers[step.name] = Answer(
+                (*fold(self._heard), *self._narrated, *self._reports), words.texts(self._texts), state
+            )
         return answers
 
     def _meet(self) -> None:
@@ -174,7 +155,7 @@ class Station:
         if count.get_type() == "MISSION_ACK":
             return [f"on board: {words.mission_result(count.type)}"]
         request = mavlink.MAVLink_mission_request_message if floats else mavlink.MAVLink_mission_request_int_message
-        items = []
+        items: list[Any] = []
         for seq in range(count.count):
             self._send(request(self._wire.sysid, 1, seq, 0))
             item = self._next(lambda m: m.get_type() in {"MISSION_ITEM", "MISSION_ITEM_INT", "MISSION_ACK"})
@@ -271,9 +252,11 @@ class Station:
     def _where(self) -> str:
         """Return the waypoint that it stands at, if there is one."""
         position = self._latest("GLOBAL_POSITION_INT")
-        if position.relative_alt < 2000:
+        if self._latest("EXTENDED_SYS_STATE").landed_state != IN_AIR:
             return ""
-        here = [name for (_, x, y), name in self._labels.items() if math.dist((x, y), (position.lat, position.lon)) < 900]
+        here = [
+            name for (_, x, y), name in self._labels.items() if math.dist((x, y), (position.lat, position.lon)) < 900
+        ]
         return f" at {here[0]}" if here else " on its way"
 
     def _narrate(self) -> None:
@@ -375,40 +358,3 @@ class Station:
             return
         late_s = self._wire.now_s - self._active_s
         self._texts.append(text.strip() + (f" after {round(late_s)} s" if "timeout" in text else ""))
-
-
-def extension(message: Any, offset: int) -> int:
-    """Return the uint32 at an offset of the payload: MAVLink has such fields, this dialect of pymavlink has not."""
-    frame = bytes(message.get_msgbuf())
-    payload = frame[10 : 10 + frame[1]].ljust(offset + 4, b"\0")
-    return int(struct.unpack_from("<I", payload, offset)[0])
-
-
-def fold(heard: Sequence[Heard]) -> tuple[str, ...]:
-    """Write rows of requests and repeated questions as one line each; what came late carries its time."""
-    lines: list[str] = []
-    position = 0
-    while position < len(heard):
-        one = heard[position]
-        same = list(itertools.takewhile(lambda other: other.text == one.text, heard[position:]))
-        position += len(same)
-        if len(same) > 1 and one.seq is not None:
-            gaps = [after.at_s - before.at_s for before, after in itertools.pairwise(same)]
-            often = f", again every {round(4 * sorted(gaps)[len(gaps) // 2]) / 4:g} s"
-            lines.append(f"{one.text}{often}")
-        elif one.seq is not None and lines and (row := _continues(lines[-1], one.text, one.seq)):
-            lines[-1] = row
-        else:
-            late = f" after {round(one.since_s)} s" if one.since_s >= LATE_S else ""
-            times = f", {len(same)} times" if len(same) > 1 else ""
-            lines.append(f"{one.text}{times}{late}")
-    return tuple(lines)
-
-
-def _continues(line: str, text: str, seq: int) -> str | None:
-    """Return the line with one more request in its row, or None."""
-    name = text.rpartition(" ")[0]
-    begun, _, last = line.rpartition("..") if ".." in line else (line, "", line.rpartition(" ")[2])
-    if not line.startswith(f"{name} ") or not last.isdigit() or int(last) != seq - 1:
-        return None
-    return f"{begun}..{seq}"
