@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+OFTEN = 4
+"""So many repetitions have a rate."""
 LATE_S = 2.0
 """An answer that came so long after the last that was said, or heard, has its time written behind it."""
 
@@ -51,16 +53,18 @@ def fold(heard: Sequence[Heard]) -> tuple[str, ...]:
         one = heard[position]
         same = next(list(row) for _, row in itertools.groupby(heard[position:], key=lambda other: other.text))
         position += len(same)
-        if len(same) > 1 and one.seq is not None:
-            gaps = [after.at_s - before.at_s for before, after in itertools.pairwise(same)]
-            often = f", again every {round(4 * sorted(gaps)[len(gaps) // 2]) / 4:g} s"
-            lines.append(f"{one.text}{often}")
+        # Asked twice for what then came: the station was late, no more.
+        late = len(same) < OFTEN and position < len(heard) and heard[position].seq == (one.seq or 0) + 1
+        if len(same) > 1 and one.seq is not None and not late:
+            mean_s = (same[-1].at_s - one.at_s) / (len(same) - 1)
+            often = f" every {round(4 * mean_s) / 4:g} s" if len(same) >= OFTEN else ""
+            lines.append(f"{one.text}, again{often}")
         elif one.seq is not None and lines and (row := _continues(lines[-1], one.text, one.seq)):
             lines[-1] = row
         else:
-            late = f" after {round(one.since_s)} s" if one.since_s >= LATE_S else ""
-            times = f", {len(same)} times" if len(same) > 1 else ""
-            lines.append(f"{one.text}{times}{late}")
+            after = f" after {round(one.since_s)} s" if one.since_s >= LATE_S else ""
+            times = f", {len(same)} times" if len(same) > 1 and one.seq is None else ""
+            lines.append(f"{one.text}{times}{after}")
     return tuple(lines)
 
 

@@ -17,8 +17,8 @@ COPTER_MODES = {
 }  # fmt: skip
 PX4_MAIN = {1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 4: "AUTO"}
 PX4_AUTO = {1: "READY", 2: "TAKEOFF", 3: "LOITER", 4: "MISSION", 5: "RTL", 6: "LAND"}
-BACKGROUND = ("PreArm: ", "EKF3 ", "SIM ", "AHRS: ")
-"""Texts that come when the vehicle feels like it."""
+BACKGROUND = re.compile(r"PreArm: |EKF3 |SIM |AHRS: |\w+ #\d fail")
+"""Texts that come when the vehicle feels like it, or when its simulator gets no processor."""
 FIELDS = ("frame", "command", "current", "autocontinue", "param1", "param2", "param3", "param4", "x", "y", "z")
 
 
@@ -80,7 +80,7 @@ def essence(message: Any) -> str | None:
 
 def texts(said: Sequence[str]) -> tuple[str, ...]:
     """Return texts in the order of their first coming, without what is measured in them."""
-    said = [text for text in said if not text.startswith(BACKGROUND)]
+    said = [text for text in said if not BACKGROUND.match(text)]
     kept = (re.sub(r"^Arm: .*", "Arm: #", re.sub(r"-?\d+\.\d+|\d+(?= m\b)", "#", text.strip())) for text in said)
     return tuple(dict.fromkeys(text for text in kept if text))
 
