@@ -10,9 +10,9 @@ from executor.simulator import telemetry
 from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
-from executor.simulator.enums import MavCommand, Result, Severity
+from executor.simulator.enums import MavCommand, MissionState, Result, Severity
 from executor.simulator.guidance import Sink, stopping_place
-from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, out
+from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_ardupilot import ArduPilotMission, home_goals, land_goal
 from executor.simulator.mission_store import StoreStep
 from executor.simulator.physics import Home, Limits
@@ -37,6 +37,8 @@ BATTERY_BIT = 0x02000000
 EKF_READY, EKF_BOOT = 831, 1024
 """Flags of EKF_STATUS_REPORT: as recorded in flight, and 'uninitialised'."""
 LOW, CRITICAL = 1, 2
+DEV = 0
+"""FIRMWARE_VERSION_TYPE."""
 
 
 class Mode(IntEnum):
@@ -63,6 +65,9 @@ class ArduPilot(Autopilot):
     """One vehicle."""
 
     STREAMS_S: ClassVar = {"HEARTBEAT": 1.0, "TIMESYNC": 10.0}
+    REFUSED: ClassVar = Result.FAILED
+    NO_MESSAGE: ClassVar = Result.FAILED
+    ACKNOWLEDGES_FIRST: ClassVar = True
 
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
@@ -95,6 +100,7 @@ class ArduPilot(Autopilot):
     def set_mode(self, mode: int) -> Result:
         """Change the mode; the one that is set already is set once more without effect."""
         if mode not in set(Mode):
+            self.voice.say(Severity.WARNING, f"No such mode {mode}")
             return Result.FAILED
         if mode == self.mode:
             return Result.ACCEPTED
@@ -109,9 +115,11 @@ class ArduPilot(Autopilot):
         return Result.ACCEPTED
 
     def _may_enter_auto(self) -> bool:
-        if self.mission.state == 1:
+        if not self.frame.armed:
+            return True
+        if self.mission.state == MissionState.NO_MISSION:
             return False
-        if self.frame.armed and self.frame.body.on_ground and not self.mission.begins_with_takeoff():
+        if self.frame.body.on_ground and not self.mission.begins_with_takeoff():
             self.voice.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
             return False
         return True
@@ -144,13 +152,15 @@ class ArduPilot(Autopilot):
         return self.set_mode(Mode.AUTO)
 
     def _pause_continue(self, command: Command) -> Result:
-        if self.mode != Mode.AUTO or not self.frame.armed:
-            return Result.FAILED
         if command.params[0] == 0:
-            self.mission.leave()
-            self.frame.pilot.hold()
-        elif not self.mission.running:
-            self.mission.enter()
+            if self.mode == Mode.AUTO and self.frame.armed and self.mission.pause():
+                return Result.ACCEPTED
+            self.voice.say(Severity.INFO, "Failed to pause")
+            return Result.FAILED
+        if self.mode != Mode.AUTO:
+            self.voice.say(Severity.INFO, "Failed to resume")
+            return Result.FAILED
+        self.mission.go_on()
         return Result.ACCEPTED
 
     def _take_off(self, command: Command) -> Result:
@@ -174,7 +184,18 @@ class ArduPilot(Autopilot):
             return "PreArm: Battery failsafe"
         return None
 
+    def _set_mode_message(self, message: SetMode) -> None:
+        self.set_mode(message.custom_mode & 0xFF)
+
+    def _on_no_interval(self, number: int) -> Result:
+        self.voice.say(Severity.WARNING, f"No ap_message for mavlink id ({number})")
+        return Result.DENIED
+
+    def _on_armed(self) -> None:
+        self.voice.say(Severity.INFO, "Arming motors")
+
     def _on_disarmed(self) -> None:
+        self.voice.say(Severity.INFO, "Disarming motors")
         self.mission.disarmed()
 
     def _on_boot(self) -> None:
@@ -191,6 +212,8 @@ class ArduPilot(Autopilot):
         return self.frame.armed and self.mode == Mode.AUTO
 
     def _on_store(self, step: StoreStep) -> None:
+        if step.truncated:
+            self.mission.truncated()
         if step.stored is not None:
             self.mission.stored(step.stored)
         if step.cleared and not self._mission_locked():
@@ -320,6 +343,8 @@ class ArduPilot(Autopilot):
                     mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
                 )  # fmt: skip
             case "AUTOPILOT_VERSION":
-                return telemetry.autopilot_version(capabilities=CAPABILITIES, version=(4, 7, 0), uid=self.vehicle.sysid)
+                return telemetry.autopilot_version(
+                    capabilities=CAPABILITIES, version=(4, 7, 0, DEV), uid=self.vehicle.sysid
+                )
             case _:
                 return None

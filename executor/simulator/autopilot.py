@@ -54,6 +54,12 @@ class Autopilot(ABC):
 
     STREAMS_S: ClassVar[Mapping[str, float]]
     """What is sent without being asked for, and its interval."""
+    REFUSED: ClassVar[Result]
+    """The result of arming or disarming that is refused."""
+    NO_MESSAGE: ClassVar[Result]
+    """The result of a request for a message that it does not have."""
+    ACKNOWLEDGES_FIRST: ClassVar[bool]
+    """Whether a message that was requested comes behind the acknowledgement."""
 
     def __init__(self, vehicle: SimVehicle, manners: Manners, store: MissionStore, home: Home) -> None:
         self.vehicle = vehicle
@@ -74,6 +80,11 @@ class Autopilot(ABC):
         self._odometer_m = 0.0
         self._rebooting_until_s: float | None = None
         self._was_armed = False
+        self.told_to_disarm = False
+        """Whether a command stopped the motors last."""
+        self._partner = Peer(0, 0)
+        """Who gave the command that is being obeyed."""
+        self._after_ack: list[Outbound] = []
         self._commands: Mapping[int, Callable[[Command], Result]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm_command,
             MavCommand.SET_MESSAGE_INTERVAL: self._interval_command,
@@ -177,7 +188,15 @@ class Autopilot(ABC):
             return False
         self.frame.arm()
         self._was_armed = True
+        self._on_armed()
         return True
+
+    def acknowledge(self, command: Command, result: Result) -> None:
+        """Acknowledge a command to who gave it."""
+        self.voice.send([
+            out("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
+                target_system=self._partner.sysid, target_component=self._partner.compid)
+        ])  # fmt: skip
 
     # What the dialects do differently.
 
@@ -204,6 +223,18 @@ class Autopilot(ABC):
     @abstractmethod
     def _set_current(self, seq: int) -> bool:
         """Make an item the current one; False when there is none."""
+
+    @abstractmethod
+    def _set_mode_message(self, message: SetMode) -> None:
+        """Follow SET_MODE."""
+
+    @abstractmethod
+    def _on_no_interval(self, number: int) -> Result:
+        """Refuse to send a message on schedule that it does not have."""
+
+    @abstractmethod
+    def _on_armed(self) -> None:
+        """React to the motors having started."""
 
     @abstractmethod
     def _on_disarmed(self) -> None:
@@ -236,6 +267,7 @@ class Autopilot(ABC):
         if self._was_armed and not self.frame.armed:
             self._was_armed = False
             self._on_disarmed()
+            self.told_to_disarm = False
         if self._rebooting_until_s is not None:
             if self.now_s >= self._rebooting_until_s:
                 self._boot()
@@ -276,7 +308,8 @@ class Autopilot(ABC):
             case Command():
                 self._command(sender, body)
             case SetMode():
-                self.set_mode(body.custom_mode)
+                self._partner = sender
+                self._set_mode_message(body)
             case MissionSetCurrent():
                 self.select_item(body.seq)
             case ParamRequestList() | ParamRequestRead() | ParamSet():
@@ -308,25 +341,30 @@ class Autopilot(ABC):
         self._on_store(step)
 
     def _command(self, sender: Peer, command: Command) -> None:
+        self._partner = sender
         handler = self._commands.get(command.number)
         result = Result.UNSUPPORTED if handler is None else handler(command)
-        self.voice.send([
-            out("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
-                target_system=sender.sysid, target_component=sender.compid)
-        ])  # fmt: skip
+        self.acknowledge(command, result)
+        self.voice.send(self._after_ack)
+        self._after_ack.clear()
 
     def _arm_command(self, command: Command) -> Result:
         if command.params[0] >= 0.5:
-            return Result.ACCEPTED if self.arm() else Result.FAILED
+            return Result.ACCEPTED if self.arm() else self.REFUSED
         if not self.frame.body.on_ground and command.params[1] != FORCE:
-            return Result.FAILED
+            return self._refuse_disarming()
+        self.told_to_disarm = self.frame.armed
         self.frame.disarm()
         return Result.ACCEPTED
 
+    def _refuse_disarming(self) -> Result:
+        return self.REFUSED
+
     def _interval_command(self, command: Command) -> Result:
-        name = MESSAGE_NAMES.get(command.integer(0))
+        number = command.integer(0)
+        name = MESSAGE_NAMES.get(number)
         if name is None or self._build(name) is None:
-            return Result.FAILED
+            return self._on_no_interval(number)
         self.streams.set_interval(name, command.params[1], self.now_s)
         return Result.ACCEPTED
 
@@ -342,8 +380,11 @@ class Autopilot(ABC):
         name = MESSAGE_NAMES.get(number)
         message = None if name is None else self._build(name)
         if message is None:
-            return Result.UNSUPPORTED
-        self.voice.send([message])
+            return self.NO_MESSAGE
+        if self.ACKNOWLEDGES_FIRST:
+            self._after_ack.append(message)
+        else:
+            self.voice.send([message])
         return Result.ACCEPTED
 
     def _reboot_command(self, command: Command) -> Result:

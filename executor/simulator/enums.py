@@ -61,6 +61,7 @@ class MissionState(IntEnum):
     NO_MISSION = 1
     NOT_STARTED = 2
     ACTIVE = 3
+    PAUSED = 4
     COMPLETE = 5
 
 

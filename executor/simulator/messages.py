@@ -74,6 +74,8 @@ class ItemReceived:
     current: bool
     autocontinue: bool
     mission_type: int
+    integer: bool = True
+    """Whether it came as MISSION_ITEM_INT."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,10 +52,15 @@ class ArduPilotMission:
         self._passed_m_s: float | None = None
         """Speed of the last leg, when its end was passed without a stop."""
         self._reached = 0
+        self._paused = False
+        self._nothing_left = False
+        """Whether the list has ended before the item that is being flown, and it was said."""
 
     @property
     def state(self) -> MissionState:
-        """What MISSION_CURRENT says: leaving AUTO makes it 'not started', never 'paused'."""
+        """What MISSION_CURRENT says: leaving AUTO makes it 'not started', only DO_PAUSE_CONTINUE 'paused'."""
+        if self._paused:
+            return MissionState.PAUSED
         return MissionState.NO_MISSION if self._store.count <= 1 else self._state
 
     @property
@@ -78,30 +83,48 @@ class ArduPilotMission:
 
     def leave(self) -> None:
         """Stop flying items; the index is kept."""
+        self._paused = False
         if self.running:
             self._state = MissionState.NOT_STARTED
 
+    def pause(self) -> bool:
+        """Stop on the way to a waypoint; False when that is not what it does."""
+        if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
+            return False
+        self._paused = True
+        self._frame.pilot.hold()
+        return True
+
+    def go_on(self) -> None:
+        """Fly on after a pause."""
+        if self._paused and self.nav is not None:
+            self._paused = False
+            self._frame.pilot.fly(self._waypoint(self.nav, self.index, restarted=True))
+
     def step(self) -> None:
         """Go on to the next item when the present one is done."""
-        if not self.running or self.nav is None or self._frame.pilot.goal is not None:
+        if self._paused or not self.running or self.nav is None or self._frame.pilot.goal is not None:
             return
         if self.nav.command in {Command.NAV_WAYPOINT, Command.NAV_TAKEOFF}:
             self._next(self.nav)
         # A landing is over when the motors have stopped.
 
     def disarmed(self) -> None:
-        """End the mission after its landing; any other disarming sends it back to its beginning."""
-        if (
-            self.running
-            and self.nav is not None
-            and self.nav.command in {Command.NAV_RETURN_TO_LAUNCH, Command.NAV_LAND}
-        ):
-            self._send_reached(self.index)
+        """End the mission after its return; any other disarming sends it back to its beginning.
+
+        Measured: after its own NAV_LAND the list begins anew with the motors off. It is 'active', and nothing moves.
+        """
+        landed = self.nav.command if self.running and self.nav is not None else None
+        index, self.index = self.index, 0
+        self.nav = None
+        self._paused = False
+        if landed == Command.NAV_RETURN_TO_LAUNCH:
+            self._send_reached(index)
             self._state = MissionState.COMPLETE
+        elif landed == Command.NAV_LAND:
+            self.index = self._announce_from(1)
         elif self.running:
             self._state = MissionState.NOT_STARTED
-        self.index = 0
-        self.nav = None
 
     def rebooted(self) -> None:
         """Forget everything but the list."""
@@ -131,13 +154,23 @@ class ArduPilotMission:
             self.index = seq
         return True
 
+    def truncated(self) -> None:
+        """React to an announced upload: with nothing left to fly it says so, and flies on to where it was going."""
+        flies = self.running and self.nav is not None and self.nav.command == Command.NAV_WAYPOINT
+        if flies and not self._nothing_left and self._nav_seq(self.index) is None:
+            self._nothing_left = True
+            self._voice.say(Severity.CRITICAL, "Auto mission changed but failed to restart command")
+
     def stored(self, seq: int) -> None:
-        """React to an item that was replaced under way: every one of them restarts the leg."""
+        """React to an item that was replaced under way: every one of them restarts the leg, if there is one to fly."""
         if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
             return
         due = self._nav_seq(self.index)
+        if due is None:
+            return
+        self._paused = self._nothing_left = False
         self._origin = self._passed_m_s = None
-        if due is not None and seq == due:
+        if seq == due:
             self._start(self.index, restarted=True)
         else:
             self._voice.say(Severity.INFO, f"Mission: {self.index} WP")
@@ -160,6 +193,17 @@ class ArduPilotMission:
     def _start(self, seq: int, *, restarted: bool = False) -> None:
         """Execute the DO items from ``seq`` and fly the next that moves."""
         self._state = MissionState.ACTIVE
+        self._paused = self._nothing_left = False
+        seq = self._announce_from(seq)
+        item = self._store.at(seq)
+        if item is None:
+            self._complete()
+            return
+        self.index, self.nav = seq, item
+        self._frame.pilot.fly(self._goals(item, seq, restarted=restarted))
+
+    def _announce_from(self, seq: int) -> int:
+        """Execute the DO items from ``seq`` and return the number of the next that moves, or of the list's end."""
         while (item := self._store.at(seq)) is not None:
             self._voice.say(Severity.INFO, f"Mission: {seq} {NAMES[Command(item.command)]}")
             if item.command != Command.DO_CHANGE_SPEED:
@@ -168,11 +212,7 @@ class ArduPilotMission:
                 self.speed_m_s = item.param2
             self._reached = seq
             seq += 1
-        if item is None:
-            self._complete()
-            return
-        self.index, self.nav = seq, item
-        self._frame.pilot.fly(self._goals(item, seq, restarted=restarted))
+        return seq
 
     def _goals(self, item: MissionItem, seq: int, *, restarted: bool) -> Iterator[Goal]:
         frame = self._frame
@@ -224,9 +264,11 @@ class ArduPilotMission:
             self._voice.say(Severity.INFO, f"Reached command #{self.index}")
         if self.index >= self._store.count:
             # Its list was replaced by a shorter one: it says complete, and flies the leg that it had looked up before.
-            self._send_reached(self.index)
-            beyond = self._store.stale(self.index + 1)
+            index = self.index
+            self._send_reached(index)
+            beyond = self._store.stale(index + 1)
             self._complete()
+            self.index = index
             if beyond is not None and beyond.command == Command.NAV_WAYPOINT:
                 here = self._frame.body.place
                 target = place_of(beyond, self._home, here)

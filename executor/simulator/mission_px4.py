@@ -46,7 +46,9 @@ class Px4Mission:
         """Whether items are being flown."""
         self._nav: MissionItem | None = None
         self._finished = False
-        self._started = False
+        self._state = MissionState.NO_MISSION
+        self._progressed = False
+        """Whether an item was reached since the mission was entered or changed."""
         self._checked_s = 0.0
         self._origin: Place | None = None
         self._arrived: Place | None = None
@@ -54,13 +56,25 @@ class Px4Mission:
         self._reached: tuple[int, int, float] | None = None
         """(item, repeats left, next at)."""
 
-    def state(self, now_s: float) -> MissionState:
-        """What MISSION_CURRENT says. A pause leaves it ACTIVE, and so does a failsafe."""
-        if not self.valid(now_s):
-            return MissionState.NO_MISSION
-        if self._finished:
-            return MissionState.COMPLETE
-        return MissionState.ACTIVE if self._started else MissionState.NOT_STARTED
+    def report_state(self, now_s: float, *, active: bool) -> MissionState:
+        """Return what MISSION_CURRENT says; ``active`` is that the mode is one of a mission.
+
+        It is PAUSED only when an item was reached since the mission was entered or uploaded; else it stays what it was,
+        mostly ACTIVE (mavlink_mission.cpp, and measured).
+        """
+        if not self.feasible:
+            self._state = MissionState.NO_MISSION
+        elif now_s < self._checked_s:
+            return self._state
+        elif self._finished:
+            self._state = MissionState.COMPLETE
+        elif active:
+            self._state = MissionState.ACTIVE
+        elif self._progressed:
+            self._state = MissionState.PAUSED
+        elif self.index < 1:
+            self._state = MissionState.NOT_STARTED
+        return self._state
 
     def valid(self, now_s: float) -> bool:
         """Return whether there is a mission that has passed its check."""
@@ -78,8 +92,9 @@ class Px4Mission:
         if not self.feasible:
             return self.give_up()
         if self._finished:
-            return self._finish(MissionEnd.LOITER)
-        self.running = self._started = True
+            return self.give_up()
+        self.running = True
+        self._progressed = False
         self._voice.say(Severity.INFO, "Executing Mission")
         self._origin = self._arrived = None
         return self._start(self.index)
@@ -103,27 +118,27 @@ class Px4Mission:
         if done.command == Command.NAV_LAND:
             return None  # over when the motors have stopped
         self._reached = (seq, REACHED_REPEATS, now_s)
+        self._progressed = True
         self._arrived = self._frame.climbed_to or place_of(done, self._home, self._frame.body.place)
         end = self._start(seq + 1)
         self._repeat_reached(now_s)
         return end
 
-    def landed(self, now_s: float) -> MissionEnd | None:
-        """End the mission after its landing."""
+    def landed(self, now_s: float) -> None:
+        """End the mission after its landing; any other only interrupts it."""
         if not self.running or self._nav is None or self._nav.command != Command.NAV_LAND:
             self.running = False
-            return None
+            return
         self._reached = (self.index, REACHED_REPEATS, now_s)
-        return self._finish(MissionEnd.LOITER)
+        self._end("Mission finished, landed")
 
     def swapped(self, current: int | None, now_s: float) -> MissionEnd | None:
         """React to a new list: the flagged item is next; without a flag the old number is kept, clamped."""
         last = max(len(self._store.items) - 1, 0)
         self.index = min(self.index if current is None else current, last)
-        self._finished = False
+        self._finished = self._progressed = False
         self._reached = None
         if not self.running:
-            self._started = False
             self._checked_s = now_s + CHECK_S
             return None
         self._checked_s = now_s
@@ -134,13 +149,13 @@ class Px4Mission:
     def cleared(self) -> MissionEnd | None:
         """React to the list having been emptied; in flight that is a hold."""
         self.index = 0
-        self._finished = self._started = False
+        self._finished = self._progressed = False
         self._reached = None
         return self.give_up() if self.running else None
 
     def set_current(self, seq: int) -> MissionEnd | None:
         """Fly item ``seq`` next."""
-        self._finished = False
+        self._finished = self._progressed = False
         self.index = seq
         if not self.running:
             return None
@@ -149,7 +164,7 @@ class Px4Mission:
 
     def rebooted(self) -> None:
         """Keep list and index, forget the rest."""
-        self.running = self._started = False
+        self.running = self._progressed = False
         self._reached = None
 
     def _start(self, seq: int) -> MissionEnd | None:
@@ -175,11 +190,14 @@ class Px4Mission:
         return None
 
     def _finish(self, end: MissionEnd) -> MissionEnd:
+        self._end("Mission finished, loitering")
+        return end
+
+    def _end(self, text: str) -> None:
         self.running = False
         self._finished = True
         self.index = min(self.index, max(len(self._store.items) - 1, 0))
-        self._voice.say(Severity.INFO, "Mission finished, loitering")
-        return end
+        self._voice.say(Severity.INFO, text)
 
     def _goals(self, item: MissionItem, seq: int) -> Iterator[Goal]:
         frame = self._frame

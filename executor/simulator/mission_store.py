@@ -39,6 +39,8 @@ class StoreStep:
     """ArduPilot: this item has just been replaced, in place."""
     cleared: bool = False
     """The mission is empty now because somebody said so."""
+    truncated: bool = False
+    """ArduPilot: an upload was announced, and what lies beyond its length is gone."""
     swapped: bool = False
     """PX4: the whole list has just been replaced."""
     current: int | None = None

@@ -124,7 +124,8 @@ class ParamTable:
             case ParamRequestRead(index=index) if 0 <= index < len(self._names):
                 yield self._value(index, index)
             case ParamRequestRead(name=name) if name in self._values:
-                yield self._value(self._names.index(name), UNINDEXED)
+                index = self._names.index(name)
+                yield self._value(index, index if self._bytewise else UNINDEXED)
             case ParamSet(name=name, raw=raw, kind=kind) if name in self._values:
                 integer = self._bytewise and kind != ParamKind.REAL32
                 value = float(struct.unpack("<i", struct.pack("<f", raw))[0]) if integer else raw

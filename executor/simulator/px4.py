@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from enum import IntEnum
 from typing import ClassVar
 
 from executor.simulator import telemetry
@@ -13,9 +12,10 @@ from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState, MavCommand, Result, Severity
 from executor.simulator.guidance import Goal, stopping_place
-from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, out
+from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
 from executor.simulator.mission_store import StoreStep
+from executor.simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, Mode, custom_mode
 from executor.simulator.physics import Home, Limits, Place
 from executor.simulator.store_px4 import Px4Store
 
@@ -23,8 +23,8 @@ MAV_AUTOPILOT_PX4 = 12
 LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=1.5, vertical_m_s2=1.5, corner_m_s2=1.1)
 """Recorded: a right angle at 2.3 m/s; 2.9 m/s up, 1.6 m/s down."""
 MANNERS = Manners(LIMITS, spool_s=2.0, disarm_landed_s=2.0)
-CAPABILITIES = 1 << 0 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
-"""Missions in float and int, COMMAND_INT, parameters bytewise, MAVLink 2."""
+CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
+"""Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
 SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
 SENSORS = (0x300402F, 0x301402F, 0x1320C83F)
 """From the recorded flights: (present, enabled, healthy)."""
@@ -36,26 +36,16 @@ CONE_CLOSE_M = 2.0
 UNKNOWN_CURRENT_CA = -100
 """What 'no sensor' looks like: -1 A in centiamperes, not -1."""
 EMPTY_TOTAL = 65535
-
-
-def _mode(main: int, sub: int = 0) -> int:
-    return sub << 24 | main << 16
-
-
-class Mode(IntEnum):
-    """custom_mode, as far as simulated."""
-
-    POSCTL = _mode(3)
-    TAKEOFF = _mode(4, 2)
-    LOITER = _mode(4, 3)
-    MISSION = _mode(4, 4)
-    RETURN = _mode(4, 5)
-    LAND = _mode(4, 6)
+OFFICIAL = 255
+"""FIRMWARE_VERSION_TYPE."""
 
 
 class Px4(Autopilot):
     """One vehicle."""
 
+    REFUSED: ClassVar = Result.TEMPORARILY_REJECTED
+    NO_MESSAGE: ClassVar = Result.DENIED
+    ACKNOWLEDGES_FIRST: ClassVar = False
     STREAMS_S: ClassVar = {
         "HEARTBEAT": 1.0, "SYS_STATUS": 1.0, "BATTERY_STATUS": 2.0, "GLOBAL_POSITION_INT": 0.25, "ATTITUDE": 0.25,
         "VFR_HUD": 0.5, "GPS_RAW_INT": 1.0, "HOME_POSITION": 2.0, "EXTENDED_SYS_STATE": 1.0, "MISSION_CURRENT": 1.0,
@@ -68,6 +58,9 @@ class Px4(Autopilot):
         super().__init__(vehicle, MANNERS, self._store, home)
         self.mode = Mode.LOITER
         self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice)
+        self._arming_for_mission = False
+        self._mode_after_flight = Mode.LOITER
+        """The mode that the crew chose last, of those in which it can be armed: with the motors off it is back."""
         self._announced = (0, 0)
         """Index and mission id as last reported."""
         self._link_lost = False
@@ -80,9 +73,9 @@ class Px4(Autopilot):
     def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
         return {
-            MavCommand.DO_SET_MODE: lambda command: self.set_mode(_mode(command.integer(1), command.integer(2))),
+            MavCommand.DO_SET_MODE: self._set_mode_command,
             MavCommand.MISSION_START: self._start_mission,
-            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RETURN),
+            MavCommand.NAV_RETURN_TO_LAUNCH: self._return_command,
             MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
             MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
             MavCommand.DO_CHANGE_SPEED: self._change_speed,
@@ -91,17 +84,36 @@ class Px4(Autopilot):
     # Modes.
 
     def set_mode(self, mode: int) -> Result:
-        """Change the mode. It ends the hold of a failsafe, whatever that had in mind."""
+        """Change the mode as the crew wants it. It ends the hold of a failsafe, whatever that had in mind."""
         if mode not in set(Mode):
-            return Result.DENIED
-        self._action_due = None
-        if mode == self.mode and not (mode == Mode.MISSION and not self.mission.running):
-            return Result.ACCEPTED
-        if mode == Mode.MISSION and not self._store.items:
-            self.voice.say(Severity.CRITICAL, "Switching to mode 'Mission' is currently not possible")
+            if mode >> 16 & 255 != MAIN_AUTO:
+                # Measured: a main mode that does not exist is accepted, and nothing happens.
+                return Result.ACCEPTED
+            self.voice.say(Severity.CRITICAL, "Unsupported auto mode")
             return Result.TEMPORARILY_REJECTED
-        self._switch(Mode(mode))
+        self._action_due = None
+        if mode == Mode.MISSION and self.frame.armed and not self._store.items:
+            self.voice.say(Severity.CRITICAL, "Switching to Mission is currently not available")
+            return Result.TEMPORARILY_REJECTED
+        if mode not in {Mode.RETURN, Mode.LAND, Mode.TAKEOFF}:
+            self._mode_after_flight = Mode(mode)
+        if mode != self.mode or (mode == Mode.MISSION and not self.mission.running):
+            self._switch(Mode(mode))
         return Result.ACCEPTED
+
+    def _set_mode_command(self, command: Command) -> Result:
+        """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
+        self.acknowledge(command, Result.ACCEPTED)
+        return self.set_mode(custom_mode(command.integer(1), command.integer(2)))
+
+    def _set_mode_message(self, message: SetMode) -> None:
+        """Follow SET_MODE, which is acknowledged as if it were the command."""
+        result = self.set_mode(message.custom_mode)
+        self.acknowledge(Command(MavCommand.DO_SET_MODE, (0.0,) * 7), result)
+
+    def _return_command(self, command: Command) -> Result:  # noqa: ARG002 - it has nothing to say
+        self.voice.say(Severity.INFO, "Returning to launch")
+        return self.set_mode(Mode.RETURN)
 
     def _switch(self, mode: Mode) -> None:
         if self.mode == Mode.MISSION:
@@ -169,7 +181,10 @@ class Px4(Autopilot):
         if not math.isnan(first) and 0 <= first < len(self._store.items):
             self._end_mission(self.mission.set_current(int(first)))
         was_armed = self.frame.armed
-        if not self.arm():
+        self._arming_for_mission = True
+        armed = self.arm()
+        self._arming_for_mission = False
+        if not armed:
             return Result.TEMPORARILY_REJECTED
         if not was_armed:
             self.voice.say(Severity.INFO, "Armed by mission start")
@@ -201,16 +216,26 @@ class Px4(Autopilot):
             self._enter(Mode(self.mode))
         return armed
 
+    def _on_no_interval(self, number: int) -> Result:  # noqa: ARG002 - it does not say which
+        return Result.FAILED
+
+    def _refuse_disarming(self) -> Result:
+        self.voice.say(Severity.CRITICAL, "Disarming denied: not landed")
+        return super()._refuse_disarming()
+
+    def _on_armed(self) -> None:
+        if not self._arming_for_mission:
+            self.voice.say(Severity.INFO, "Armed by external command")
+
     def _on_disarmed(self) -> None:
-        self.voice.say(Severity.INFO, "Disarmed by landing")
-        end = self.mission.landed(self.now_s)
+        self.mission.landed(self.now_s)
+        self.voice.say(Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing")
         self._failsafe = False
         self._action_due = None
-        if end is not None or self.mode in {Mode.RETURN, Mode.LAND, Mode.MISSION}:
-            self._switch(Mode.LOITER)
+        self._switch(self._mode_after_flight)
 
     def _on_boot(self) -> None:
-        self.mode = Mode.LOITER
+        self.mode = self._mode_after_flight = Mode.LOITER
         self._link_lost = self._failsafe = False
         self._action_due = None
         self._charge_state = 1
@@ -229,7 +254,11 @@ class Px4(Autopilot):
             self._end_mission(self.mission.cleared())
 
     def _set_current(self, seq: int) -> bool:
-        if self._store.busy or not 0 <= seq < len(self._store.items):
+        if self._store.busy:
+            self.voice.say(Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+            return False
+        if not 0 <= seq < len(self._store.items):
+            self.voice.say(Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
             return False
         self._end_mission(self.mission.set_current(seq))
         return True
@@ -339,13 +368,13 @@ class Px4(Autopilot):
             case "MISSION_CURRENT":
                 return out(
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
-                    mission_state=int(self.mission.state(self.now_s)),
-                    mission_mode=1 if self.mode in {Mode.MISSION, Mode.TAKEOFF, Mode.LAND} else 2,
+                    mission_state=int(self.mission.report_state(self.now_s, active=self.mode in MISSION_MODES)),
+                    mission_mode=1 if self.mode in MISSION_MODES else 2,
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "AUTOPILOT_VERSION":
                 return telemetry.autopilot_version(
-                    capabilities=CAPABILITIES, version=(1, 17, 0), uid=self.vehicle.sysid
+                    capabilities=CAPABILITIES, version=(1, 17, 0, OFFICIAL), uid=self.vehicle.sysid
                 )
             case _:
                 return None

@@ -33,13 +33,16 @@ from executor.simulator.mission_store import (
 )
 from missions.items import Command, Frame, MissionItem
 
-CAPACITY = 718
-"""Items that the simulated board has room for."""
+CAPACITY = 650
+"""Items that the board has room for; measured, other boards have room for more."""
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0
 _Order = MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionClearAll
 COMMANDS = frozenset(Command)
 FRAMES = frozenset(Frame)
+RECEIVED = ((Severity.INFO, "Flight plan received"),)
+REQUEST_ADVICE = "got MISSION_REQUEST; use MISSION_REQUEST_INT!"
+ITEM_ADVICE = "got MISSION_ITEM; GCS should send MISSION_ITEM_INT"
 
 
 class ArduPilotStore:
@@ -50,8 +53,9 @@ class ArduPilotStore:
     def __init__(self, home: MissionItem) -> None:
         self._memory: list[MissionItem] = [home]
         """Storage as it is on the board: what lies behind ``_count`` is stale but still there."""
-        self._count = 0
+        self._count = 1
         self._upload: Transfer | None = None
+        self._advised: set[str] = set()
         self.fault = UploadFault.NONE
 
     @property
@@ -108,8 +112,9 @@ class ArduPilotStore:
                 return self._begin(message, sender, now_s)
             case ItemReceived():
                 return self._store(message, sender, now_s)
+            case MissionRequestList() | MissionRequest() if self._upload is not None:
+                return StoreStep((ack(sender, MissionResult.DENIED),))
             case MissionRequestList():
-                self._upload = None
                 return StoreStep((count_message(sender, self._count),))
             case MissionRequest():
                 return self._read(message, sender)
@@ -130,9 +135,9 @@ class ArduPilotStore:
         if message.count == 0:
             # Measured: accepted in AUTO too, where the vehicle flies on to its old waypoint.
             self._upload = None
-            return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
+            return StoreStep((ack(sender, MissionResult.ACCEPTED),), RECEIVED, truncated=True)
         self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s)
-        return StoreStep((self._ask(self._upload, now_s),))
+        return StoreStep((self._ask(self._upload, now_s),), truncated=True)
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
         upload = self._upload
@@ -152,13 +157,13 @@ class ArduPilotStore:
         upload.next += 1
         upload.heard_s = now_s
         stored = message.seq or None
+        advice = () if message.integer else self._advise(ITEM_ADVICE)
         if upload.next == upload.count:
             self._upload = None
-            texts = ((Severity.INFO, "Flight plan received"),)
-            return StoreStep((ack(sender, MissionResult.ACCEPTED),), texts, stored=stored)
+            return StoreStep((ack(sender, MissionResult.ACCEPTED),), (*advice, *RECEIVED), stored=stored)
         if self._stalled(upload):
-            return StoreStep(stored=stored)
-        return StoreStep((self._ask(upload, now_s),), stored=stored)
+            return StoreStep(texts=advice, stored=stored)
+        return StoreStep((self._ask(upload, now_s),), advice, stored=stored)
 
     def _stalled(self, upload: Transfer) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""
@@ -171,8 +176,18 @@ class ArduPilotStore:
     def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
         item = self.at(message.seq)
         if item is None:
-            return StoreStep((ack(sender, MissionResult.ERROR),))
-        return StoreStep((item_message(sender, item, integer=message.integer),))
+            # It tells how many there are.
+            refusal = ack(sender, MissionResult.INVALID_SEQUENCE)
+            return StoreStep((count_message(sender, self._count), refusal))
+        advice = () if message.integer else self._advise(REQUEST_ADVICE)
+        return StoreStep((item_message(sender, item, integer=message.integer),), advice)
+
+    def _advise(self, text: str) -> tuple[tuple[int, str], ...]:
+        """Recommend the younger messages, once."""
+        if text in self._advised:
+            return ()
+        self._advised.add(text)
+        return ((Severity.WARNING, text),)
 
 
 def _as_stored(item: MissionItem) -> MissionItem:

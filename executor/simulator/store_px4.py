@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 
 from executor.simulator.enums import MissionResult, Severity
 from executor.simulator.messages import (
@@ -39,7 +40,7 @@ ASK_AGAIN_S = 0.25
 GIVE_UP_S = 5.0
 NAV_VTOL_TAKEOFF, NAV_VTOL_LAND = 84, 85
 """Known to PX4, so accepted; no mission of a multicopter, so not flown."""
-_Order = MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionClearAll
+BUSY = "WPM: REJ. CMD: Busy"
 COMMANDS = frozenset({*Command, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND})
 FRAMES = frozenset(Frame)
 TIMEOUT_TEXT = (Severity.WARNING, "Operation timeout")
@@ -67,6 +68,10 @@ class Px4Store:
         self._mission_id = 0
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
+        self._partner: Peer | None = None
+        """Of the last transfer, whether it is over or not."""
+        self._integer = True
+        """Whether it asks for items with MISSION_REQUEST_INT."""
         self._last_count = 0
         """Length of the last transfer, whose final ACK may have been lost."""
         self.fault = UploadFault.NONE
@@ -92,10 +97,17 @@ class Px4Store:
             return self._end(message, sender)
         if message.mission_type != MISSION_TYPE_MISSION:
             return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
-        active = self._upload or self._download
-        if active is not None and active.partner != sender:
-            return StoreStep((ack(sender, MissionResult.ERROR),))
-        return self._obey(message, sender, now_s)
+        match message:
+            case MissionCount():
+                return self._begin(message, sender, now_s)
+            case ItemReceived():
+                return self._store(message, sender, now_s)
+            case MissionRequestList():
+                return self._list(sender, now_s)
+            case MissionRequest():
+                return self._read(message, sender, now_s)
+            case MissionClearAll():
+                return self._clear(sender)
 
     def tick(self, now_s: float) -> StoreStep:
         """Ask again after 250 ms, give up after 5 s with a text and without an ACK."""
@@ -116,30 +128,26 @@ class Px4Store:
         """Drop what is under way."""
         self._upload = self._download = None
 
-    def _obey(self, message: _Order, sender: Peer, now_s: float) -> StoreStep:
-        match message:
-            case MissionCount():
-                return self._begin(message, sender, now_s)
-            case ItemReceived():
-                return self._store(message, sender, now_s)
-            case MissionRequestList():
-                return self._list(sender, now_s)
-            case MissionRequest():
-                return self._read(message, sender, now_s)
-            case MissionClearAll():
-                if self.busy:
-                    return StoreStep(texts=((Severity.WARNING, "Mission clear ignored, busy"),))
-                self._replace(())
-                return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
+    def _clear(self, sender: Peer) -> StoreStep:
+        if self.busy:
+            return _complain("WPM: IGN CLEAR CMD: Busy")
+        self._replace(())
+        return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
 
     def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
+        refused = StoreStep((ack(sender, MissionResult.ERROR),))
         if self.fault is UploadFault.REFUSE:
-            return StoreStep((ack(sender, MissionResult.ERROR),))
-        if self._download is not None or (self._upload is not None and self._upload.next > 0):
-            return StoreStep((ack(sender, MissionResult.ERROR),), ((Severity.WARNING, "Busy"),))
+            return refused
+        if self._download is not None:
+            return replace(refused, texts=_critical("WPM: IGN MISSION_COUNT: Busy"))
+        if self._upload is not None and (sender != self._upload.partner or self._upload.next > 0):
+            # Whoever it is that asks in vain, the transfer lives longer by it.
+            self._upload.heard_s = now_s
+            return refused if sender != self._upload.partner else replace(refused, texts=_critical(BUSY))
+        self._partner = sender
+        self._upload = None
         if message.count > CAPACITY:
             return StoreStep((ack(sender, MissionResult.NO_SPACE),))
-        self._upload = None
         if message.count == 0:
             self._replace(())
             return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
@@ -147,12 +155,14 @@ class Px4Store:
         return StoreStep((self._ask(self._upload, now_s),))
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+        if sender != self._partner:
+            return _complain("REJ. MIS ITEM: partner id mismatch")
         upload = self._upload
+        # It asks on in the flavour that it was answered in.
+        self._integer = message.integer
         if upload is None:
-            if message.seq == self._last_count - 1:
-                # The final ACK was lost: it is said again.
-                return StoreStep((ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
-            return StoreStep((ack(sender, MissionResult.ERROR),), ((Severity.WARNING, "No transfer"),))
+            return self._late_item(message, sender)
+        upload.heard_s = now_s
         if message.seq != upload.next:
             return StoreStep()
         refusal = None
@@ -162,15 +172,23 @@ class Px4Store:
             refusal = MissionResult.UNSUPPORTED
         if refusal is not None:
             self._upload = None
-            return StoreStep((ack(sender, refusal),))
+            return StoreStep((ack(sender, refusal),), _critical("IGN MISSION_ITEM: Invalid item"))
         upload.items.append(to_item(message))
         upload.next += 1
-        upload.heard_s = now_s
         if upload.next == upload.count:
             return self._finish(upload)
         if self._stalled(upload):
             return StoreStep()
         return StoreStep((self._ask(upload, now_s),))
+
+    def _late_item(self, message: ItemReceived, sender: Peer) -> StoreStep:
+        refused = StoreStep((ack(sender, MissionResult.ERROR),))
+        if self._download is not None:
+            return replace(refused, texts=_critical("IGN MISSION_ITEM: Busy"))
+        if message.seq == self._last_count - 1:
+            # The final ACK was lost: it is said again.
+            return StoreStep((ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
+        return replace(refused, texts=_critical("IGN MISSION_ITEM: No transfer"))
 
     def _finish(self, upload: Transfer) -> StoreStep:
         self._upload = None
@@ -189,25 +207,40 @@ class Px4Store:
         self._mission_id = mission_checksum(items)
 
     def _end(self, message: MissionAckReceived, sender: Peer) -> StoreStep:
-        if self._download is not None and self._download.partner == sender:
-            self._download = None
-        cancelled = message.result == MissionResult.OPERATION_CANCELLED
-        if cancelled and self._upload is not None and self._upload.partner == sender:
+        if sender != self._partner:
+            return _complain("REJ. WP CMD: partner id mismatch")
+        self._download = None
+        if message.result == MissionResult.OPERATION_CANCELLED:
             self._upload = None
         return StoreStep()
 
     def _list(self, sender: Peer, now_s: float) -> StoreStep:
-        if self._upload is not None:
-            return StoreStep((ack(sender, MissionResult.ERROR),), ((Severity.WARNING, "Busy"),))
-        if self._items:
-            self._download = Transfer(sender, len(self._items), heard_s=now_s, asked_s=now_s)
+        others = self._download is not None and self._download.partner != sender
+        if self._upload is not None or others:
+            # A text to everybody, and no ACK.
+            return StoreStep(texts=((Severity.INFO, "Mission download request ignored, already active"),))
+        self._partner = sender
+        self._download = Transfer(sender, len(self._items), heard_s=now_s, asked_s=now_s)
         return StoreStep((count_message(sender, len(self._items), opaque_id=self._mission_id),))
 
     def _read(self, message: MissionRequest, sender: Peer, now_s: float) -> StoreStep:
-        if self._download is None or message.seq >= self._download.count:
-            return StoreStep((ack(sender, MissionResult.ERROR),))
-        self._download.heard_s = now_s
-        return StoreStep((item_message(sender, self._items[message.seq], integer=message.integer),))
+        self._integer = message.integer
+        if sender != self._partner:
+            return _complain("WPM: REJ. CMD: partner id mismatch")
+        if self._upload is not None:
+            return _complain(BUSY)
+        download = self._download
+        if download is None:
+            return StoreStep()
+        download.heard_s = now_s
+        expected = message.seq in {download.next, download.next - 1} and message.seq < download.count
+        if not expected:
+            self._download = None
+            refusal = (ack(sender, MissionResult.ERROR),)
+            return StoreStep(refusal, _critical("WPM: REJ. CMD: Req. WP was unexpected"))
+        download.next = message.seq + 1
+        item = _in_flavour(self._items[message.seq], integer=message.integer)
+        return StoreStep((item_message(sender, item, integer=message.integer),))
 
     def _stalled(self, upload: Transfer) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""
@@ -215,4 +248,21 @@ class Px4Store:
 
     def _ask(self, upload: Transfer, now_s: float) -> Outbound:
         upload.asked_s = now_s
-        return request_message("MISSION_REQUEST_INT", upload.partner, upload.next)
+        name = "MISSION_REQUEST_INT" if self._integer else "MISSION_REQUEST"
+        return request_message(name, upload.partner, upload.next)
+
+
+def _in_flavour(item: MissionItem, *, integer: bool) -> MissionItem:
+    """Return the item as it is sent: frames with and without _INT are one, and follow the kind of the message."""
+    pairs = ((Frame.GLOBAL, Frame.GLOBAL_INT), (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT))
+    frame = next((pair[integer] for pair in pairs if item.frame in pair), item.frame)
+    return replace(item, frame=frame)
+
+
+def _critical(text: str) -> tuple[tuple[int, str], ...]:
+    return ((Severity.CRITICAL, text),)
+
+
+def _complain(text: str) -> StoreStep:
+    """Say no to everybody, in words alone."""
+    return StoreStep(texts=_critical(text))

@@ -132,9 +132,9 @@ def heartbeat(*, autopilot: int, base_mode: int, custom_mode: int, system_status
     )  # fmt: skip
 
 
-def autopilot_version(*, capabilities: int, version: tuple[int, int, int], uid: int) -> Outbound:
-    """Return AUTOPILOT_VERSION of an official release."""
-    software = version[0] << 24 | version[1] << 16 | version[2] << 8 | 255
+def autopilot_version(*, capabilities: int, version: tuple[int, int, int, int], uid: int) -> Outbound:
+    """Return AUTOPILOT_VERSION; ``version`` is three numbers and FIRMWARE_VERSION_TYPE."""
+    software = version[0] << 24 | version[1] << 16 | version[2] << 8 | version[3]
     return out(
         "AUTOPILOT_VERSION", capabilities=capabilities, flight_sw_version=software, middleware_sw_version=software,
         os_sw_version=0, board_version=0, flight_custom_version=(0,) * 8, middleware_custom_version=(0,) * 8,

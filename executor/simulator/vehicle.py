@@ -35,7 +35,7 @@ class SimulatedVehicle:
     def __init__(self, vehicle: SimVehicle, faults: Iterable[Fault] = ()) -> None:
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
-        self._codec = Codec(vehicle.sysid)
+        self._codec = Codec(vehicle.sysid, every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT)
         self._pending = list(faults_of(faults, vehicle.name))
         self._condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}")

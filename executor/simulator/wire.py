@@ -100,6 +100,7 @@ def _item(fields: _Fields, *, integer: bool) -> ItemReceived:
         current=bool(fields.integer("current")),
         autocontinue=bool(fields.integer("autocontinue")),
         mission_type=fields.integer("mission_type"),
+        integer=integer,
     )
 
 
@@ -136,8 +137,10 @@ READERS: Mapping[str, Callable[[_Fields], Body]] = {
 class Codec:
     """Packs and unpacks for one vehicle."""
 
-    def __init__(self, sysid: int) -> None:
+    def __init__(self, sysid: int, *, every_component: bool = False) -> None:
         self._sysid = sysid
+        self._every_component = every_component
+        """Whether it obeys what is for another component: ArduPilot does where it knows of none with that id."""
         self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=AUTOPILOT_COMPONENT)
 
     def encode(self, message: Outbound) -> bytes:
@@ -168,7 +171,8 @@ class Codec:
             values = message.to_dict()
             if values.get("target_system", EVERYBODY) not in {EVERYBODY, self._sysid}:
                 continue
-            if values.get("target_component", EVERYBODY) not in {EVERYBODY, AUTOPILOT_COMPONENT}:
+            elsewhere = values.get("target_component", EVERYBODY) not in {EVERYBODY, AUTOPILOT_COMPONENT}
+            if elsewhere and not self._every_component:
                 continue
             sender = Peer(message.get_srcSystem(), message.get_srcComponent())
             received.append(Received(sender, reader(_Fields(values))))

@@ -121,13 +121,13 @@ class Operator:
         return self.now_s - began_s
 
     def command(self, number: int, *params: float, sender: Peer = GCS) -> int:
-        """Send a command and return its result."""
+        """Send a command and return its result: the last, for PX4 acknowledges a change of mode twice."""
         filled = (*params, *(0.0,) * (7 - len(params)))
         one, two, three, four, five, six, seven = filled
         answers = self.send(Command(number, (one, two, three, four, five, six, seven)), sender)
         results = [fields_of(answer)["result"] for answer in answers if answer.name == "COMMAND_ACK"]
-        assert len(results) == 1
-        result = results[0]
+        assert len(results) == (2 if self.kind is AutopilotKind.PX4 and number == MavCommand.DO_SET_MODE else 1)
+        result = results[-1]
         assert isinstance(result, int)
         return result
 

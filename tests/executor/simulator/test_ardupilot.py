@@ -92,10 +92,15 @@ def test_auto_from_the_ground_needs_a_takeoff() -> None:
     assert op.texts()[-1] == "Auto: Missing Takeoff Cmd"
 
 
-def test_auto_without_a_mission_is_refused() -> None:
+def test_auto_without_a_mission_is_refused_once_it_is_armed() -> None:
     op = operator()
     op.run(4)
+    assert op.mode(AUTO) == 0
+    assert op.command(MavCommand.MISSION_START) == 0
+    assert op.mode(GUIDED) == 0
+    assert op.arm() == 0
     assert op.mode(AUTO) == 4
+    assert op.command(MavCommand.MISSION_START) == 4
 
 
 def test_the_first_seconds_after_boot_have_no_battery() -> None:
@@ -405,7 +410,41 @@ def test_a_land_item_lands_at_its_place() -> None:
     op.run_until(lambda: not op.vehicle.frame.armed)
     body = op.vehicle.frame.body
     assert (body.north_m, body.east_m) == pytest.approx((30, 30), abs=0.5)
-    assert op.mission_current()["mission_state"] == 5
+
+
+def test_after_its_own_landing_the_list_begins_anew_with_the_motors_off() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(60, 0), land(30, 30)))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    op.run(20)
+    assert not op.vehicle.frame.armed
+    current = op.mission_current()
+    assert (current["seq"], current["mission_state"]) == (1, 3)
+    assert op.texts()[-1] == "Mission: 1 Takeoff"
+
+
+def test_a_list_that_begins_with_a_command_is_gone_through_after_the_landing() -> None:
+    op = operator()
+    op.fly(numbered((HOME, speed(5), takeoff(), waypoint(40, 0), land())))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    assert op.mission_current()["seq"] == 2
+    assert op.texts()[-2:] == ["Mission: 1 ChangeSpeed", "Mission: 2 Takeoff"]
+
+
+def test_a_pause_keeps_the_item_and_says_paused() -> None:
+    op = cruising(speed(5), waypoint(400, 0), rtl())
+    assert op.command(MavCommand.DO_PAUSE_CONTINUE, 0) == 0
+    op.run(6)
+    assert speed_now(op) < 0.1
+    assert (op.mission_current()["seq"], op.mission_current()["mission_state"]) == (3, 4)
+    said = len(op.texts())
+    assert op.command(MavCommand.DO_PAUSE_CONTINUE, 1) == 0
+    op.run(6)
+    assert speed_now(op) > 4
+    assert (op.mission_current()["mission_state"], len(op.texts())) == (3, said)
+    assert op.mode(RTL) == 0
+    assert op.command(MavCommand.DO_PAUSE_CONTINUE, 0) == 4
+    assert op.texts()[-1] == "Failed to pause"
 
 
 def test_a_landed_vehicle_flies_again_from_the_beginning() -> None:
@@ -444,4 +483,4 @@ def test_unknown_modes_and_commands_are_refused() -> None:
     assert op.mode(99) == 4
     assert op.command(31000) == 3
     assert op.command(MavCommand.DO_SET_MODE, float("nan"), float("nan")) == 4
-    assert op.command(MavCommand.REQUEST_MESSAGE, 300) == 3
+    assert op.command(MavCommand.REQUEST_MESSAGE, 300) == 4

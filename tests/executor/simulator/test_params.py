@@ -39,7 +39,12 @@ def test_the_parameters_that_a_ground_station_asks_for(kind: AutopilotKind, name
     operator = Operator(kind)
     assert operator.vehicle.params[name] == value
     (answer,) = operator.send(ParamRequestRead(name, -1))
-    assert fields_of(answer)["param_index"] == UNINDEXED
+    index = fields_of(answer)["param_index"]
+    if kind is AutopilotKind.ARDUPILOT:
+        assert index == UNINDEXED
+        return
+    assert isinstance(index, int)
+    assert fields_of(next(iter(operator.send(ParamRequestRead("", index)))))["param_id"] == name.encode()
 
 
 @pytest.mark.parametrize("kind", list(AutopilotKind))

@@ -95,16 +95,28 @@ def test_mission_start_right_after_the_ack_is_denied() -> None:
     assert op.command(MavCommand.MISSION_START) == 0
 
 
-def test_mission_mode_without_a_mission_is_refused() -> None:
+def test_mission_mode_without_a_mission_is_refused_once_it_is_armed() -> None:
     op = operator()
     op.run(4)
+    assert op.mode(PX4_MISSION) == 0
+    assert op.mode(PX4_LOITER) == 0
+    assert op.arm() == 0
     assert op.mode(PX4_MISSION) == 1
+    assert op.vehicle.mode == PX4_LOITER
+
+
+def test_a_mode_is_acknowledged_before_it_is_refused() -> None:
+    op = operator()
+    op.run(4)
+    op.arm()
+    op.mode(PX4_MISSION)
+    assert [ack["result"] for ack in op.sent("COMMAND_ACK")[-2:]] == [0, 1]
 
 
 def test_without_a_ground_station_it_does_not_arm() -> None:
     op = operator(heartbeats=False)
     op.run(4)
-    assert op.arm() == 4
+    assert op.arm() == 1
     op.heartbeats = True
     op.run(1)
     assert op.arm() == 0
@@ -144,7 +156,7 @@ def test_the_last_rtl_item_finishes_the_mission_and_returns() -> None:
     current = op.mission_current()
     assert (current["seq"], current["mission_state"], current["mission_mode"]) == (3, 5, 2)
     op.run_until(lambda: not op.vehicle.frame.armed)
-    assert op.vehicle.mode == PX4_LOITER
+    assert op.vehicle.mode == PX4_MISSION  # what was chosen last, of the modes to arm in
     texts = op.texts()
     wanted = ["RTL: land at destination\t", "Landing detected\t", "Disarmed by landing\t"]
     assert [text for text in texts if text in wanted] == wanted
@@ -323,11 +335,16 @@ def test_clear_in_flight_holds() -> None:
     assert speed_now(op) < 0.1
 
 
-def test_a_pause_leaves_the_state_active() -> None:
+@pytest.mark.parametrize(("uploaded", "state"), [(False, 4), (True, 3)])
+def test_a_pause_says_paused_only_if_an_item_was_reached_since_the_upload(*, uploaded: bool, state: int) -> None:
     op = cruising(speed(5), waypoint(400, 0))
+    if uploaded:
+        assert op.upload(numbered((takeoff(), speed(5), waypoint(400, 50)))) == 0
+        op.run(2)
+    op.mission_current()
     op.mode(PX4_LOITER)
     current = op.mission_current()
-    assert (current["mission_state"], current["mission_mode"]) == (3, 2)
+    assert (current["mission_state"], current["mission_mode"]) == (state, 2)
 
 
 def test_an_items_own_radius_counts() -> None:
@@ -393,8 +410,8 @@ def test_critical_holds_five_seconds_then_returns_and_emergency_lands_on_the_spo
     assert op.vehicle.mode == PX4_LOITER
     op.run(0.3)
     assert op.vehicle.mode == PX4_RTL
-    # The mission's own state says active during a failsafe: the HEARTBEAT's mode is what counts.
-    assert op.mission_current()["mission_state"] == 3
+    # The mission's own state knows no failsafe: the HEARTBEAT's mode is what counts.
+    assert op.mission_current()["mission_state"] == 4
     op.vehicle.frame.battery.charge_pct = 4.9
     op.run(0.1)
     assert op.vehicle.mode == PX4_LAND
@@ -489,7 +506,10 @@ def test_inside_the_cone_it_climbs_less() -> None:
     assert 35 < op.vehicle.frame.body.up_m < 45
 
 
-def test_unknown_modes_are_denied() -> None:
+def test_unknown_modes_are_accepted_and_change_nothing_and_unknown_auto_modes_are_refused() -> None:
     op = operator()
-    assert op.command(MavCommand.DO_SET_MODE, 1, 6, 0) == 2
-    assert op.command(MavCommand.DO_SET_MODE, 1, float("nan"), 0) == 2
+    assert op.command(MavCommand.DO_SET_MODE, 1, 99, 0) == 0
+    assert op.command(MavCommand.DO_SET_MODE, 1, float("nan"), 0) == 0
+    assert op.command(MavCommand.DO_SET_MODE, 1, 4, 77) == 1
+    assert op.texts()[-1] == "Unsupported auto mode\t"
+    assert op.vehicle.mode == PX4_LOITER

@@ -183,7 +183,7 @@ def test_unknown_commands_and_frames_end_the_upload() -> None:
 def test_too_many_items_are_refused_with_a_text() -> None:
     op = operator()
     assert acks(op.send(MissionCount(5000, 0))) == [4]
-    assert "Only 718 items are supported" in op.texts()
+    assert "Only 650 items are supported" in op.texts()
 
 
 def test_fences_are_unsupported() -> None:
@@ -193,7 +193,9 @@ def test_fences_are_unsupported() -> None:
 def test_the_older_item_message_is_sent_to_those_who_ask_for_it() -> None:
     op = operator()
     op.upload(LIST)
-    (answer,) = op.send(MissionRequest(3, 0, integer=False))
+    answer, advice = op.send(MissionRequest(3, 0, integer=False))
+    assert advice.name == "STATUSTEXT"
+    assert [message.name for message in op.send(MissionRequest(3, 0, integer=False))] == ["MISSION_ITEM"]
     fields = fields_of(answer)
     assert answer.name == "MISSION_ITEM"
     assert isinstance(fields["x"], float)

@@ -18,6 +18,7 @@ from executor.simulator.messages import (
     Outbound,
 )
 from executor.simulator.store_px4 import mission_checksum
+from missions.items import Frame
 from tests.executor.simulator.harness import (
     OTHER,
     Operator,
@@ -61,7 +62,8 @@ def test_what_was_sent_reads_back() -> None:
     op.upload(LIST)
     back = op.download()
     for item, fields in zip(LIST, back, strict=True):
-        assert (fields["seq"], fields["frame"], fields["command"]) == (item.seq, item.frame, item.command)
+        frame = Frame.GLOBAL_RELATIVE_ALT_INT if item.frame == Frame.GLOBAL_RELATIVE_ALT else item.frame
+        assert (fields["seq"], fields["frame"], fields["command"]) == (item.seq, frame, item.command)
         assert (fields["x"], fields["y"], fields["z"]) == (item.x, item.y, item.z)
         assert fields["current"] == int(item.current)
 
@@ -90,7 +92,17 @@ def test_a_second_ground_station_gets_ack_1_at_once() -> None:
     op = operator()
     op.send(MissionCount(len(LIST), 0))
     assert acks(op.send(MissionCount(2, 0), OTHER)) == [1]
-    assert acks(op.send(MissionRequestList(0), OTHER)) == [1]
+    assert acks(op.send(MissionRequestList(0), OTHER)) == []
+    assert op.texts() == ["Mission download request ignored, already active\t"]
+    assert acks(op.send(MissionRequest(0, 0, integer=True), OTHER)) == []
+    assert acks(op.send(on_wire(LIST[0]), OTHER)) == []
+    assert acks(op.send(MissionAckReceived(15, 0), OTHER)) == []
+    assert op.texts()[1:] == [
+        "WPM: REJ. CMD: partner id mismatch\t",
+        "REJ. MIS ITEM: partner id mismatch\t",
+        "REJ. WP CMD: partner id mismatch\t",
+    ]
+    assert op.upload_rest(LIST) == 0
 
 
 def test_an_unknown_command_is_3_and_a_bad_frame_is_2_and_the_old_mission_stays() -> None:
@@ -127,7 +139,7 @@ def test_a_cancellation_is_honoured() -> None:
     op.send(on_wire(LIST[0]))
     op.send(MissionAckReceived(15, 0))
     assert acks(op.send(on_wire(LIST[1]))) == [1]
-    assert "No transfer\t" in op.texts()
+    assert "IGN MISSION_ITEM: No transfer\t" in op.texts()
 
 
 def test_a_wrong_sequence_is_ignored_in_silence() -> None:
@@ -174,7 +186,7 @@ def test_clear_while_busy_is_a_text_only() -> None:
     op = operator()
     op.send(MissionCount(2, 0))
     assert acks(op.send(MissionClearAll(0))) == []
-    assert any("busy" in text for text in op.texts())
+    assert op.texts() == ["WPM: IGN CLEAR CMD: Busy\t"]
 
 
 def test_clear_empties_the_list() -> None:
@@ -192,10 +204,36 @@ def test_count_0_empties_the_list() -> None:
     assert op.vehicle.store.items == ()
 
 
-def test_items_without_a_list_request_are_refused() -> None:
+def test_a_question_for_an_item_without_a_list_request_is_not_answered() -> None:
     op = operator()
     op.upload(LIST)
-    assert acks(op.send(MissionRequest(0, 0, integer=True))) == [1]
+    assert op.send(MissionRequest(0, 0, integer=True)) == []
+
+
+def test_a_question_for_an_item_out_of_turn_ends_the_download() -> None:
+    op = operator()
+    op.upload(LIST)
+    op.send(MissionRequestList(0))
+    assert acks(op.send(MissionRequest(2, 0, integer=True))) == [1]
+    assert op.texts() == ["WPM: REJ. CMD: Req. WP was unexpected\t"]
+    assert op.send(MissionRequest(0, 0, integer=True)) == []
+
+
+def test_during_a_download_an_upload_is_refused_and_so_is_an_item() -> None:
+    op = operator()
+    op.upload(LIST)
+    op.send(MissionRequestList(0))
+    assert acks(op.send(MissionCount(2, 0))) == [1]
+    assert acks(op.send(on_wire(LIST[0]))) == [1]
+    assert op.texts() == ["WPM: IGN MISSION_COUNT: Busy\t", "IGN MISSION_ITEM: Busy\t"]
+    assert op.send(MissionRequestList(0), OTHER)[0].name == "STATUSTEXT"
+
+
+def test_it_asks_on_in_the_flavour_that_it_was_answered_in() -> None:
+    op = operator()
+    assert op.send(MissionCount(3, 0))[0].name == "MISSION_REQUEST_INT"
+    assert op.send(replace(on_wire(LIST[0]), integer=False))[0].name == "MISSION_REQUEST"
+    assert op.send(on_wire(LIST[1]))[0].name == "MISSION_REQUEST_INT"
 
 
 def test_the_index_is_not_changed_by_message_while_a_transfer_runs() -> None:

@@ -1,0 +1,1 @@
+"""One scripted dialogue, held with every autopilot that there is: simulated here, real in tests/sitl."""

@@ -1,0 +1,247 @@
+"""The dialogue itself: the same steps for every autopilot; only modes and the home item follow the dialect."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from missions import Dialect, MissionItem, ModeNumber
+from missions.dialects import StartStep
+from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Step, Until, Upload, What
+from tests.executor.simulator.harness import land, numbered, speed, takeoff, waypoint
+
+KNOWN_PARAMETER = {"ardupilot": "FS_GCS_TIMEOUT", "px4": "COM_DL_LOSS_T"}
+UNKNOWN_PARAMETER = "NO_SUCH_PARAM"
+NO_COMMAND = 31_999
+NO_MESSAGE = 60_000
+NO_ITEM_COMMAND = 12_345
+NO_FRAME = 99
+NO_MODE = ModeNumber(99, 99)
+HEIGHT_M = 15.0
+CRUISE_M_S = 5.0
+
+RETURN_TO_LAUNCH, SET_MODE, PAUSE_CONTINUE, SET_MISSION_CURRENT = 20, 176, 193, 224
+MISSION_START, ARM_DISARM, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_CAPABILITIES = 300, 400, 511, 512, 520
+
+A = tuple(waypoint(*place, HEIGHT_M) for place in ((1200, 0), (1200, 600), (600, 600), (300, 600)))
+B = (A[0], *(waypoint(*place, HEIGHT_M) for place in ((1400, 400), (700, 400), (200, 400))))
+C = tuple(waypoint(*place, HEIGHT_M) for place in ((1100, -400), (1000, -600), (700, -700), (500, -300)))
+NEAR = (waypoint(60, 0, HEIGHT_M), waypoint(60, 40, HEIGHT_M), waypoint(90, 40, HEIGHT_M), waypoint(90, -60, HEIGHT_M))
+SHORT = (waypoint(40, -20, HEIGHT_M),)
+PLACES = {"A": A, "B": B, "C": C, "N": NEAR, "S": SHORT}
+
+
+def mission(dialect: Dialect, *flown: MissionItem, lands: bool = True) -> tuple[MissionItem, ...]:
+    """Return a whole mission through these waypoints."""
+    items = (takeoff(HEIGHT_M), speed(CRUISE_M_S), *flown, *((land(),) if lands else ()))
+    return numbered((waypoint(0, 0, 0.0), *items) if dialect.home_item else items)
+
+
+def labels() -> dict[tuple[int, int, int], str]:
+    """Return what an item is called in the answers, by its command and place."""
+    named = {f"{name}{number}": item for name, items in PLACES.items() for number, item in enumerate(items, start=1)}
+    named |= {"takeoff": takeoff(), "speed": speed(CRUISE_M_S), "land": land()}
+    return {(item.command, item.x, item.y): name for name, item in reversed(named.items())}
+
+
+def order(number: int, *params: float, system: int | None = None, component: int = 1, listen_s: float = 1.0) -> Say:
+    """Return a COMMAND_LONG."""
+    fields = {f"param{position}": value for position, value in enumerate((*params, *(0.0,) * 7)[:7], start=1)}
+    return Say("COMMAND_LONG", {"command": number, "confirmation": 0, **fields}, system, component, listen_s=listen_s)
+
+
+def set_mode(mode: ModeNumber) -> Say:
+    return order(SET_MODE, 1, mode.param2, mode.param3)
+
+
+def count(number: int, *, other: bool = False, listen_s: float = 1.0) -> Say:
+    return Say("MISSION_COUNT", {"count": number, "mission_type": 0}, other=other, listen_s=listen_s)
+
+
+def clear(listen_s: float = 1.0) -> Say:
+    return Say("MISSION_CLEAR_ALL", {"mission_type": 0}, listen_s=listen_s)
+
+
+def request_list(*, other: bool = False) -> Say:
+    return Say("MISSION_REQUEST_LIST", {"mission_type": 0}, other=other)
+
+
+def set_current(seq: int) -> Say:
+    return Say("MISSION_SET_CURRENT", {"seq": seq})
+
+
+def parameter(name: str, index: int = -1) -> Say:
+    return Say("PARAM_REQUEST_READ", {"param_id": name.encode(), "param_index": index})
+
+
+def start(dialect: Dialect) -> tuple[Say, ...]:
+    """Return what starts a mission on the ground."""
+    orders = {
+        StartStep.GUIDED: set_mode(dialect.modes.guided),
+        StartStep.ARM: order(ARM_DISARM, 1),
+        StartStep.MISSION_START: order(MISSION_START),
+        StartStep.MISSION_MODE: set_mode(dialect.modes.mission),
+    }
+    return tuple(orders[step] for step in dialect.start)
+
+
+def step(name: str, *acts: Act) -> Step:
+    return Step(name, acts)
+
+
+def questions(dialect: Dialect) -> Chapter:
+    """Everything that is asked and ordered on the ground, but for missions."""
+    known = KNOWN_PARAMETER[dialect.name]
+    return Chapter("questions", (
+        step("arm before it is ready", order(ARM_DISARM, 1)),
+        step("wait until it is ready", Until(What.READY), Look()),
+        step("request the version", order(REQUEST_MESSAGE, 148)),
+        step("request the version the old way", order(REQUEST_CAPABILITIES, 1)),
+        step("read a parameter", parameter(known)),
+        step("read an unknown parameter", parameter(UNKNOWN_PARAMETER)),
+        step("read a parameter beyond the last index", parameter("", 20_000)),
+        step("set an unknown parameter", Say(
+            "PARAM_SET", {"param_id": UNKNOWN_PARAMETER.encode(), "param_value": 1.0, "param_type": 9})),
+        step("unknown command", order(NO_COMMAND)),
+        step("unknown command as COMMAND_INT", Say("COMMAND_INT", {"command": NO_COMMAND, "frame": 0, "current": 0,
+            "autocontinue": 0, "param1": 0.0, "param2": 0.0, "param3": 0.0, "param4": 0.0, "x": 0, "y": 0, "z": 0.0})),
+        step("request an unknown message", order(REQUEST_MESSAGE, NO_MESSAGE)),
+        step("set the interval of an unknown message", order(SET_MESSAGE_INTERVAL, NO_MESSAGE, 1e6)),
+        step("command to another system", order(REQUEST_MESSAGE, 148, system=99)),
+        step("command to another component", order(REQUEST_MESSAGE, 148, component=99)),
+        step("command to every component", order(REQUEST_MESSAGE, 148, component=0)),
+        step("invalid mode", set_mode(NO_MODE), Look()),
+        step("invalid mode with SET_MODE", Say("SET_MODE", {"base_mode": 1, "custom_mode": 99 << 16 | 99}), Look()),
+        step("heartbeat of another ground station", Say(
+            "HEARTBEAT", {"type": 6, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4,
+                          "mavlink_version": 3}, other=True), Look()),
+        step("mission mode without a mission", set_mode(dialect.modes.mission), Look()),
+        step("start without a mission", order(MISSION_START), Look()),
+        step("pause on the ground", order(PAUSE_CONTINUE, 0), Look()),
+        step("hold mode on the ground", set_mode(dialect.modes.hold), Look()),
+        step("disarm while disarmed", order(ARM_DISARM, 0)),
+        step("arm in a mode for it", set_mode(dialect.modes.guided), order(ARM_DISARM, 1), Look()),
+        step("arm while armed", order(ARM_DISARM, 1)),
+        step("disarm on the ground", order(ARM_DISARM, 0), Look()),
+    ))  # fmt: skip
+
+
+def transfers(dialect: Dialect) -> Chapter:
+    """Missions on the ground."""
+    a, b = mission(dialect, *A), mission(dialect, *B)
+    first = 1 if dialect.home_item else 0
+    bad_command = (*a[: first + 2], replace(a[first + 2], command=NO_ITEM_COMMAND), *a[first + 3 :])
+    bad_frame = (*a[: first + 2], replace(a[first + 2], frame=NO_FRAME), *a[first + 3 :])
+    return Chapter("transfers", (
+        step("wait until it is ready", Until(What.READY), Look()),
+        step("download nothing", Download()),
+        step("upload", Upload("A", a, flag=dialect.flag_first), Look(2.0, download=True)),
+        step("read back", Download(compare=a)),
+        step("read back the old way", Download(floats=True)),
+        step("ask for an item that is not there", Say(
+            "MISSION_REQUEST_INT", {"seq": 99, "mission_type": 0}), Look(6.0)),
+        step("identical upload", Upload("A", a, flag=dialect.flag_first), Look(2.0)),
+        step("an item comes twice", Upload("B", b, instead={first + 1: (first + 1, first + 1)}),
+             Look(1.0, download=True)),
+        step("an item comes too early", Upload("A", a, instead={first + 1: (first + 3, first + 1)}),
+             Look(1.0, download=True)),
+        step("items as MISSION_ITEM", Upload("B", b, floats=True), Look(1.0, download=True)),
+        step("an item with an unknown command", Upload("A", bad_command), Look(10.0, download=True)),
+        step("whole again", Upload("B", b), Look(1.0, download=True)),
+        step("an item with an unknown frame", Upload("A", bad_frame), Look(10.0, download=True)),
+        step("whole once more", Upload("B", b), Look(1.0, download=True)),
+        step("an upload without a single item", Upload("A", a, answers=0, listen_s=10.0), Look(download=True)),
+        step("an upload abandoned after three items", Upload("A", a, answers=3, listen_s=12.0), Look(download=True)),
+        step("an upload that interrupts an abandoned one",
+             Upload("A", a, answers=3, listen_s=1.3), Upload("B", b), Look(10.0, download=True)),
+        step("a download that interrupts an abandoned upload",
+             Upload("A", a, answers=3, listen_s=1.3), request_list(), Look(10.0, download=True)),
+        step("another ground station during an upload",
+             Upload("A", a, answers=3, listen_s=1.3), count(3, other=True), request_list(other=True),
+             Look(10.0, download=True)),
+        step("cancelled by us", Upload("A", a, answers=3, listen_s=1.3),
+             Say("MISSION_ACK", {"type": 15, "mission_type": 0}), Look(10.0, download=True)),
+        step("clear during an upload", Upload("A", a, answers=3, listen_s=1.3), clear(), Look(10.0, download=True)),
+        step("too many items", count(60_000), Look(10.0, download=True)),
+        step("an upload during a download", request_list(), Upload("A", a), Look(10.0, download=True)),
+        step("upload after all that", Upload("A", a), Look(1.0, download=True)),
+        step("current by message", set_current(first + 3), Look()),
+        step("current by message, out of range", set_current(99), Look()),
+        step("current by command", order(SET_MISSION_CURRENT, first + 4), Look()),
+        step("current by command, out of range", order(SET_MISSION_CURRENT, 99), Look()),
+        step("a first upload without a flag afterwards", Upload("B", b), Look(1.0)),
+        step("count 0", count(0), Look(1.0, download=True)),
+        step("upload after count 0", Upload("A", a), Look(1.0)),
+        step("clear", clear(), Look(1.0, download=True)),
+        step("clear again", clear(), Look(1.0)),
+    ))  # fmt: skip
+
+
+def flight(dialect: Dialect) -> Chapter:
+    """A mission in flight, and everything that may be said to it."""
+    first = 1 if dialect.home_item else 0
+    a, b, c = (mission(dialect, *PLACES[name]) for name in "ABC")
+    modes = dialect.modes
+    onward = (Upload("A", a, flag=first + 2), set_mode(modes.mission))
+    return Chapter("flight", (
+        step("wait until it is ready", Until(What.READY), Look()),
+        step("upload", Upload("A", a, flag=dialect.flag_first), Look(2.0)),
+        step("start", *start(dialect), Look(3.0)),
+        step("on the first leg", Until(What.FAST, 4.0), Look()),
+        step("start while it flies", order(MISSION_START), Look(3.0)),
+        step("and on", Until(What.ITEM, first + 2), Until(What.FAST, 4.0), Look()),
+        step("arm while it flies", order(ARM_DISARM, 1), Look()),
+        step("disarm while it flies", order(ARM_DISARM, 0), Look()),
+        step("invalid mode while it flies", set_mode(NO_MODE), Look()),
+        step("the same list in flight", Upload("A", a, flag=dialect.flag_first), Look(4.0)),
+        step("another list that begins alike, without a flag", Upload("B", b), Look(4.0, download=True)),
+        step("another list with a flag", Upload("C", c, flag=first + 3), Look(4.0, download=True)),
+        step("the same list with another flag", Upload("C", c, flag=first + 2), Look(4.0)),
+        step("current by message in flight", set_current(first + 4), Look(3.0)),
+        step("current by message in flight, out of range", set_current(99), Look(3.0)),
+        step("current by command in flight", order(SET_MISSION_CURRENT, first + 3), Look(3.0)),
+        step("current by command in flight, out of range", order(SET_MISSION_CURRENT, 99), Look(3.0)),
+        step("current by command in flight, an item without a place",
+             order(SET_MISSION_CURRENT, first + 1), Look(3.0)),
+        step("pause", order(PAUSE_CONTINUE, 0), Look(8.0)),
+        step("continue", order(PAUSE_CONTINUE, 1), Look(5.0)),
+        step("hold mode", set_mode(modes.hold), Look(8.0)),
+        step("upload while it holds", Upload("A", a, flag=first + 2), Look(3.0)),
+        step("continue in mission mode", set_mode(modes.mission), Look(5.0)),
+        step("an upload abandoned in flight", Upload("B", b, answers=first + 4, listen_s=12.0), Look(download=True)),
+        step("onward after that", *onward, Look(4.0)),
+        step("clear in flight", clear(), Look(8.0, download=True)),
+        step("mission mode after the clearing", set_mode(modes.mission), Look(3.0)),
+        step("onward after the clearing", *onward, Look(4.0)),
+        step("count 0 in flight", count(0), Look(8.0, download=True)),
+        step("onward after count 0", *onward, Look(4.0)),
+        step("an item with an unknown command in flight", Upload(
+            "B", (*b[: first + 2], replace(b[first + 2], command=NO_ITEM_COMMAND), *b[first + 3 :])),
+            Look(4.0, download=True)),
+        step("onward with a sound list", *onward, Look(4.0)),
+        step("return", order(RETURN_TO_LAUNCH), Look(25.0)),
+        step("upload while it returns", Upload("B", b), Look(4.0)),
+        step("landing", Until(What.DISARMED, limit_s=400.0, narrate=True), Look(3.0, download=True)),
+        step("upload after the flight, without a flag", Upload("A", a), Look(3.0)),
+    ))  # fmt: skip
+
+
+def ending(dialect: Dialect) -> Chapter:
+    """A list that is shorter than where the vehicle is, and a mission that ends."""
+    first = 1 if dialect.home_item else 0
+    near, short = mission(dialect, *NEAR), mission(dialect, *SHORT, lands=False)
+    return Chapter("ending", (
+        step("wait until it is ready", Until(What.READY), Look()),
+        step("upload", Upload("N", near, flag=dialect.flag_first), Look(2.0)),
+        step("start", *start(dialect), Until(What.FAST, 3.0), Look()),
+        step("its third waypoint", order(SET_MISSION_CURRENT, first + 4), set_current(first + 4), Look(2.0)),
+        step("a list that ends before that", Upload("S", short), Look(4.0, download=True)),
+        step("what follows", Until(What.STILL), Look(40.0)),
+        step("mission mode again", set_mode(dialect.modes.mission), Look(5.0)),
+        step("a new list after the end", Upload("N", near, flag=first + 5), set_mode(dialect.modes.mission), Look(5.0)),
+        step("start it", order(MISSION_START), Look(5.0)),
+        step("straight to its landing", set_current(first + 6), Look(5.0)),
+        step("landing by the mission", Until(What.DISARMED, limit_s=300.0, narrate=True), Look(3.0, download=True)),
+    ))  # fmt: skip
+
+
+CHAPTERS = {"questions": questions, "transfers": transfers, "flight": flight, "ending": ending}
