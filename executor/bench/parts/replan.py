@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import multiprocessing
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +34,7 @@ from planner import (
 from planner.synthetic import generated_network
 
 TITLE = "Re-plans"
+PEER_TITLE = "Given up, asked of PyVRP"
 TIGHTNESS = (0.78, 0.82, 0.86, 0.90)
 LARGE_TIGHTNESS = (0.90, 0.97)
 """Nineteen vehicles carry the work of twenty more easily than three that of four."""
@@ -136,34 +139,59 @@ def _peer(setting: Setting, rows: list[Json]) -> Json:
     chance = np.random.default_rng(setting.seed)
     count = min(len(given_up), setting.pieces(SAMPLE, 3))
     chosen = [given_up[number] for number in sorted(chance.choice(len(given_up), count, replace=False))]
-    solved, certain = [], 0
-    for done, (row, lost, at_s, sure) in enumerate(chosen):
-        setting.told("Given up, asked of PyVRP", done, count)
-        name = f"replan-peer-{row['case']}-{row['tightness']:g}-{lost}-{at_s:.3f}"
-        settings = {"seed": setting.seed, "quick": setting.quick, "routes": row["routes"], "budget": row["budget"]}
-        answer = setting.store.known_or(
-            name,
-            settings,
-            lambda row=row, lost=lost, at_s=at_s: _asked(setting, row, lost, at_s),  # type: ignore[misc]
-        )
-        certain += sure
-        if answer["solved"]:
-            solved.append({"case": row["case"], "tightness": row["tightness"], "lost": lost, "at_s": at_s})
-    setting.told("Given up, asked of PyVRP", count, count)
+    questions = [_Question(setting, row, lost, at_s) for row, lost, at_s, _ in chosen]
+    answers = _answers(setting, questions)
+    solved = [
+        {"case": one.case, "tightness": one.tightness, "lost": one.lost, "at_s": one.at_s}
+        for one, answer in zip(questions, answers, strict=True)
+        if answer["solved"]
+    ]
+    certain = sum(sure for *_, sure in chosen)
     return {"given_up": len(given_up), "asked": count, "certain": certain, "solved": solved}
 
 
-def _asked(setting: Setting, row: Json, lost: int, at_s: float) -> Json:
-    if row["case"] == "real":
-        ends_m = setting.nechranice(REAL_RADIUS_M).ends_m
-    else:
-        ends_m = generated_network(LARGE_SEGMENTS, setting.seed)
-    instance = line_instance(ends_m, row["vehicles"], PAPER_S, row["budget"])
-    plan = Plan(tuple(Route(vehicle, tuple(visits)) for vehicle, visits in enumerate(row["routes"])))
-    left = remaining(instance, plan, lost, at_s)
-    answer = solve_pyvrp(left.instance, seconds=setting.seconds(PEER_S), seed=setting.seed, scale=PEER_SCALE)
-    holds = answer.plan is not None and not evaluate(left.instance, answer.plan, Cost.MINSUM).violations
-    return {"solved": holds}
+class _Question:
+    """A loss that PyVRP is asked about: all that another process needs, and nothing else."""
+
+    def __init__(self, setting: Setting, row: Json, lost: int, at_s: float) -> None:
+        self.case: str = row["case"]
+        self.tightness: float = row["tightness"]
+        self.lost, self.at_s = lost, at_s
+        real = self.case == "real"
+        ends_m = setting.nechranice(REAL_RADIUS_M).ends_m if real else generated_network(LARGE_SEGMENTS, setting.seed)
+        self._ends_m, self._vehicles, self._budget, self._routes = ends_m, row["vehicles"], row["budget"], row["routes"]
+        self._seconds, self._seed = setting.seconds(PEER_S), setting.seed
+        self.key = f"replan-peer-{self.case}-{self.tightness:g}-{lost}-{at_s:.3f}"
+        self.settings: Mapping[str, object] = {
+            "seed": setting.seed, "quick": setting.quick, "routes": row["routes"], "budget": row["budget"],
+        }  # fmt: skip
+
+    def answer(self) -> Json:
+        """Ask PyVRP; what it says counts if it holds by our definition."""
+        instance = line_instance(self._ends_m, self._vehicles, PAPER_S, self._budget)
+        plan = Plan(tuple(Route(vehicle, tuple(visits)) for vehicle, visits in enumerate(self._routes)))
+        left = remaining(instance, plan, self.lost, self.at_s)
+        answer = solve_pyvrp(left.instance, seconds=self._seconds, seed=self._seed, scale=PEER_SCALE)
+        holds = answer.plan is not None and not evaluate(left.instance, answer.plan, Cost.MINSUM).violations
+        return {"solved": holds}
+
+
+def _answers(setting: Setting, questions: list[_Question]) -> list[Json]:
+    """Return what is known or asked now, one question on each core: PyVRP uses one."""
+    known = {one.key: setting.store.known(one.key, one.settings) for one in questions}
+    missing = [one for one in questions if known[one.key] is None]
+    setting.told(PEER_TITLE, len(questions) - len(missing), len(questions))
+    pool = ProcessPoolExecutor(setting.starts, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        futures = {pool.submit(one.answer): one for one in missing}
+        for done, future in enumerate(as_completed(futures), len(questions) - len(missing) + 1):
+            one = futures[future]
+            known[one.key] = setting.store.keep(one.key, one.settings, future.result())
+            setting.told(PEER_TITLE, done, len(questions))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    answers = [known[one.key] for one in questions]
+    return [answer for answer in answers if answer is not None]
 
 
 def report(result: Json) -> str:
