@@ -38,8 +38,8 @@ def ended_well(flight: Flown, lost: list[str], *, down: tuple[str, ...] = NAMES)
     report, said = flight.report, flight.said
     assert [(fault["vehicle"], fault["kind"]) for fault in report["faults"]] == [(VICTIM, kind) for kind in lost], said
     assert report["finished"], said
-    assert report["segments_inspected"] == report["segments_total"] == 13
-    assert sorted(one["segment"] for one in report["inspections"]) == list(range(13))
+    assert report["segments_inspected"] == report["segments_total"] > 0
+    assert sorted(one["segment"] for one in report["inspections"]) == list(range(report["segments_total"]))
     assert wrongly_counted(flight.run, report) == [], said
     assert report["min_separation_m"] >= LEAST_APART_M, said
     assert not any(line for line in said.splitlines() if "internal mistake" in line), said
@@ -141,9 +141,9 @@ def test_silent_and_told_to_return(autopilot: Autopilot, tmp_path: Path) -> None
 def test_a_silence_within_its_patience(autopilot: Autopilot, tmp_path: Path) -> None:
     """Nobody is lost; what it flew unseen does not count, and is flown again.
 
-    PX4's is its default: its start script takes ten times the speed factor, 40 s.
+    Forty seconds are what PX4's start script sets at four times real time.
     """
-    patience = {ARDUPILOT: {"FS_GCS_ENABLE": 1, "FS_GCS_TIMEOUT": 40}, PX4: {"NAV_DLL_ACT": 2}}
+    patience = {ARDUPILOT: {"FS_GCS_ENABLE": 1, "FS_GCS_TIMEOUT": 40}, PX4: {"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 40}}
     flight = flown(autopilot, silence(patience[autopilot]), tmp_path)
     ended_well(flight, [])
     assert flight.says(f"{VICTIM}: nothing heard for ") is not None, flight.said
