@@ -143,9 +143,8 @@ def site_file(
     )
     for number, port in enumerate(ports, start=1):
         text += f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\n'
-        text += (
-            f'sysid = {number}\nautopilot = "{autopilot}"\nbackend = "{"mavsdk" if number <= mavsdk else "native"}"\n'
-        )
+        backend = "mavsdk" if number <= mavsdk else "native"
+        text += f'sysid = {number}\nautopilot = "{autopilot}"\nbackend = "{backend}"\n'
     path = folder / "site.toml"
     path.write_text(text, encoding="utf-8")
     return path, ports

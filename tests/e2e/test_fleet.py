@@ -131,11 +131,12 @@ async def test_at_the_speed_of_life(tmp_path: Path) -> None:
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 async def test_a_loss_among_vehicles_that_are_reached_through_mavsdk(autopilot: str, tmp_path: Path) -> None:
     """One of them is lost, the other takes over with the one on the native link."""
-    site, _ = site_file(tmp_path, pylons=10, vehicles=3, speedup=15.0, autopilot=autopilot, mavsdk=2)
+    site, _ = site_file(tmp_path, pylons=10, vehicles=3, speedup=10.0, autopilot=autopilot, mavsdk=2)
     run = tmp_path / "run"
-    async with called("simulate", str(site), "--fault", "uav2:silent@40%"):
-        async with called("fly", str(site), "--yes", "--json", "--run", str(run)) as flight:
-            out, err = await ended(flight)
+    simulate = ["simulate", str(site), "--fault", "uav2:silent@40%"]
+    fly = ["fly", str(site), "--yes", "--json", "--run", str(run)]
+    async with called(*simulate), called(*fly) as flight:
+        out, err = await ended(flight)
     assert flight.returncode == 0, err
     flown = Flown(run, 0, json.loads(out), [note["said"] for note in notes(run)])
     finished(flown)

@@ -30,7 +30,7 @@ SILENCE_S = 20.0
 @pytest.fixture(scope="session")
 def simulated_report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """The report of the same loss on faultline's own simulated fleet."""
-    return asyncio.run(demo(tmp_path_factory.mktemp("demo") / "run", "uav2:silent@40%")).report
+    return asyncio.run(demo(tmp_path_factory.mktemp("demo") / "run", "uav2:silent@40%", speedup=8.0)).report
 
 
 def ended_well(flight: Flown, lost: list[str], *, down: tuple[str, ...] = NAMES) -> None:
