@@ -107,54 +107,65 @@ def changes_of(run: Path) -> list[Change]:
     return found
 
 
+class _Course:
+    """What a vehicle flies, by the items that it was sent and the one that it says it flies to."""
+
+    def __init__(self, depot_deg: Place, inspection_m_s: float) -> None:
+        self.items: dict[int, Any] = {}
+        self.current: int | None = None
+        self.flying = False
+        self._depot_deg = depot_deg
+        self._inspection_m_s = inspection_m_s
+        self._target: tuple[int, Place] | None = None
+        self._turned_m: Place | None = None
+        """Where it was when its target was replaced by another place: it flies on from there."""
+
+    def moment(self, at: Any, t_s: float) -> Moment | None:
+        """Return what a position says; None where it flies no leg between two places."""
+        places = [seq for seq in sorted(self.items) if self.items[seq].command in PLACES and self.items[seq].x != 0]
+        ahead = [seq for seq in places if self.current is not None and seq >= self.current]
+        behind = places[: len(places) - len(ahead)]
+        if not self.flying or not ahead or not behind:
+            return None
+        here, way = _local(at.lat, at.lon, self._depot_deg), [self._place(seq) for seq in (*behind, ahead[0])]
+        if self._target is None or self._target[0] != ahead[0]:
+            self._turned_m = None
+        elif self._target[1] != way[-1]:
+            self._turned_m = here
+        self._target = (ahead[0], way[-1])
+        along, aside, length = _beside(here, self._turned_m or way[-2], way[-1])
+        if len(way) > 2:
+            aside = min(aside, _beside(here, way[-3], way[-2])[1])
+        on_segment = self._slow(ahead[0]) and ENDS_M <= along <= length - ENDS_M
+        return Moment(t_s, math.hypot(at.vx, at.vy) / 100.0, aside, on_segment)
+
+    def _place(self, seq: int) -> Place:
+        return _local(self.items[seq].x, self.items[seq].y, self._depot_deg)
+
+    def _slow(self, target: int) -> bool:
+        changes = [seq for seq in self.items if seq <= target and self.items[seq].command == CHANGE_SPEED]
+        return bool(changes) and abs(self.items[max(changes)].param2 - self._inspection_m_s) < 0.01
+
+
 def _moments(log: Path, began_unix_s: float, depot_deg: Place, inspection_m_s: float) -> Iterator[Moment]:
-    items: dict[int, Any] = {}
-    current: int | None = None
-    flying = False
+    course = _Course(depot_deg, inspection_m_s)
     names = ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_CURRENT", "HEARTBEAT", "GLOBAL_POSITION_INT")
     for stamp_s, message in messages(log, *names):
         ours = message.get_srcSystem() == GROUND_STATION
         match message.get_type():
             case "MISSION_COUNT" if ours:
                 # The old items stand until each is replaced.
-                items = {seq: item for seq, item in items.items() if seq < message.count}
+                course.items = {seq: item for seq, item in course.items.items() if seq < message.count}
             case "MISSION_ITEM_INT" if ours:
-                items[message.seq] = message
+                course.items[message.seq] = message
             case "MISSION_CURRENT" if not ours:
-                current = message.seq
+                course.current = message.seq
             case "HEARTBEAT" if not ours and message.get_srcComponent() == 1:
-                flying = bool(message.base_mode & 128)
-            case "GLOBAL_POSITION_INT" if flying and current is not None:
-                moment = _moment(message, items, current, depot_deg, inspection_m_s, stamp_s - began_unix_s)
+                course.flying = bool(message.base_mode & 128)
+            case "GLOBAL_POSITION_INT":
+                moment = course.moment(message, stamp_s - began_unix_s)
                 if moment is not None:
                     yield moment
-
-
-def _moment(
-    at: Any,
-    items: dict[int, Any],
-    current: int,
-    depot_deg: Place,
-    inspection_m_s: float,
-    t_s: float,
-) -> Moment | None:
-    places = [seq for seq in sorted(items) if items[seq].command in PLACES and items[seq].x != 0]
-    ahead = [seq for seq in places if seq >= current]
-    behind = [seq for seq in places if seq < current]
-    if not ahead or not behind:
-        return None
-    here = _local(at.lat, at.lon, depot_deg)
-    legs = [(behind[-1], ahead[0])] + ([(behind[-2], behind[-1])] if len(behind) > 1 else [])
-    found = [_beside(here, *(_local(items[seq].x, items[seq].y, depot_deg) for seq in leg)) for leg in legs]
-    speeds = [items[seq].param2 for seq in sorted(items) if seq <= ahead[0] and items[seq].command == CHANGE_SPEED]
-    along, _, length = found[0]
-    slow = bool(speeds) and abs(speeds[-1] - inspection_m_s) < 0.01
-    return Moment(
-        t_s,
-        math.hypot(at.vx, at.vy) / 100.0,
-        min(aside for _, aside, _ in found),
-        slow and ENDS_M <= along <= length - ENDS_M,
-    )
 
 
 def _local(lat_e7: int, lon_e7: int, depot_deg: Place) -> Place:

@@ -26,8 +26,6 @@ from tests.sitl.real import RELAYED, Autopilot, RealVehicle, Wanted, running
 
 VICTIM = "uav2"
 NAMES = ("uav1", VICTIM, "uav3")
-RADIUS_M = 320.0
-"""Seven segments."""
 SPEEDUP = float(os.environ.get("FAULTLINE_SITL_SPEEDUP", "4"))
 """Times real time; a busy computer keeps up with less."""
 
@@ -49,6 +47,8 @@ class Story:
     """Whether uav2's link goes through a relay."""
     backends: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Who does not speak to its vehicle by the native link."""
+    radius_m: float = 320.0
+    """About the depot: seven segments; 400 m are thirteen."""
     speedup: float = SPEEDUP
 
 
@@ -150,7 +150,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
 def _site(autopilot: Autopilot, story: Story) -> Site:
     return check_site(
         {
-            "network": {"file": "default", "radius_m": RADIUS_M},
+            "network": {"file": "default", "radius_m": story.radius_m},
             "flight": {"speedup": story.speedup, "connect_timeout_s": 90.0, "ready_timeout_s": 240.0},
             "faults": dict(story.faults),
             "vehicle": [

@@ -78,7 +78,7 @@ def test_nothing_happens(autopilot: Autopilot, tmp_path: Path) -> None:
 
 @BOTH
 def test_one_falls_silent_for_good(autopilot: Autopilot, tmp_path: Path, simulated_report: dict[str, Any]) -> None:
-    flight = flown(autopilot, Story(RealVehicle.suspend), tmp_path)
+    flight = flown(autopilot, Story(RealVehicle.suspend, radius_m=400.0), tmp_path)
     ended_well(flight, ["link"], down=("uav1", "uav3"))
     assert len(flight.report["replans"]) == 1, flight.said
     ours, theirs = shape(flight.report), shape(simulated_report)
