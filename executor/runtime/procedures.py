@@ -24,8 +24,9 @@ M = TypeVar("M", bound=Machine)
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
 """An upload that has begun is tried again for this long: the mixture on board meanwhile is flown in the own layer."""
-UPLOAD_PATIENCE_REAL_S = 4.0
-"""The same in real seconds, and for one that a busy computer may have kept from beginning."""
+UPLOAD_PATIENCE_REAL_S = 8.0
+"""The same in real seconds; half of it for one of which nothing is on board, which a busy computer may have kept from
+beginning."""
 BUSY_WAIT_S = 3.0
 """Before an upload is tried again; ArduPilot frees another station's transfer after 8 s, PX4 after 5."""
 SILENCE_MARGIN_S = 1.0
@@ -64,9 +65,8 @@ async def put_on_board(link: Link, clock: Clock, dialect: Dialect, items: tuple[
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
-        patience_s = max(
-            UPLOAD_PATIENCE_S if mixed else 0.0, UPLOAD_PATIENCE_REAL_S * clock.speedup if stalled else 0.0
-        )
+        real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
+        patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
         if attempt >= UPLOAD_TRIES and clock.now_s() - began_s > patience_s:
             break
         if attempt:

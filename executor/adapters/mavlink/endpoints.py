@@ -28,7 +28,7 @@ STALLED_BYTES = 8192
 UNACKNOWLEDGED_MS = 8000
 """A TCP peer that acknowledges nothing for so long is gone; our heartbeats ask it every second."""
 READ_BYTES = 4096
-RECEIVE_BYTES = 1 << 20
+RECEIVE_BYTES = 1 << 19
 """What may wait in a UDP port while the computer is busy: the usual 208 kB are a fifth of a second of what PX4 says at
 four times real time, and the rest would be lost."""
 
