@@ -168,7 +168,7 @@ def _vehicle(
     return {
         "name": vehicle.name,
         "segments": sorted(segment for segment, name in state.inspected.items() if name == vehicle.name),
-        "energy_used_pct": round(battery.used_pct, 1),
+        "energy_used_pct": round(battery.given_pct, 1),
         "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         "min_reserve_pct": battery.least_pct,
         "state": vehicle.stage.value,

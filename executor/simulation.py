@@ -42,6 +42,7 @@ def fleet_of(
                 home_alt_m=pad.alt_m,
                 drone=ground.drone,
                 consumption=wind,
+                transfer_patience_s=build.stall_s(speedup),
                 parameters={
                     rule.action: float(rule.action_return if failsafe else 0),
                     rule.timeout: max(rule.timeout_s, build.stall_s(speedup)),

@@ -40,6 +40,10 @@ class BatteryState:
     """The reports of the last `HISTORY_S`, the oldest first."""
     base: BatterySample | None = None
     """The report from which the factor is learned: the first, or the last before a jump that was no consumption."""
+    lowest_pct: float | None = None
+    """The least that was reported since the account began."""
+    earlier_pct: float = 0.0
+    """Percent given before the account began anew."""
 
     @property
     def used_pct(self) -> float:
@@ -47,6 +51,13 @@ class BatteryState:
         if self.first_pct is None or self.remaining_pct is None:
             return 0.0
         return max(0.0, self.first_pct - self.remaining_pct)
+
+    @property
+    def given_pct(self) -> float:
+        """Percent given in the whole flight: PX4's simulated battery is full again as soon as it disarms."""
+        if self.first_pct is None or self.lowest_pct is None:
+            return self.earlier_pct
+        return self.earlier_pct + self.first_pct - self.lowest_pct
 
 
 def drawn(state: BatteryState, pct: float) -> BatteryState:
@@ -63,6 +74,7 @@ def reported(state: BatteryState, remaining_pct: float, charge_state: int, now_s
         first_pct=remaining_pct if state.first_pct is None else state.first_pct,
         remaining_pct=remaining_pct,
         least_pct=remaining_pct if state.least_pct is None else min(state.least_pct, remaining_pct),
+        lowest_pct=remaining_pct if state.lowest_pct is None else min(state.lowest_pct, remaining_pct),
         reported_s=now_s,
         charge_state=charge_state,
         history=history,
@@ -72,7 +84,7 @@ def reported(state: BatteryState, remaining_pct: float, charge_state: int, now_s
 
 def swapped(state: BatteryState, remaining_pct: float, charge_state: int, now_s: float) -> BatteryState:
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
-    fresh = BatteryState(least_pct=state.least_pct)
+    fresh = BatteryState(least_pct=state.least_pct, earlier_pct=state.given_pct)
     return reported(fresh, remaining_pct, charge_state, now_s)
 
 

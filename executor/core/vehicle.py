@@ -280,7 +280,7 @@ def _positioned(context: Context, state: VehicleState, message: Position, now_s:
     if state.armed and 0.0 < elapsed_s < 30.0:
         drained = battery.drawn(drained, context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s)
     anchor = state.anchor
-    if anchor is None or _apart_m(anchor, fix) > context.limits.stall_m:
+    if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
     took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     state = replace(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off)

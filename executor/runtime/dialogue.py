@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import dataclass
 from typing import TypeVar
 
 from executor.core.messages import Message
@@ -13,6 +14,24 @@ M = TypeVar("M", bound=Machine)
 
 INBOX = 256
 """Messages that may wait for a dialogue; telemetry beyond it is dropped, the protocols ask again for the rest."""
+
+
+MOST_SPEEDUP = 10.0
+"""Faster than this the time-outs of a dialogue do not follow: a fifteenth of a second is no time on a busy computer."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Paced:
+    """A dialogue's own time: the flight's, but never faster than `MOST_SPEEDUP`."""
+
+    clock: Clock
+
+    @property
+    def speedup(self) -> float:
+        return min(self.clock.speedup, MOST_SPEEDUP)
+
+    def now_s(self) -> float:
+        return self.clock.now_s() / self.clock.speedup * self.speedup
 
 
 async def converse(machine: M, link: Link, clock: Clock) -> M:
@@ -26,22 +45,23 @@ async def converse(machine: M, link: Link, clock: Clock) -> M:
         if not inbox.full():
             inbox.put_nowait(message)
 
+    paced = _Paced(clock)
     stop_listening = link.listen(take)
     try:
-        machine, send = machine.begin(clock.now_s())
+        machine, send = machine.begin(paced.now_s())
         while True:
             for message in send:
                 link.send(message)
             if machine.outcome is not None:
                 return machine
-            left_s = (machine.deadline_s - clock.now_s()) / clock.speedup
+            left_s = (machine.deadline_s - paced.now_s()) / paced.speedup
             try:
                 async with asyncio.timeout(max(0.0, left_s)):
                     heard = await inbox.get()
             except TimeoutError:
-                machine, send = machine.on_deadline(clock.now_s())
+                machine, send = machine.on_deadline(paced.now_s())
             else:
-                machine, send = machine.on_message(heard, clock.now_s())
+                machine, send = machine.on_message(heard, paced.now_s())
     except asyncio.CancelledError:
         _, send = machine.cancel()
         for message in send:

@@ -6,28 +6,35 @@ import asyncio
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
 from executor.core.ports import Clock, Link
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import Download
-from executor.protocols.machine import Accepted, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, TimedOut
 from executor.protocols.params import Parameter
 from executor.protocols.upload import Upload
 from executor.runtime.dialogue import converse
 from missions import Dialect, MissionItem, StartStep, differences
 
+M = TypeVar("M", bound=Machine)
+
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
 """An upload that has begun is tried again for this long: the mixture on board meanwhile is flown in the own layer."""
+UPLOAD_PATIENCE_REAL_S = 8.0
+"""The same in real seconds; half of it for one of which nothing is on board, which a busy computer may have kept from
+beginning."""
 BUSY_WAIT_S = 3.0
 """Before an upload is tried again; ArduPilot frees another station's transfer after 8 s, PX4 after 5."""
 SILENCE_MARGIN_S = 1.0
 """We wait this much longer than the vehicle itself before an upload is given up."""
 MODE_TIMEOUT_S = 5.0
-PARAMETER_PATIENCE_REAL_S = 3.0
-"""Measured: three PX4 at four times real time left every question of a second unanswered, on two busy cores."""
+PATIENCE_REAL_S = 3.0
+"""Faster than real time a busy computer may be why nobody answers, so nothing is given up sooner than this. Measured:
+three PX4 at four times real time left every question of a second unanswered, on two busy cores."""
 ARM_PATIENCE_S = 30.0
 ARM_AGAIN_S = 2.0
 
@@ -55,16 +62,20 @@ def reason_of(outcome: Outcome | None) -> str:
 
 async def put_on_board(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> Done:
     """Upload a mission and read it back until both are the same, with patience but not for ever."""
-    reason, mixed, began_s = "", False, clock.now_s()
+    reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
-        if attempt >= UPLOAD_TRIES and (not mixed or clock.now_s() - began_s > UPLOAD_PATIENCE_S):
+        real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
+        patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
+        if attempt >= UPLOAD_TRIES and clock.now_s() - began_s > patience_s:
             break
         if attempt:
             await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
         upload = await upload_once(link, clock, dialect, items)
         if upload.begun:
             mixed = not dialect.upload_is_atomic
+        # A plain refusal does not become another answer by waiting.
+        stalled |= upload.begun or not isinstance(upload.outcome, Rejected)
         if not isinstance(upload.outcome, Accepted):
             reason = reason_of(upload.outcome)
             if not upload.begun or upload.furthest < len(items) - 1:
@@ -89,7 +100,7 @@ async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[M
 
 async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
     """Give one command."""
-    ended = await converse(command, link, clock)
+    ended = await _patiently(command, link, clock)
     return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
 
 
@@ -160,9 +171,8 @@ async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: 
 
 
 async def _confirmed(link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str) -> Done:
-    seen = await wait_for(
-        link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), MODE_TIMEOUT_S
-    )
+    patience_s = max(MODE_TIMEOUT_S, PATIENCE_REAL_S * clock.speedup)
+    seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), patience_s)
     return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise)
 
 
@@ -191,11 +201,11 @@ async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind:
     return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
 
 
-async def _patiently(question: Parameter, link: Link, clock: Clock) -> Parameter:
+async def _patiently(question: M, link: Link, clock: Clock) -> M:
     """Ask, and ask again while a busy computer may be why nobody answers."""
     began_s = clock.now_s()
     while True:
         ended = await converse(question, link, clock)
         waited_s = clock.now_s() - began_s
-        if not isinstance(ended.outcome, TimedOut) or waited_s >= PARAMETER_PATIENCE_REAL_S * clock.speedup:
+        if not isinstance(ended.outcome, TimedOut) or waited_s >= PATIENCE_REAL_S * clock.speedup:
             return ended

@@ -72,7 +72,8 @@ class ArduPilot(Autopilot):
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
         lat, lon = home.lat_lon_e7(0.0, 0.0)
-        store = ArduPilotStore(MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m))
+        item = MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m)
+        store = ArduPilotStore(item, vehicle.transfer_patience_s)
         super().__init__(vehicle, MANNERS, store, home)
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice)
         self._gcs_failsafe = False

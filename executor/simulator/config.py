@@ -79,6 +79,9 @@ class SimVehicle:
     current_sensor: bool = True
     ready_after_s: float = 3.0
     """Boot until it can be armed, simulated. Measured: PX4 5 s, ArduPilot 42 s; shorter spares waiting."""
+    transfer_patience_s: float = 0.0
+    """A mission transfer is not given up sooner than this, simulated, though a real autopilot does: where a simulation
+    runs faster than real time, a silent partner may be a busy computer."""
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Autopilot parameters that differ from the defaults."""
     seed: int = 0
@@ -99,6 +102,7 @@ class SimVehicle:
             "charge_pct": (0 < self.charge_pct <= 100, "above 0, up to 100"),
             "health": (0 < self.health <= 1.5, "above 0, up to 1.5"),
             "consumption": (0 < self.consumption < math.inf, "above 0"),
+            "transfer_patience_s": (0 <= self.transfer_patience_s < math.inf, "0 or more"),
             "ready_after_s": (0 <= self.ready_after_s < math.inf, "0 or more"),
         }
         for key, (good, expected) in checks.items():

@@ -53,7 +53,7 @@ class Px4(Autopilot):
     }  # fmt: skip
 
     def __init__(self, vehicle: SimVehicle) -> None:
-        self._store = Px4Store()
+        self._store = Px4Store(vehicle.transfer_patience_s)
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
         super().__init__(vehicle, MANNERS, self._store, home)
         self.mode = Mode.LOITER

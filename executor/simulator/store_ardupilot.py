@@ -50,7 +50,8 @@ class ArduPilotStore:
 
     mission_id = 0
 
-    def __init__(self, home: MissionItem) -> None:
+    def __init__(self, home: MissionItem, patience_s: float = 0.0) -> None:
+        self._give_up_s = max(GIVE_UP_S, patience_s)
         self._memory: list[MissionItem] = [home]
         """Storage as it is on the board: what lies behind ``_count`` is stale but still there."""
         self._count = 1
@@ -88,11 +89,11 @@ class ArduPilotStore:
         return self._obey(message, sender, now_s, locked=locked)
 
     def tick(self, now_s: float) -> StoreStep:
-        """Ask again after a second, give up after eight."""
+        """Ask again after a second, give up after eight or what the simulation demands."""
         upload = self._upload
         if upload is None:
             return StoreStep()
-        if now_s - upload.heard_s >= GIVE_UP_S:
+        if now_s - upload.heard_s >= self._give_up_s:
             self._upload = None
             return StoreStep(
                 (ack(upload.partner, MissionResult.OPERATION_CANCELLED),),

@@ -63,7 +63,8 @@ def mission_checksum(items: Sequence[MissionItem]) -> int:
 class Px4Store:
     """The mission on board."""
 
-    def __init__(self) -> None:
+    def __init__(self, patience_s: float = 0.0) -> None:
+        self._give_up_s = max(GIVE_UP_S, patience_s)
         self._items: tuple[MissionItem, ...] = ()
         self._mission_id = 0
         self._upload: Transfer | None = None
@@ -110,14 +111,14 @@ class Px4Store:
                 return self._clear(sender)
 
     def tick(self, now_s: float) -> StoreStep:
-        """Ask again after 250 ms, give up after 5 s with a text and without an ACK."""
-        if self._download is not None and now_s - self._download.heard_s >= GIVE_UP_S:
+        """Ask again after 250 ms, give up after 5 s, or what the simulation demands, with a text and without an ACK."""
+        if self._download is not None and now_s - self._download.heard_s >= self._give_up_s:
             self._download = None
             return StoreStep(texts=(TIMEOUT_TEXT,))
         upload = self._upload
         if upload is None:
             return StoreStep()
-        if now_s - upload.heard_s >= GIVE_UP_S:
+        if now_s - upload.heard_s >= self._give_up_s:
             self._upload = None
             return StoreStep(texts=(TIMEOUT_TEXT,))
         if self._stalled(upload) or now_s - upload.asked_s < ASK_AGAIN_S:

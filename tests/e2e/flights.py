@@ -130,15 +130,21 @@ def free_ports(count: int) -> list[int]:
             one.close()
 
 
-def site_file(folder: Path, *, pylons: int, vehicles: int, speedup: float) -> tuple[Path, list[int]]:
-    """Write a site over a line of its own, and return it with the ports that the ground station listens on."""
+def site_file(
+    folder: Path, *, pylons: int, vehicles: int, speedup: float, autopilot: str = "ardupilot", mavsdk: int = 0
+) -> tuple[Path, list[int]]:
+    """Write a site over a line of its own, and return it with the ports that the ground station listens on.
+
+    The first `mavsdk` vehicles are reached through MAVSDK.
+    """
     network, ports = graph_file(folder, pylons), free_ports(vehicles)
     text = (
         f'[depot]\nlat_deg = 49.6\nlon_deg = 15.6\n[network]\nfile = "{network.name}"\n[flight]\nspeedup = {speedup}\n'
     )
     for number, port in enumerate(ports, start=1):
         text += f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\n'
-        text += f'sysid = {number}\nautopilot = "ardupilot"\n'
+        backend = "mavsdk" if number <= mavsdk else "native"
+        text += f'sysid = {number}\nautopilot = "{autopilot}"\nbackend = "{backend}"\n'
     path = folder / "site.toml"
     path.write_text(text, encoding="utf-8")
     return path, ports

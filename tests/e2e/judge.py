@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pymavlink import mavutil
+
+from tests.e2e.tlog import messages
 
 Place = tuple[float, float]
 
@@ -38,19 +39,17 @@ def depot_of(run: Path) -> Place:
 
 def positions_of(log: Path, depot_deg: Place) -> np.ndarray:
     """(n, 4): seconds by the vehicle's clock, east, north, height; by a flat-earth formula about the depot."""
-    reader = mavutil.mavlink_connection(str(log))
     rows = []
     latitude = math.radians(depot_deg[0])
     north_m = 111132.954 - 559.822 * math.cos(2 * latitude) + 1.175 * math.cos(4 * latitude)
     east_m = 111412.84 * math.cos(latitude) - 93.5 * math.cos(3 * latitude)
-    while (message := reader.recv_match(type="GLOBAL_POSITION_INT")) is not None:
+    for _, message in messages(log, "GLOBAL_POSITION_INT"):
         rows.append((
             message.time_boot_ms / 1e3,
             (message.lon / 1e7 - depot_deg[1]) * east_m,
             (message.lat / 1e7 - depot_deg[0]) * north_m,
             message.relative_alt / 1e3,
         ))  # fmt: skip
-    reader.close()
     times = np.array(rows)
     keep = np.concatenate(([True], np.diff(np.maximum.accumulate(times[:, 0])) > 0))
     return times[keep]

@@ -26,6 +26,7 @@ from tests.e2e.flights import (
     said_in,
     site_file,
 )
+from tests.e2e.judge import wrongly_counted
 
 pytestmark = pytest.mark.asyncio
 
@@ -125,6 +126,28 @@ async def test_at_the_speed_of_life(tmp_path: Path) -> None:
     assert timeout_s <= declared_s - last_heard_s <= timeout_s + 0.5
     assert declared_s - silent_s <= timeout_s + 0.5
     assert on_board_s - declared_s <= 2.0
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+async def test_a_loss_among_vehicles_that_are_reached_through_mavsdk(autopilot: str, tmp_path: Path) -> None:
+    """One of them is lost, the other takes over with the one on the native link."""
+    site, _ = site_file(tmp_path, pylons=10, vehicles=3, speedup=10.0, autopilot=autopilot, mavsdk=2)
+    run = tmp_path / "run"
+    simulate = ["simulate", str(site), "--fault", "uav2:silent@40%"]
+    fly = ["fly", str(site), "--yes", "--json", "--run", str(run)]
+    async with called(*simulate), called(*fly) as flight:
+        out, err = await ended(flight)
+    assert flight.returncode == 0, err
+    flown = Flown(run, 0, json.loads(out), [note["said"] for note in notes(run)])
+    finished(flown)
+    assert lost(flown) == [("uav2", "link")]
+    assert [replan["feasible"] for replan in flown.report["replans"]] == [True]
+    assert wrongly_counted(run, flown.report) == []
+    for name, counted in (("uav1", False), ("uav3", True)):
+        assert flown.vehicle(name)["landed"]
+        assert flown.vehicle(name)["segments"]
+        # MAVSDK shows no sequence numbers, so nobody knows what was lost on its way.
+        assert (flown.vehicle(name)["frames_missing"] is not None) is counted
 
 
 async def started(folder: Path, speedup: float) -> tuple[list[str], list[str], list[int], Path]:

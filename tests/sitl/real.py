@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from missions import LocalFrame, Pad
+from tests.sitl.parameters import OtherLink
+from tests.sitl.relay import Relay
 
-COPTER_PARAMETERS = {
+COPTER_PARAMETERS: Mapping[str, float] = {
     # What a calibrated quadrotor has; without them, or with figures for a third IMU that it does not simulate,
     # ArduPilot's pre-arm checks fail.
     "FRAME_CLASS": 1,
@@ -34,6 +37,29 @@ PX4_ENVIRONMENT = {
     # Its battery drains linearly in time: this many seconds from full to empty.
     "PX4_PARAM_SIM_BAT_DRAIN": "3000",
 }
+RELAYED = 1000
+"""How far above its own port a vehicle with a relay is heard."""
+START_REAL_S = 60.0
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """One of the two, as the tests start it."""
+
+    name: str
+    variable: str
+    """Of the environment: where its binary is."""
+    port: int
+    """The first vehicle sends to this one, the next to the next."""
+
+    @property
+    def binary(self) -> str | None:
+        """Its binary, if there is one."""
+        return os.environ.get(self.variable)
+
+
+ARDUPILOT = Autopilot("ardupilot", "FAULTLINE_ARDUCOPTER", 16000)
+PX4 = Autopilot("px4", "FAULTLINE_PX4", 14540)
 
 
 @dataclass(frozen=True)
@@ -41,65 +67,99 @@ class RealVehicle:
     """A running autopilot."""
 
     process: subprocess.Popen[bytes]
+    sysid: int
+    other: OtherLink
+    relay: Relay | None
 
     def suspend(self) -> None:
         """Fall silent, as a vehicle whose link is gone for good."""
         os.killpg(self.process.pid, signal.SIGSTOP)
 
+    def cut(self) -> None:
+        """Cut its link; it flies on."""
+        self.relayed.cut = True
+
+    def join(self) -> None:
+        """Bring its link back."""
+        self.relayed.cut = False
+
+    def set(self, name: str, value: float, patience_s: float = 5.0) -> None:
+        """Set a parameter beside the link that it is flown over."""
+        self.other.set(self.sysid, name, value, patience_s)
+
+    @property
+    def relayed(self) -> Relay:
+        """Its relay."""
+        assert self.relay is not None, "this vehicle has no relay"
+        return self.relay
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which vehicles are started, and how."""
+
+    pads: Mapping[str, Pad]
+    """Where they stand, by their names."""
+    frame: LocalFrame
+    speedup: float
+    settings: Mapping[str, float]
+    """Parameters of all of them."""
+    relayed: frozenset[str]
+    """Whose link can be cut: they are heard `RELAYED` above their own port."""
+
 
 @contextmanager
-def copters(
-    binary: Path, work: Path, pads: Mapping[str, Pad], frame: LocalFrame, speedup: float
-) -> Iterator[dict[str, RealVehicle]]:
-    """ArduPilot copters on the pads; vehicle number i has system i + 1 and sends to UDP port 16000 + i."""
+def running(autopilot: Autopilot, binary: Path, work: Path, wanted: Wanted) -> Iterator[dict[str, RealVehicle]]:
+    """Start vehicles on their pads; number i, from 0, has system i + 1 and sends to UDP port `autopilot.port` + i."""
     work.mkdir(parents=True)
-    parameters = work / "copter.parm"
-    parameters.write_text("".join(f"{name} {value}\n" for name, value in COPTER_PARAMETERS.items()))
-    with _running() as running:
-        for number, (name, pad) in enumerate(pads.items()):
-            lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
-            running[name] = _start(
-                [
-                    str(binary), "-I", str(number), "--model", "quad", "--speedup", f"{speedup:g}",
-                    "--home", f"{lat_deg:.7f},{lon_deg:.7f},{pad.alt_m},0", "--sysid", str(number + 1),
-                    "--serial0", f"udpclient:127.0.0.1:{16000 + number}", "--defaults", str(parameters),
-                ],
-                work / name,
-                {},
-            )  # fmt: skip
-        yield running
+    start = _copter if autopilot is ARDUPILOT else _px4
+    with ExitStack() as stack:
+        vehicles: dict[str, RealVehicle] = {}
+        for number, (name, pad) in enumerate(wanted.pads.items()):
+            relay = None
+            if name in wanted.relayed:
+                port = autopilot.port + number
+                relay = stack.enter_context(Relay(port, port + RELAYED).running())
+            process, other = start(str(binary), number, pad, wanted, work / name)
+            stack.callback(_end, process)
+            stack.callback(other.close)
+            vehicles[name] = RealVehicle(process, number + 1, other, relay)
+        if autopilot is PX4:
+            # Its start script has figures of its own, so these are set once it has run.
+            for vehicle in vehicles.values():
+                for parameter, value in wanted.settings.items():
+                    vehicle.set(parameter, value, START_REAL_S)
+        yield vehicles
 
 
-@contextmanager
-def px4s(
-    binary: Path, work: Path, pads: Mapping[str, Pad], frame: LocalFrame, speedup: float
-) -> Iterator[dict[str, RealVehicle]]:
-    """PX4 quadrotors on the pads; vehicle number i has system i + 1 and sends to UDP port 14540 + i."""
-    with _running() as running:
-        for number, (name, pad) in enumerate(pads.items()):
-            lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
-            place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
-            speed = {"PX4_SIM_SPEED_FACTOR": f"{speedup:g}"}
-            running[name] = _start([str(binary), "-i", str(number)], work / name, PX4_ENVIRONMENT | place | speed)
-        yield running
+def _copter(
+    binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path
+) -> tuple[subprocess.Popen[bytes], OtherLink]:
+    parameters = folder.with_suffix(".parm")
+    parameters.write_text(
+        "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings}.items())
+    )
+    lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
+    command = [
+        binary, "-I", str(number), "--model", "quad", "--speedup", f"{wanted.speedup:g}",
+        "--home", f"{lat_deg:.7f},{lon_deg:.7f},{pad.alt_m},0", "--sysid", str(number + 1),
+        "--serial0", f"udpclient:127.0.0.1:{ARDUPILOT.port + number}", "--defaults", str(parameters),
+    ]  # fmt: skip
+    return _start(command, folder, {}), OtherLink(socket.SOCK_STREAM, 5762 + 10 * number, bytewise=False)
 
 
-@contextmanager
-def _running() -> Iterator[dict[str, RealVehicle]]:
-    running: dict[str, RealVehicle] = {}
-    try:
-        yield running
-    finally:
-        for vehicle in running.values():
-            os.killpg(vehicle.process.pid, signal.SIGCONT)
-            os.killpg(vehicle.process.pid, signal.SIGKILL)
-            vehicle.process.wait()
+def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> tuple[subprocess.Popen[bytes], OtherLink]:
+    lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
+    place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
+    speed = {"PX4_SIM_SPEED_FACTOR": f"{wanted.speedup:g}"}
+    process = _start([binary, "-i", str(number)], folder, {**PX4_ENVIRONMENT, **place, **speed})
+    return process, OtherLink(socket.SOCK_DGRAM, 18570 + number, bytewise=True)
 
 
-def _start(command: list[str], folder: Path, environment: Mapping[str, str]) -> RealVehicle:
-    folder.mkdir(parents=True)
+def _start(command: list[str], folder: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+    folder.mkdir()
     with (folder / "out.txt").open("wb") as output:
-        process = subprocess.Popen(
+        return subprocess.Popen(
             command,
             cwd=folder,
             env={**os.environ, **environment},
@@ -108,4 +168,9 @@ def _start(command: list[str], folder: Path, environment: Mapping[str, str]) -> 
             stderr=output,
             start_new_session=True,
         )
-    return RealVehicle(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    os.killpg(process.pid, signal.SIGCONT)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()

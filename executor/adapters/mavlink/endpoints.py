@@ -28,6 +28,9 @@ STALLED_BYTES = 8192
 UNACKNOWLEDGED_MS = 8000
 """A TCP peer that acknowledges nothing for so long is gone; our heartbeats ask it every second."""
 READ_BYTES = 4096
+RECEIVE_BYTES = 1 << 19
+"""What may wait in a UDP port while the computer is busy: the usual 208 kB are a fifth of a second of what PX4 says at
+four times real time, and the rest would be lost."""
 
 
 class Router:
@@ -72,6 +75,8 @@ class _Datagrams(asyncio.DatagramProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
         self._transport = cast("asyncio.DatagramTransport", transport)
+        with suppress(OSError):
+            transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         if transport.get_extra_info("peername") is not None:
             self._router.opened(partial(self._write, None))
 

@@ -83,6 +83,21 @@ async def test_udpin_answers_where_the_vehicle_calls_from() -> None:
     assert beats(frame) == 1
 
 
+async def test_what_came_while_the_computer_was_busy_is_not_lost() -> None:
+    """Four hundred datagrams are more than a UDP port keeps by default, and a second of what PX4 says."""
+    port = free_port()
+    async with opened(f"udpin://127.0.0.1:{port}") as link:
+        heard = inbox(link)
+        vehicle = Vehicle()
+        with socket_on_loopback() as plug:
+            plug.setblocking(True)
+            for _ in range(400):
+                plug.sendto(vehicle.pack(BEAT), ("127.0.0.1", port))
+        for _ in range(400):
+            await next_of(heard)
+        assert link.counts.missing == 0
+
+
 async def test_udpout_calls_the_vehicle() -> None:
     with socket_on_loopback() as plug:
         async with opened(f"udpout://127.0.0.1:{plug.getsockname()[1]}") as link:

@@ -178,3 +178,13 @@ def test_the_system_status_stands_in_for_a_battery_that_does_not_report() -> Non
     state = fold(context, state, Battery(0, 80.0, None, None, None, 1, 0), 2.0).state
     assert status(81.0, 3.0) == 80.0
     assert status(70.0, 2.0 + context.limits.battery_stale_s + 1.0) == 70.0
+
+
+def test_what_was_given_is_known_after_the_battery_is_full_again() -> None:
+    """PX4's simulated battery is, as soon as it disarms; another pack begins a new account."""
+    state = BatteryState()
+    for second, percent in enumerate((100.0, 95.0, 84.0, 100.0)):
+        state = battery.reported(state, percent, 1, float(second))
+    assert state.given_pct == 16.0
+    state = battery.swapped(state, 98.0, 1, 5.0)
+    assert battery.reported(state, 90.0, 1, 6.0).given_pct == 24.0

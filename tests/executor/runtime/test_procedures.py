@@ -28,8 +28,8 @@ ORDER_OF_START = {
 class Pad:
     """A vehicle on its pad."""
 
-    def __init__(self, dialect: Dialect, air: Air | None = None, **parameters: float) -> None:
-        self.clock, self.dialect = LoopClock(), dialect
+    def __init__(self, dialect: Dialect, air: Air | None = None, *, speedup: float = 1.0, **parameters: float) -> None:
+        self.clock, self.dialect = LoopClock(speedup), dialect
         self.vehicle = FakeAutopilot(dialect, parameters=parameters)
         self.link = FakeLink(self.vehicle, self.clock, air or Air(), seed=3)
 
@@ -62,6 +62,17 @@ async def test_a_start_over_a_bad_link(dialect: Dialect) -> None:
     pad = Pad(dialect, Air(loss=0.2, duplicate=0.2, delay_s=(0.01, 0.3)))
     assert await pad.start() == Done(accepted=True)
     assert (pad.vehicle.armed, pad.vehicle.mode) == (True, dialect.modes.mission)
+
+
+@DIALECTS
+async def test_a_start_while_the_computer_is_busy(dialect: Dialect) -> None:
+    """At thirty times real time the five seconds of a command, or of a change of mode, are a sixth of a second."""
+    pad = Pad(dialect, speedup=30.0)
+    start = asyncio.ensure_future(pad.start())
+    pad.link.cut = True
+    await asyncio.sleep(1.0)
+    pad.link.cut = False
+    assert await start == Done(accepted=True)
 
 
 @DIALECTS

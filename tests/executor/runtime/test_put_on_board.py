@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from executor.core.messages import MissionAck, SendMissionCount, SendMissionItem, SendMissionRequestList
@@ -28,8 +30,8 @@ def mission(dialect: Dialect, visits: tuple[int, ...] = (0, 2, 4, 6)) -> tuple[M
 class Board:
     """One vehicle, its link, and a mission to put on board."""
 
-    def __init__(self, dialect: Dialect, air: Air = CLEAN, *, seed: int = 0) -> None:
-        self.clock = LoopClock()
+    def __init__(self, dialect: Dialect, air: Air = CLEAN, *, seed: int = 0, speedup: float = 1.0) -> None:
+        self.clock = LoopClock(speedup)
         self.vehicle = FakeAutopilot(dialect, items=mission(dialect, (10, 12)))
         self.link = FakeLink(self.vehicle, self.clock, air, seed=seed)
         self.dialect = dialect
@@ -85,6 +87,30 @@ async def test_a_dead_link_has_begun_nothing(dialect: Dialect) -> None:
     board.link.cut = True
     done = await board.put()
     assert done == Done(accepted=False, reason="the vehicle did not ask for the first item", mixed=False)
+
+
+@DIALECTS
+@pytest.mark.parametrize("sent", [0, 5], ids=["before", "during"])
+async def test_a_computer_that_stands_still_faster_than_real_time(dialect: Dialect, sent: int) -> None:
+    """At thirty times real time, two seconds without an answer are a minute of the flight, and nobody's fault."""
+    board = Board(dialect, Air(delay_s=(0.01, 0.01)), speedup=30.0)
+    upload = asyncio.ensure_future(board.put())
+    while len(board.link.of_kind(SendMissionItem)) < sent:
+        board.link.spoken_to.clear()
+        await board.link.spoken_to.wait()
+    board.link.cut = True
+    await asyncio.sleep(2.0)
+    board.link.cut = False
+    assert (await upload).accepted
+    assert board.missing == ()
+
+
+@DIALECTS
+async def test_a_refusal_is_believed_at_any_speed(dialect: Dialect) -> None:
+    board = Board(dialect, speedup=30.0)
+    board.vehicle.missions.refuses = 4
+    assert not (await board.put()).accepted
+    assert len(board.link.of_kind(SendMissionCount)) == procedures.UPLOAD_TRIES
 
 
 @DIALECTS

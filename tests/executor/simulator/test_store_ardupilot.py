@@ -100,6 +100,15 @@ def test_eight_seconds_without_an_item_end_it_with_ack_15_and_a_text() -> None:
     assert "Mission upload timeout" in op.texts()
 
 
+def test_where_a_busy_computer_may_be_silent_an_upload_is_not_given_up_sooner() -> None:
+    op = Operator(AutopilotKind.ARDUPILOT, {"transfer_patience_s": 60.0})
+    op.send(MissionCount(len(LIST), 0))
+    op.run(59.5)
+    assert op.sent("MISSION_ACK") == []
+    op.run(1.0)
+    assert [fields["type"] for fields in op.sent("MISSION_ACK")] == [15]
+
+
 def test_a_second_ground_station_gets_ack_14_for_upload_and_download() -> None:
     op = operator()
     op.send(MissionCount(len(LIST), 0))

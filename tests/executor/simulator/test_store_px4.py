@@ -88,6 +88,15 @@ def test_an_abandoned_upload_ends_after_5_s_with_a_text_and_no_ack() -> None:
     assert op.vehicle.store.items == LIST
 
 
+def test_where_a_busy_computer_may_be_silent_an_upload_is_not_given_up_sooner() -> None:
+    op = Operator(AutopilotKind.PX4, {"transfer_patience_s": 60.0})
+    op.send(MissionCount(2, 0))
+    op.run(59.5)
+    assert "Operation timeout\t" not in op.texts()
+    op.run(1.0)
+    assert "Operation timeout\t" in op.texts()
+
+
 def test_a_second_ground_station_gets_ack_1_at_once() -> None:
     op = operator()
     op.send(MissionCount(len(LIST), 0))

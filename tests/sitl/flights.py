@@ -1,0 +1,172 @@
+"""One flight of real autopilots: three vehicles over the default network, and what happens to one of them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pytest
+
+from executor import app, build, planning
+from executor.config import Site, check_site
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.preflight import Check
+from executor.core.state import FleetState
+from planner import Cost
+from tests.e2e.flights import began_unix_s, log_lines
+from tests.e2e.tlog import messages
+from tests.sitl.real import RELAYED, Autopilot, RealVehicle, Wanted, running
+
+VICTIM = "uav2"
+NAMES = ("uav1", VICTIM, "uav3")
+SPEEDUP = float(os.environ.get("FAULTLINE_SITL_SPEEDUP", "4"))
+"""Times real time; a busy computer keeps up with less."""
+
+
+@dataclass(frozen=True)
+class Story:
+    """What happens to uav2 as soon as it inspects its second segment, and how everybody is set up for it."""
+
+    strike: Callable[[RealVehicle], None] | None = None
+    lift: Callable[[RealVehicle], None] | None = None
+    """What ends it."""
+    lasts_s: float = 0.0
+    """Of the flight's time, from the one to the other."""
+    settings: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Parameters of every vehicle."""
+    faults: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """The site file's table of that name."""
+    relayed: bool = False
+    """Whether uav2's link goes through a relay."""
+    backends: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Who does not speak to its vehicle by the native link."""
+    radius_m: float = 320.0
+    """About the depot: seven segments; 400 m are thirteen."""
+    speedup: float = SPEEDUP
+
+
+class WatchfulConsole:
+    """Keeps what is said, and strikes in mid-segment."""
+
+    def __init__(self, story: Story) -> None:
+        """Begin with nobody to strike."""
+        self.lines: list[str] = []
+        self.running: Mapping[str, RealVehicle] = {}
+        self.struck_s: float | None = None
+        self.lifted_s: float | None = None
+        self._story = story
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        self.lines.append(f"{at_s} {level.value} {text}")
+
+    def checks(self, found: Sequence[Check]) -> None:
+        self.lines += [f"{check.severity.value} {check.subject}: {check.text}" for check in found]
+
+    def confirm(self, question: str) -> bool:
+        return bool(question)
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        story, vehicle = self._story, state.vehicles[VICTIM]
+        if self.struck_s is None:
+            if story.strike is not None and VICTIM in state.inspected.values() and vehicle.run is not None:
+                self.struck_s = now_s
+                story.strike(self.running[VICTIM])
+        elif story.lift is not None and self.lifted_s is None and now_s - self.struck_s >= story.lasts_s:
+            self.lifted_s = now_s
+            story.lift(self.running[VICTIM])
+
+    def done(self) -> None:
+        self.lines.append("done")
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What a flight left."""
+
+    run: Path
+    report: dict[str, Any]
+    said: str
+    struck_s: float | None
+    """When it happened, by the flight's clock."""
+    lifted_s: float | None
+    unseen_modes: tuple[tuple[float, int], ...]
+    """Modes of uav2's heartbeats that nobody heard, each with its time by the flight's clock."""
+
+    @property
+    def launched_s(self) -> float:
+        """When the flight began, by its clock; the times of the report count from here."""
+        events = (line for line in log_lines(self.run) if "event" in line)
+        return float(next(line["t_s"] for line in events if line["event"]["kind"] == "LaunchOrdered"))
+
+    def says(self, words: str) -> float | None:
+        """Return when a line with these words was shown, by the flight's clock; None if none was."""
+        return next((line["t_s"] for line in log_lines(self.run) if words in line.get("said", "")), None)
+
+    def vehicle(self, name: str) -> dict[str, Any]:
+        """Return what the report says of a vehicle."""
+        return next(one for one in self.report["vehicles"] if one["name"] == name)
+
+    def heartbeats(self, name: str) -> list[tuple[float, bool, int]]:
+        """Return a vehicle's heartbeats that were heard: the flight's time, whether it was armed, and its mode."""
+        began_s = began_unix_s(self.run)
+        return [
+            (stamp_s - began_s, bool(beat.base_mode & 128), beat.custom_mode)
+            for stamp_s, beat in messages(self.run / f"{name}.tlog", "HEARTBEAT")
+            if beat.get_srcSystem() != 255 and beat.get_srcComponent() == 1
+        ]
+
+
+def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
+    """Fly a story with real vehicles; skips the test where there are none."""
+    binary = autopilot.binary
+    if not binary:
+        pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
+    site = _site(autopilot, story)
+    ground = build.ground_of(site, folder)
+    plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
+    order = app.Order(site, folder, ground, plan, folder / "run", lambda _: ())
+    order.run.mkdir()
+    app.keep(order)
+    pads = {pad.vehicle: pad for pad in build.setup_of(ground).pads}
+    relayed = frozenset({VICTIM} if story.relayed else ())
+    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, relayed)
+    console = WatchfulConsole(story)
+    with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
+        asyncio.run(app.fly(order, console))
+        relay = console.running[VICTIM].relay
+    report = json.loads((order.run / "report.json").read_text())
+    began_s = began_unix_s(order.run)
+    modes = () if relay is None else ((((at_s - began_s) * story.speedup), mode) for at_s, mode in relay.modes())
+    return Flown(order.run, report, "\n".join(console.lines), console.struck_s, console.lifted_s, tuple(modes))
+
+
+def _site(autopilot: Autopilot, story: Story) -> Site:
+    return check_site(
+        {
+            "network": {"file": "default", "radius_m": story.radius_m},
+            "flight": {"speedup": story.speedup, "connect_timeout_s": 90.0, "ready_timeout_s": 240.0},
+            "faults": dict(story.faults),
+            "vehicle": [
+                {
+                    "name": name,
+                    "connection": f"udpin://127.0.0.1:{autopilot.port + number + _above(name, story)}",
+                    "sysid": number + 1,
+                    "autopilot": autopilot.name,
+                    "backend": story.backends.get(name, "native"),
+                }
+                for number, name in enumerate(NAMES)
+            ],
+        },
+        "test",
+    )
+
+
+def _above(name: str, story: Story) -> int:
+    return RELAYED if story.relayed and name == VICTIM else 0

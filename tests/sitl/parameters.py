@@ -1,0 +1,82 @@
+"""Parameters of a real autopilot, set over a connection of its own beside the one that is flown."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import socket
+import struct
+import time
+
+from pymavlink.dialects.v20 import common as mav
+
+HOST = "127.0.0.1"
+ANSWER_S = 1.0
+FLOAT = mav.MAV_PARAM_TYPE_REAL32
+
+
+class OtherLink:
+    """Where a vehicle takes a second ground station: one socket for its whole life, as PX4 answers only the first."""
+
+    def __init__(self, kind: socket.SocketKind, port: int, *, bytewise: bool) -> None:
+        """Take a port of the vehicle's.
+
+        Args:
+            kind: Datagrams or a stream.
+            port: Where the vehicle listens.
+            bytewise: Whether an integer's bytes stand in the message's float, as PX4 has it.
+        """
+        self.bytewise = bytewise
+        self._kind = kind
+        self._port = port
+        self._plug: socket.socket | None = None
+        self._codec = mav.MAVLink(None, srcSystem=254, srcComponent=190)
+        self._codec.robust_parsing = True
+
+    def set(self, sysid: int, name: str, value: float, patience_s: float) -> None:
+        """Set a parameter and see the new value; waits for a vehicle that is starting.
+
+        Raises:
+            TimeoutError: it was not set in real seconds.
+        """
+        until_s = time.monotonic() + patience_s
+        while time.monotonic() < until_s:
+            with contextlib.suppress(OSError):
+                if self._set(self._connected(), sysid, name, value):
+                    return
+            time.sleep(0.05)
+        raise TimeoutError(f"system {sysid}: {name} was not set over port {self._port}")
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._plug is not None:
+            self._plug.close()
+
+    def _connected(self) -> socket.socket:
+        if self._plug is None:
+            plug = socket.socket(socket.AF_INET, self._kind)
+            try:
+                plug.settimeout(ANSWER_S)
+                plug.connect((HOST, self._port))
+            except OSError:
+                plug.close()
+                raise
+            self._plug = plug
+        return self._plug
+
+    def _set(self, plug: socket.socket, sysid: int, name: str, value: float) -> bool:
+        plug.send(self._codec.param_request_read_encode(sysid, 1, name.encode(), -1).pack(self._codec))
+        known = self._answer(plug, name)
+        raw = value
+        if self.bytewise and known.param_type != FLOAT:
+            raw = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+        plug.send(self._codec.param_set_encode(sysid, 1, name.encode(), raw, known.param_type).pack(self._codec))
+        return math.isclose(self._answer(plug, name).param_value, raw, rel_tol=1e-5)
+
+    def _answer(self, plug: socket.socket, name: str) -> mav.MAVLink_param_value_message:
+        until_s = time.monotonic() + ANSWER_S
+        while time.monotonic() < until_s:
+            for message in self._codec.parse_buffer(plug.recv(65536)) or ():
+                if message.get_type() == "PARAM_VALUE" and message.param_id == name:
+                    return message
+        raise TimeoutError
