@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -31,16 +31,16 @@ LOOK = 1_000
 FOLLOW = 20
 """Effort for a loss in a walk, where the repair follows another."""
 CYCLE, LONGEST_CYCLE = 4_000, 256_000
-"""Iterations of a walk from hot to cold, at first and at most."""
-LONGER = 4
-"""So much longer are the cycles after a round of steps in vain."""
+"""Iterations of a walk from hot to cold, at least and at most: every second round of steps in vain is followed by one
+of cycles four times as long, every fourth by one of cycles sixteen times as long, and so on. Small fleets need many
+beginnings, large ones long walks (after Luby, Sinclair, Zuckerman 1993)."""
 NEARLY = 3.0
 """Mean transits that repairs may lack at the end of a cycle to be looked at once more, with more effort."""
 BATCH = 250
 """Iterations of each walk between two questions to the stop rule."""
 HOT, COLD = 2.0, 0.05
 """Temperatures of a walk, in mean transits of its plan; the longer a cycle is, the hotter it begins."""
-FIRST_STEP, LAST_STEP = 0.03, 0.01
+FIRST_STEP, LAST_STEP = 0.06, 0.01
 """How far below the earliest time so far a walk aims, as shares of the longest route."""
 RISE = 0.03
 """How much more energy a plan may use than the one before it, as a share of the first plan's."""
@@ -54,8 +54,8 @@ OTHER_ITERATIONS = 10_000
 """Of each search for other plans to begin with."""
 MINMAX_SEARCHES = 2
 """Searches for the MinMax plan."""
-OTHER_SEARCHES = 6
-"""Searches for each other cost."""
+OTHER_SEARCHES = 8
+"""Searches for the other costs before the first walk; another one follows whenever a walk has long found nothing."""
 FINALISTS = 4
 """The best plans, whose windows are computed in full in the end."""
 MOST_FLIPPED = 6
@@ -157,6 +157,8 @@ class RobustSearch:
         self._timing = timing_of(instance)
         self._cap_s = math.inf
         self._longest_s = 0.0
+        self._rate = 0.0
+        self._others = 0
         self._looker = self._walker(seed, Found((), math.inf))
         self.archive: list[Found] = []
         """All complete plans looked at, and those that were the best when a walk found them."""
@@ -171,25 +173,28 @@ class RobustSearch:
             shortest_s = min(self._route_s(plan) for plan in complete)
             self._longest_s = shortest_s if longest_s is None else longest_s
             self._cap_s = (1 + stretch) * self._longest_s * (1 + 1e-12)
-            plans += self._others(min(complete, key=self._route_s))
+            self._measure_by(min(complete, key=self._route_s))
+            plans += [self._other() for _ in range(OTHER_SEARCHES)]
             for plan in plans:
                 self._look_at(plan)
         if self.archive:
             self._walk()
         return self._result(plans)
 
-    def _others(self, minmax: Plan) -> Iterator[Plan]:
-        """Yield plans of the other costs, their budgets cut to the energy of about the length allowed."""
+    def _measure_by(self, minmax: Plan) -> None:
+        """Take from the best MinMax plan how much energy a second of flight costs."""
         longest = max(minmax.routes, key=lambda route: route_duration_s(self._instance, route))
-        rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
-        for number in range(OTHER_SEARCHES):
-            # Energy and time are not quite proportional: the second of each pair is a little shorter.
-            cap_pct = self._cap_s * rate * (1.0 - 0.01 * (number % 2))
-            capped = replace(self._instance, vehicles=tuple(
-                replace(vehicle, budget_pct=min(vehicle.budget_pct, cap_pct)) for vehicle in self._instance.vehicles
-            ))  # fmt: skip
-            for cost in (Cost.MINCOMB, Cost.MINSUM):
-                yield self._solved(capped, cost, number, OTHER_ITERATIONS)
+        self._rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
+
+    def _other(self) -> Plan:
+        """Return the next plan of the other costs, its budgets cut to the energy of about the length allowed."""
+        number, self._others = self._others, self._others + 1
+        # Energy and time are not quite proportional: every second pair is a little shorter.
+        cap_pct = self._cap_s * self._rate * (1.0 - 0.01 * (number // 2 % 2))
+        capped = replace(self._instance, vehicles=tuple(
+            replace(vehicle, budget_pct=min(vehicle.budget_pct, cap_pct)) for vehicle in self._instance.vehicles
+        ))  # fmt: skip
+        return self._solved(capped, (Cost.MINCOMB, Cost.MINSUM)[number % 2], number // 2, OTHER_ITERATIONS)
 
     def _solved(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
         share = min(1.0, instance.segments / FULL_EFFORT_FROM)
@@ -257,8 +262,11 @@ class RobustSearch:
             for found in walker.found:
                 self._enter(found)
             walker.found.clear()
-        if not any(walker.waits for walker in walkers):
+        waiting = sum(walker.waits for walker in walkers)
+        if waiting == 0:
             return
+        for _ in range(waiting):
+            self._look_at(self._other())
         elite = sorted(self.archive, key=lambda found: found.earliest_s)[:ELITE]
         for walker in walkers:
             if walker.waits:
@@ -332,8 +340,9 @@ class RobustSearch:
             walker.step /= 2
         else:
             walker.step = FIRST_STEP
-            walker.length = min(LONGER * walker.length, LONGEST_CYCLE)
             walker.rounds += 1
+            often = walker.rounds & -walker.rounds
+            walker.length = min(CYCLE * often * often, LONGEST_CYCLE)
             walker.waits = True
 
     def _limits(self, walker: Walker) -> Limits:
@@ -379,7 +388,6 @@ class RobustSearch:
             walker.best = walker.start = Found(routes, earliest_s)
             walker.found.append(walker.best)
             walker.step = min(FIRST_STEP, 1.5 * walker.step)
-            walker.length = max(CYCLE, walker.length // LONGER)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
             # A repair that a walk has and a look does not find: elsewhere then.
             walker.left = 0
