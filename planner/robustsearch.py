@@ -34,8 +34,13 @@ CYCLE, LONGEST_CYCLE = 4_000, 256_000
 """Iterations of a walk from hot to cold, at least and at most: every second round of steps in vain is followed by one
 of cycles four times as long, every fourth by one of cycles sixteen times as long, and so on. Small fleets need many
 beginnings, large ones long walks (after Luby, Sinclair, Zuckerman 1993)."""
+WAYS = ((0.0, 1.0), (0.8, 0.1))
+"""How cycles go in turn: (how often a change is made early in the plan, how often a repair is worked on whose loss the
+change does not touch). The first brings repairs to their best where they are long, the second tries more plans."""
 NEARLY = 3.0
 """Mean transits that repairs may lack at the end of a cycle to be looked at once more, with more effort."""
+WHOLE_LOOK = 25
+"""Iterations that a look at a whole window counts as, so that the stop rule is asked often enough."""
 BATCH = 250
 """Iterations of each walk between two questions to the stop rule."""
 HOT, COLD = 2.0, 0.05
@@ -95,6 +100,8 @@ class Walker:
     """Iterations of a cycle."""
     left: int = 0
     """Iterations until the cycle ends."""
+    cycles: int = 0
+    """That ended in vain."""
     rounds: int = 0
     """Rounds of steps in vain."""
     waits: bool = False
@@ -309,7 +316,7 @@ class RobustSearch:
         )  # fmt: skip
 
     def _advance(self, walker: Walker, iterations: int) -> None:
-        while iterations > 0:
+        while iterations > 0 and not walker.waits:
             if walker.left <= 0:
                 self._begin_cycle(walker)
             done = walk(
@@ -323,6 +330,7 @@ class RobustSearch:
                 self._look_again(walker)
             if walker.here.lacks.sum() <= 0:
                 self._arrive(walker)
+                iterations -= WHOLE_LOOK
                 if walker.best.earliest_s <= 0:
                     return
             elif walker.left <= 0:
@@ -336,6 +344,7 @@ class RobustSearch:
 
     def _next_step(self, walker: Walker) -> None:
         """Aim less far in the next cycle; after the last step begin again, with longer cycles."""
+        walker.cycles += 1
         if walker.step > LAST_STEP:
             walker.step /= 2
         else:
@@ -346,9 +355,9 @@ class RobustSearch:
             walker.waits = True
 
     def _limits(self, walker: Walker) -> Limits:
-        return Limits(
-            self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, RISE * float(walker.here.base.loads.sum())
-        )
+        early, polish = WAYS[walker.cycles % len(WAYS)]
+        rise = RISE * float(walker.here.base.loads.sum())
+        return Limits(self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, rise, early, polish)
 
     def _begin_cycle(self, walker: Walker) -> None:
         self._place(walker, walker.start.routes)
@@ -390,6 +399,7 @@ class RobustSearch:
             walker.step = min(FIRST_STEP, 1.5 * walker.step)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
             # A repair that a walk has and a look does not find: elsewhere then.
+            self._next_step(walker)
             walker.left = 0
             return
         if broken_s > walker.probes_s[0]:

@@ -15,8 +15,6 @@ from planner.kernels.window import CLOCK, DESK, Clock, Desk
 
 TRIES = 6
 """How often such a place is looked for."""
-EARLY = 0.8
-"""How often a change is made where the losses that are looked at leave something else of the plan."""
 
 
 @inner(nb.void(STATE, nb.int64, nb.int64, nb.int64))
@@ -78,11 +76,11 @@ def insert_within_budget(problem: Problem, base: State, segment: int, blink: flo
     return best_route
 
 
-@inner(nb.int64(STATE, CLOCK, nb.float64, RANDOM))
-def segment_to_change(base: State, clock: Clock, until_s: float, rng: RandomState) -> int:
-    """Return a segment at random: most often one whose visit begins before a time."""
+@inner(nb.int64(STATE, CLOCK, nb.float64, nb.float64, RANDOM))
+def segment_to_change(base: State, clock: Clock, until_s: float, early: float, rng: RandomState) -> int:
+    """Return a segment at random, ``early`` of all times one whose visit begins before a time."""
     segment = below(rng, len(base.route_of))
-    if uniform(rng) >= EARLY:
+    if uniform(rng) >= early:
         return segment
     for _ in range(TRIES):
         route = base.route_of[segment]
@@ -110,12 +108,14 @@ def reinsert(problem: Problem, base: State, desk: Desk, segment: int, rng: Rando
     return True
 
 
-@inner(nb.boolean(PROBLEM, STATE, CLOCK, nb.float64, DESK, RANDOM))
-def change(problem: Problem, base: State, clock: Clock, until_s: float, desk: Desk, rng: RandomState) -> bool:
+@inner(nb.boolean(PROBLEM, STATE, CLOCK, nb.float64, nb.float64, DESK, RANDOM))
+def change(
+    problem: Problem, base: State, clock: Clock, until_s: float, early: float, desk: Desk, rng: RandomState
+) -> bool:
     """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
     touched = desk.touched
     kind = uniform(rng)
-    segment = segment_to_change(base, clock, until_s, rng)
+    segment = segment_to_change(base, clock, until_s, early, rng)
     if kind < 0.4:
         return bool(reinsert(problem, base, desk, segment, rng))
     one = base.route_of[segment]

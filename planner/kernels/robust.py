@@ -60,8 +60,6 @@ NOBODY, GROUND = -2, -1
 """In place of a visit."""
 SAME = 2
 """In place of 1, for known: as the repair that it would have followed."""
-POLISH = 0.1
-"""How often a repair that lacks something is worked on although its loss leaves what it left before."""
 
 
 class Walk(NamedTuple):
@@ -96,10 +94,14 @@ class Limits(NamedTuple):
     """Iterations of ruin and recreate for a repair that follows another."""
     rise: float
     """A plan that uses this much more energy than the one before is not looked at."""
+    early: float
+    """How often a change is made where the losses that are looked at leave something else of the plan."""
+    polish: float
+    """How often a repair that lacks something is worked on although its loss leaves what it left before."""
 
 
 WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INT_TABLE, INT_TABLE, TABLE, INTS), Walk)
-LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, nb.float64), Limits)
+LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, *[nb.float64] * 3), Limits)
 
 
 @kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK))
@@ -211,7 +213,7 @@ def assess(
         begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
         describe(loss, there, slot, lost)
-        if known and is_alike(here, there, slot) and (here.lacks[slot] <= 0.0 or uniform(rng) >= POLISH):
+        if known and is_alike(here, there, slot) and (here.lacks[slot] <= 0.0 or uniform(rng) >= limits.polish):
             there.lacks[slot] = here.lacks[slot]
             there.repairs.known[slot] = SAME
         else:
@@ -312,7 +314,7 @@ def walk(
         if lacks <= 0.0:
             return iteration
         until_s = probes_s[below(rng, len(probes_s))]
-        whole = change(problem, there.base, there.clock, max(until_s, probes_s[0]), own, rng)
+        whole = change(problem, there.base, there.clock, max(until_s, probes_s[0]), limits.early, own, rng)
         directed = uniform(rng) < 0.5
         if whole:
             for route in range(fleet):
