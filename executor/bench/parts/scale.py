@@ -22,7 +22,7 @@ PER_VEHICLE = 20
 """Segments for each vehicle."""
 LONG_FROM = 10_000
 """Segments from which a search has longer."""
-SHORT_S, LONG_S = 30.0, 120.0
+SHORT_S, LONG_S = 20.0, 60.0
 TIGHTNESS = 0.85
 """MinMax found over the budget of the other two cost functions."""
 EVERYTHING_M = 1_000_000.0
