@@ -1,0 +1,362 @@
+"""Recorded flights through the watchpoints of the live flight: what they would have declared, when, and on what evidence.
+
+The log's own clock is the time: ticks come between its records as they come between messages in flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+from executor import build
+from executor.config import Site
+from executor.core import energy, passive
+from executor.core.context import Scene, VehicleSetup
+from executor.core.estimator import Prior
+from executor.core.events import Heard, Tick
+from executor.core.limits import Limits
+from executor.core.messages import FlightMessage, Heartbeat, Position, SystemStatus
+from executor.core.passive import Declared, Degraded, Finding
+from executor.core.recording import Record, RecordedFile, Skipped
+from executor.core.silence import SLEPT_S
+from executor.core.vehicle import FaultKind, Stage, VehicleState
+from missions import Dialect, LocalFrame, dialect_for
+from planner import PRESETS
+
+TICK_S = 0.25
+LINK_TIMEOUT_S = 4.5
+"""Without a site file nothing is given away, so nobody's failsafe must be waited for: four heartbeats are missed, and
+the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
+LINK_STALE_S = 2.0
+"""One heartbeat is missed, and with it every other message."""
+ANY_DRONE = Prior(2.2, 0.8)
+"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: 12 to 33 minutes of hover."""
+AUTOPILOTS: Mapping[int, str] = MappingProxyType({3: "ardupilot", 12: "px4"})
+"""MAV_AUTOPILOT."""
+COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
+"""MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
+BACK_USEC = 1_000_000
+"""Records that are out of order by less share a moment."""
+LONGEST_GAP_S = 120.0
+"""In a longer pause nothing is decided any more that was not decided before."""
+STATUS_S = 1.0
+TRACE_S = 1.0
+MOST_SAMPLES = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One moment of a vehicle, for pictures."""
+
+    at_s: float
+    remaining_pct: float | None
+    estimate_pct: float | None
+    sd_pct: float | None
+    landing_pct: float | None
+    """What should be left at the landing."""
+    voltage_v: float | None
+    link_age_s: float
+    heartbeat_age_s: float
+    item: int | None
+    height_m: float | None
+
+
+@dataclass(slots=True)
+class Trace:
+    """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
+
+    samples: list[Sample] = field(default_factory=list)
+    every_s: float = TRACE_S
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample, unless the last one is young."""
+        if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
+            return
+        self.samples.append(sample)
+        if len(self.samples) > MOST_SAMPLES:
+            self.samples = self.samples[::2]
+            self.every_s *= 2
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """A fault, in the log's own time."""
+
+    kind: FaultKind
+    reason: str
+    t_usec: int
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Impaired:
+    """A time in which something was not well, in the log's own time."""
+
+    kind: FaultKind
+    reason: str
+    from_usec: int
+    to_usec: int
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleReplay:
+    """One vehicle of a log."""
+
+    sysid: int
+    name: str
+    autopilot: str
+    declarations: tuple[Declaration, ...]
+    degraded: tuple[Impaired, ...]
+    flown_s: float
+    """Armed."""
+    samples: tuple[Sample, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LogReplay:
+    """A log, replayed."""
+
+    path: Path
+    vehicles: tuple[VehicleReplay, ...]
+    skipped: Skipped
+    began_usec: int
+    lasted_s: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """By what a log is judged."""
+
+    limits: Limits = field(default_factory=lambda: Limits(link_stale_s=LINK_STALE_S))
+    link_timeout_s: float = LINK_TIMEOUT_S
+    """Where no site says otherwise."""
+    site: Site | None = None
+
+
+def rules_of(site: Site | None) -> Rules:
+    """Return the rules of a site, or those without one."""
+    return Rules() if site is None else Rules(limits=build.limits_of(site), site=site)
+
+
+def replay(file: RecordedFile, path: Path, rules: Rules, *, on_board: bool = False) -> LogReplay:
+    """Replay one log.
+
+    Args:
+        file: read from its beginning, once.
+        path: for the result.
+        rules: the thresholds, and what is known of the vehicles.
+        on_board: whether the vehicle itself wrote it: then its link cannot be judged.
+    """
+    player = _Player(rules, file, on_board=on_board)
+    for record in file.records():
+        player.take(record)
+    return player.result(path)
+
+
+class _Player:
+    """Feeds records and ticks to the passive core; owns the time."""
+
+    def __init__(self, rules: Rules, file: RecordedFile, *, on_board: bool) -> None:
+        self._rules, self._file, self._on_board = rules, file, on_board
+        self._scene = _empty_scene(rules)
+        self._state = passive.begun(())
+        self._names: dict[int, str] = {}
+        self._others: dict[int, str] = {}
+        """Systems that are not followed, and why."""
+        self._first: int | None = None
+        self._last = 0
+        self._shift = 0
+        self._now_s = 0.0
+        self._next_s = 0.0
+        self._shifts: list[tuple[float, int]] = []
+        self._findings: list[Finding] = []
+        self._traces: dict[str, Trace] = {}
+        self._flown: dict[str, float] = {}
+        self._status_s: dict[str, float] = {}
+        self._framed = False
+
+    def take(self, record: Record) -> None:
+        """Let time pass to a record, and take what it says."""
+        t_usec, system, message = record
+        if self._first is None:
+            self._first = self._last = t_usec
+            self._shifts.append((0.0, t_usec))
+        if t_usec < self._last:
+            if self._last - t_usec > BACK_USEC:
+                self._file.skipped.time_back += 1
+                self._shift += self._last - t_usec
+                self._shifts.append((self._now_s, t_usec))
+                self._last = t_usec
+            else:
+                t_usec = self._last
+        self._last = t_usec
+        now_s = (t_usec - self._first + self._shift) / 1e6
+        if now_s >= self._next_s:
+            self._pass(now_s)
+        self._now_s = now_s
+        if message is None:
+            return
+        if system == 0:
+            for name in self._names.values():
+                self._heard(name, message, now_s)
+            return
+        name = self._names.get(system) or self._join(system, message)
+        if name:
+            self._heard(name, message, now_s)
+        else:
+            self._file.skipped.not_followed += 1
+
+    def _pass(self, now_s: float) -> None:
+        """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
+        gap_s = now_s - self._now_s
+        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
+            self._next_s = now_s
+        while self._next_s <= now_s:
+            self._tick(self._next_s)
+            self._next_s += TICK_S
+
+    def _tick(self, at_s: float) -> None:
+        self._state, found = passive.step(self._scene, self._state, Tick(), at_s)
+        self._findings += found
+        for name, vehicle in self._state.fleet.vehicles.items():
+            if vehicle.armed and vehicle.stage is not Stage.LOST:
+                self._flown[name] = self._flown.get(name, 0.0) + TICK_S
+            trace = self._traces[name]
+            if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
+                trace.add(_sample(self._scene, vehicle, at_s))
+
+    def _heard(self, name: str, message: FlightMessage, now_s: float) -> None:
+        if isinstance(message, SystemStatus):
+            # It stands in for BATTERY_STATUS, and says what is not healthy: once a second is enough.
+            if now_s - self._status_s.get(name, -1.0) < STATUS_S:
+                return
+            self._status_s[name] = now_s
+        elif isinstance(message, Position) and not self._framed:
+            self._framed = True
+            frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
+            self._scene = replace(self._scene, frame=frame)
+        before = self._state.fleet.vehicles[name]
+        self._state, found = passive.step(self._scene, self._state, Heard(name, message), now_s)
+        self._findings += found
+        if isinstance(message, Heartbeat) and message.armed and not before.armed:
+            self._takes_off(self._state.fleet.vehicles[name])
+
+    def _takes_off(self, vehicle: VehicleState) -> None:
+        """Note where a vehicle starts: it is the place to come home to."""
+        if vehicle.fix is not None:
+            setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.fix.place_m)
+            self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
+
+    def _join(self, system: int, message: FlightMessage) -> str:
+        """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
+        if not isinstance(message, Heartbeat):
+            return ""
+        autopilot = AUTOPILOTS.get(message.autopilot)
+        if autopilot is None or message.vehicle_type not in COPTERS:
+            self._others[system] = (
+                f"system {system} is not followed: MAV_AUTOPILOT {message.autopilot}, MAV_TYPE {message.vehicle_type}; "
+                "known are copters with ArduPilot or PX4"
+            )
+            return ""
+        setup = _setup(self._rules, system, dialect_for(autopilot), on_board=self._on_board)
+        self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
+        self._state = passive.joined(self._state, setup.name)
+        self._names[system] = setup.name
+        self._traces[setup.name] = Trace()
+        return setup.name
+
+    def result(self, path: Path) -> LogReplay:
+        """Return what was found, once the log has ended."""
+        if self._first is not None:
+            self._pass(self._now_s)
+        found = [*self._findings, *passive.closed(self._state, self._now_s)]
+        if self._on_board:
+            found = [one for one in found if one.kind is not FaultKind.LINK]
+        vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
+        notes = list(self._others.values())
+        if not vehicles:
+            notes.insert(0, "no vehicle in it that can be followed")
+        return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
+
+    def _vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
+        mine = [one for one in found if one.vehicle == name]
+        declarations = [
+            Declaration(one.kind, one.reason, self._usec(one.at_s), one.evidence)
+            for one in mine
+            if isinstance(one, Declared)
+        ]
+        degraded = [
+            Impaired(
+                one.kind, one.reason, self._usec(one.from_s), self._usec(one.to_s or self._now_s), one.evidence
+            )
+            for one in mine
+            if isinstance(one, Degraded)
+        ]  # fmt: skip
+        return VehicleReplay(
+            sysid=system,
+            name=name,
+            autopilot=self._scene.vehicles[name].dialect.name,
+            declarations=tuple(declarations),
+            degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
+            flown_s=self._flown.get(name, 0.0),
+            samples=tuple(self._traces[name].samples),
+        )
+
+    def _usec(self, at_s: float) -> int:
+        """Return a moment on the log's own clock, which may have jumped back meanwhile."""
+        began_s, began_usec = next(pair for pair in reversed(self._shifts) if pair[0] <= at_s or pair[0] == 0.0)
+        return began_usec + round((at_s - began_s) * 1e6)
+
+
+def _empty_scene(rules: Rules) -> Scene:
+    site = rules.site
+    return Scene(
+        frame=LocalFrame(0.0, 0.0),
+        vehicles={},
+        limits=rules.limits,
+        drone=PRESETS["mavic3"] if site is None else build.drone_of(site),
+        prior=ANY_DRONE if site is None else Prior(),
+        wind_m_s=(0.0, 0.0) if site is None else site.inspection.wind_m_s,
+        corridor_m=math.inf,
+        inspection_speed_m_s=math.inf,
+    )
+
+
+def _setup(rules: Rules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
+    """Return what is known of a vehicle without its plan."""
+    site = rules.site
+    table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
+    timeout_s = rules.link_timeout_s if site is None else build.link_timeout_s(site, dialect)
+    return VehicleSetup(
+        name=str(system) if table is None else table.name,
+        sysid=system,
+        dialect=dialect,
+        budget_pct=100.0 if table is None else table.budget_pct,
+        reserve_pct=0.0 if table is None else table.reserve_pct,
+        link_timeout_s=math.inf if on_board else timeout_s,
+        pad_m=(0.0, 0.0),
+        planned=False,
+    )
+
+
+def _sample(scene: Scene, vehicle: VehicleState, at_s: float) -> Sample:
+
+    estimate = vehicle.battery.estimate
+    ahead = energy.at_landing(scene, vehicle, scene.vehicles[vehicle.name])
+    return Sample(
+        at_s=at_s,
+        remaining_pct=vehicle.battery.remaining_pct,
+        estimate_pct=None if estimate is None else estimate.remaining_pct,
+        sd_pct=None if estimate is None else math.sqrt(estimate.var_remaining),
+        landing_pct=None if ahead is None else ahead.mean_pct,
+        voltage_v=vehicle.volts.voltage_v,
+        link_age_s=0.0 if vehicle.heard_s is None else at_s - vehicle.heard_s,
+        heartbeat_age_s=0.0 if vehicle.heartbeat_s is None else at_s - vehicle.heartbeat_s,
+        item=None if vehicle.item is None else vehicle.item[0],
+        height_m=None if vehicle.fix is None else vehicle.fix.alt_rel_m,
+    )
