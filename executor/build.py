@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.config import Site
-from executor.core.context import Context, VehicleSetup
+from executor.core.context import Context, VehicleSetup, draws_pct_s
 from executor.core.estimator import Prior
 from executor.core.failsafes import LinkFailsafe
 from executor.core.limits import Limits
@@ -214,6 +214,7 @@ def context_of(
         vehicles=vehicles,
         limits=limits_of(site),
         drone=ground.drone,
+        draws_pct_s=draws_pct_s(ground.drone),
         prior=Prior(),
         wind_m_s=site.inspection.wind_m_s,
         travel=ground.travel,

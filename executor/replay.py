@@ -1,4 +1,4 @@
-"""Recorded flights through the watchpoints of the live flight: what they would have declared, when, and on what evidence.
+"""Recorded flights through the watchpoints of the live flight: what they would have declared, when, on what evidence.
 
 The log's own clock is the time: ticks come between its records as they come between messages in flight.
 """
@@ -14,11 +14,11 @@ from types import MappingProxyType
 from executor import build
 from executor.config import Site
 from executor.core import energy, passive
-from executor.core.context import Scene, VehicleSetup
+from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.estimator import Prior
 from executor.core.events import Heard, Tick
 from executor.core.limits import Limits
-from executor.core.messages import FlightMessage, Heartbeat, Position, SystemStatus
+from executor.core.messages import FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.passive import Declared, Degraded, Finding
 from executor.core.recording import Record, RecordedFile, Skipped
 from executor.core.silence import SLEPT_S
@@ -27,6 +27,10 @@ from missions import Dialect, LocalFrame, dialect_for
 from planner import PRESETS
 
 TICK_S = 0.25
+CALM_TICK_S = 1.0
+"""While everybody is heard and no watchpoint fails."""
+CALM_S = 1.2
+"""Silence that is none: a heartbeat a second, and some of its way."""
 LINK_TIMEOUT_S = 4.5
 """Without a site file nothing is given away, so nobody's failsafe must be waited for: four heartbeats are missed, and
 the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
@@ -42,8 +46,7 @@ BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
 """In a longer pause nothing is decided any more that was not decided before."""
-STATUS_S = 1.0
-TRACE_S = 1.0
+TRACE_S = 3.0
 MOST_SAMPLES = 4000
 
 
@@ -158,6 +161,9 @@ def replay(file: RecordedFile, path: Path, rules: Rules, *, on_board: bool = Fal
     return player.result(path)
 
 
+_TICK = Tick()
+
+
 class _Player:
     """Feeds records and ticks to the passive core; owns the time."""
 
@@ -177,8 +183,8 @@ class _Player:
         self._findings: list[Finding] = []
         self._traces: dict[str, Trace] = {}
         self._flown: dict[str, float] = {}
-        self._status_s: dict[str, float] = {}
         self._framed = False
+        self._ticked_s = 0.0
 
     def take(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
@@ -217,25 +223,29 @@ class _Player:
         if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
             self._next_s = now_s
         while self._next_s <= now_s:
-            self._tick(self._next_s)
-            self._next_s += TICK_S
+            self._next_s += self._tick(self._next_s)
 
-    def _tick(self, at_s: float) -> None:
-        self._state, found = passive.step(self._scene, self._state, Tick(), at_s)
+    def _tick(self, at_s: float) -> float:
+        """Look at everything; returns when to look again."""
+        self._state, found = passive.step(self._scene, self._state, _TICK, at_s)
         self._findings += found
+        calm = True
         for name, vehicle in self._state.fleet.vehicles.items():
             if vehicle.armed and vehicle.stage is not Stage.LOST:
-                self._flown[name] = self._flown.get(name, 0.0) + TICK_S
+                self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
+            silent = vehicle.heard_s is not None and at_s - vehicle.heard_s > CALM_S
+            if vehicle.stage is not Stage.LOST and (silent or vehicle.watches):
+                calm = False
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
                 trace.add(_sample(self._scene, vehicle, at_s))
+        self._ticked_s = at_s
+        return CALM_TICK_S if calm else TICK_S
 
     def _heard(self, name: str, message: FlightMessage, now_s: float) -> None:
-        if isinstance(message, SystemStatus):
-            # It stands in for BATTERY_STATUS, and says what is not healthy: once a second is enough.
-            if now_s - self._status_s.get(name, -1.0) < STATUS_S:
+        if isinstance(message, MissionCurrent):
+            if self._state.fleet.vehicles[name].item == (message.seq, message.total):
                 return
-            self._status_s[name] = now_s
         elif isinstance(message, Position) and not self._framed:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
@@ -315,11 +325,13 @@ class _Player:
 
 def _empty_scene(rules: Rules) -> Scene:
     site = rules.site
+    drone = PRESETS["mavic3"] if site is None else build.drone_of(site)
     return Scene(
         frame=LocalFrame(0.0, 0.0),
         vehicles={},
         limits=rules.limits,
-        drone=PRESETS["mavic3"] if site is None else build.drone_of(site),
+        drone=drone,
+        draws_pct_s=draws_pct_s(drone),
         prior=ANY_DRONE if site is None else Prior(),
         wind_m_s=(0.0, 0.0) if site is None else site.inspection.wind_m_s,
         corridor_m=math.inf,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from executor.core import estimator
+from executor.core.changed import changed
 from executor.core.drift import Drift, followed
 from executor.core.estimator import Estimate, Prior
 from executor.core.limits import Limits
@@ -56,7 +57,7 @@ class Charge:
     drift: Drift = field(default_factory=Drift)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: `changed` copies it
 class BatteryState:
     """One vehicle's battery since its first report."""
 
@@ -89,7 +90,7 @@ class BatteryState:
 
 def drawn(state: BatteryState, pct: float) -> BatteryState:
     """Add what the model says was used since the last position."""
-    return replace(state, modelled_pct=state.modelled_pct + pct)
+    return changed(state, modelled_pct=state.modelled_pct + pct)
 
 
 def reported(
@@ -99,7 +100,7 @@ def reported(
     """Take a report of what is left."""
     sample = BatterySample(now_s, remaining_pct, state.modelled_pct)
     if state.estimate is None or state.remaining_pct is None:
-        return replace(
+        return changed(
             state,
             first_pct=remaining_pct,
             remaining_pct=remaining_pct,
@@ -124,7 +125,7 @@ def reported(
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
-    return replace(
+    return changed(
         state,
         remaining_pct=remaining_pct,
         least_pct=remaining_pct if state.least_pct is None else min(state.least_pct, remaining_pct),
@@ -145,7 +146,7 @@ def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limit
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
         began = Charge(consumed_ah, now_s, state.modelled_pct, consumed_ah, state.remaining_pct)
-        return replace(state, charge=began)
+        return changed(state, charge=began)
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
@@ -163,7 +164,7 @@ def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limit
     taken = replace(
         charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, capacity_ah=capacity, drift=drift
     )
-    return replace(state, charge=taken)
+    return changed(state, charge=taken)
 
 
 def swapped(

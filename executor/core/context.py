@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 from executor.core.estimator import Prior
 from executor.core.limits import Limits
@@ -44,6 +43,8 @@ class Scene:
     vehicles: Mapping[str, VehicleSetup]
     limits: Limits
     drone: Drone
+    draws_pct_s: tuple[float, ...]
+    """By `draws_pct_s` of the drone."""
     prior: Prior
     """What is believed of a vehicle's consumption, relative to `drone`, before it has used anything."""
     wind_m_s: tuple[float, float]
@@ -53,15 +54,17 @@ class Scene:
 
     def draw_pct_per_s(self, east_m_s: float, north_m_s: float) -> float:
         """Return what the energy model says a velocity over ground costs in the site's wind."""
-        return _draw_pct_per_s(
-            self.drone, round(10 * math.hypot(east_m_s - self.wind_m_s[0], north_m_s - self.wind_m_s[1]))
-        )
+        speed_m_s = math.hypot(east_m_s - self.wind_m_s[0], north_m_s - self.wind_m_s[1])
+        return self.draws_pct_s[min(round(10 * speed_m_s), len(self.draws_pct_s) - 1)]
 
 
-@lru_cache(maxsize=4096)
-def _draw_pct_per_s(drone: Drone, decimetres_s: int) -> float:
-    # Steps of 0.1 m/s change the figure by less than 1 %, and every position asks for one.
-    return pct_per_s(drone, min(decimetres_s / 10, MODEL_SPEED_RATIO * range_speed_m_s(drone)))
+def draws_pct_s(drone: Drone) -> tuple[float, ...]:
+    """Return what a second costs at 0, 0.1, 0.2 ... m/s, up to where the energy model ends.
+
+    Every position and every look at the battery asks for one; a step changes the figure by less than 1 %.
+    """
+    fastest_m_s = MODEL_SPEED_RATIO * range_speed_m_s(drone)
+    return tuple(pct_per_s(drone, step / 10) for step in range(math.floor(10 * fastest_m_s) + 1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -338,6 +338,9 @@ TABLE: tuple[Watchpoint, ...] = (
 )
 
 
+_BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for stage in Stage}
+
+
 @dataclass(frozen=True, slots=True)
 class Judgement:
     """All watchpoints of one vehicle at one moment."""
@@ -352,11 +355,10 @@ def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
     old = dict(state.watches)
     watches: list[tuple[str, Watch]] = []
     raised: list[tuple[Watchpoint, str]] = []
-    for point in TABLE:
-        if state.stage not in point.stages:
-            continue
-        since = old.get(point.name, Watch()).failing_since_s
-        finding = point.judge(View(context, setup, state, since is not None, now_s))
+    fine, failing = (View(context, setup, state, failed, now_s) for failed in (False, True))
+    for point in _BY_STAGE[state.stage]:
+        since = old[point.name].failing_since_s if point.name in old else None
+        finding = point.judge(fine if since is None else failing)
         if finding.verdict is Verdict.FAIL:
             since = now_s if since is None else since
             if now_s - since >= point.raise_after_s:

@@ -16,7 +16,7 @@ class Limits:
     """A loss of this much within `battery_step_window_s`, beyond what the flight costs, is no consumption."""
     battery_step_window_s: float = 6.0
     battery_excess_pct: float = 2.0
-    """A loss of this much beyond what explains itself is a fast drain: whole percents err by one, wavering ones more."""
+    """A loss of this much beyond what explains itself is a fast drain: whole percents err by one."""
     battery_window_s: float = 90.0
     """In this time an excess is forgotten but for a third: it is the rate that makes a fault."""
     charge_excess_pct: float = 1.2
@@ -31,7 +31,7 @@ class Limits:
     reserve_slack_pct: float = 1.0
     """How far below the reserve a projected landing may lie: the reports are whole percents."""
     voltage_step: float = 0.05
-    """Share of the voltage lost against the usual under the same load. Climbing costs 3 % (recorded: 12.6 to 12.22 V)."""
+    """Share of the voltage lost against the usual under the same load. Hovering costs 3 % (recorded)."""
     voltage_step_blind: float = 0.065
     """The same where nobody knows the current: the load is a part of what is lost."""
     cell_low_v: float = 3.1

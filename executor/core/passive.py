@@ -1,8 +1,8 @@
 """Watching without acting: the watchpoints of the live flight over vehicles that somebody else flies.
 
-``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very functions
-that `fleet.step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly, and one
-that was silent and is heard again on its mission is watched again.
+``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very
+functions that `fleet.step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly,
+and one that was silent and is heard again on its mission is watched again.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core import degraded, faults, silence
+from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.events import Heard, Tick
 from executor.core.faults import View
@@ -83,8 +84,8 @@ def step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Ste
                 vehicle = _followed(scene, vehicle)
             fleet = state.fleet.put(vehicle)
             if fleet.launched_s is None and vehicle.stage is Stage.FLYING:
-                fleet = replace(fleet, launched_s=now_s)
-            return replace(state, fleet=fleet), ()
+                fleet = changed(fleet, launched_s=now_s)
+            return Watched(fleet, state.open), ()
         case Tick():
             return _tick(scene, state, now_s)
 
@@ -101,15 +102,15 @@ def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
         return vehicle
     match vehicle.stage:
         case Stage.GROUND | Stage.LANDED if beat.armed:
-            fresh = replace(vehicle, stage=Stage.FLYING, fault=None, took_off=False, flew_mission=False, watches=())
-            return replace(fresh, anchor=None, armed_once=True, alarm=("", float("-inf")))
+            fresh = changed(vehicle, stage=Stage.FLYING, fault=None, took_off=False, flew_mission=False, watches=())
+            return changed(fresh, anchor=None, armed_once=True, alarm=("", float("-inf")))
         case Stage.LOST if not beat.armed:
             return moved_to(vehicle, Stage.LANDED)
         case Stage.LOST if is_home_mode(scene.vehicles[vehicle.name].dialect, beat.custom_mode):
             return moved_to(vehicle, Stage.RETURNING)
         case Stage.LOST:
             # Live it would be told to return; here it flies on, and may be lost again.
-            return replace(vehicle, stage=Stage.FLYING, fault=None, watches=(), anchor=None)
+            return changed(vehicle, stage=Stage.FLYING, fault=None, watches=(), anchor=None)
         case Stage.FLYING | Stage.RETURNING if not beat.armed and vehicle.fault is not None:
             return moved_to(vehicle, Stage.LANDED)
         case _:
@@ -125,23 +126,25 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not open_:
             continue
+        if vehicle.stage is Stage.LOST:
+            continue  # nothing begins and nothing ends in silence
         vehicle, declared = _judged(scene, vehicle, now_s, alone=alone)
         vehicles[name] = vehicle
         found += declared
         found += _warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
-    return Watched(replace(fleet, vehicles=MappingProxyType(vehicles)), open_), tuple(found)
+    return Watched(changed(fleet, vehicles=MappingProxyType(vehicles)), open_), tuple(found)
 
 
 def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -> tuple[VehicleState, list[Declared]]:
-    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.LOST}:
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
         return vehicle, []
     judgement = faults.judge(scene, scene.vehicles[vehicle.name], vehicle, now_s)
     if judgement.watches != vehicle.watches:
-        vehicle = replace(vehicle, watches=judgement.watches)
+        vehicle = changed(vehicle, watches=judgement.watches)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if not raised:
         if vehicle.stage is Stage.FLYING and not vehicle.armed:
-            vehicle = replace(moved_to(vehicle, Stage.LANDED), fault=None)
+            vehicle = changed(moved_to(vehicle, Stage.LANDED), fault=None)
         return vehicle, []
     point, why = raised[0]
     declared = Declared(vehicle.name, point.kind, point.name, why, now_s)
@@ -153,7 +156,7 @@ def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -
         return moved_to(vehicle, stage), [declared] if vehicle.fault.kind is FaultKind.LINK else []
     if stage is Stage.RETURNING and not vehicle.armed:
         stage = Stage.LANDED
-    return replace(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s)), [declared]
+    return changed(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s)), [declared]
 
 
 def _warned(view: View, open_: dict[tuple[str, str], Degraded]) -> list[Finding]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Scene
 from executor.core.state import FleetState
@@ -24,7 +23,7 @@ NOTED_SLEEP_S = 5.0
 def own_sleep(state: FleetState, now_s: float) -> Stepped:
     """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
     slept_s = 0.0 if state.tick_s is None else now_s - state.tick_s
-    state = replace(state, tick_s=now_s)
+    state = changed(state, tick_s=now_s)
     if slept_s <= SLEPT_S:
         return state, ()
     state = _excused(state, slept_s, now_s)
@@ -39,20 +38,20 @@ def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     expected = _expected(state)
     if len(expected) < ALL:
-        return (state if state.silent_since_s is None else replace(state, silent_since_s=None)), ()
+        return (state if state.silent_since_s is None else changed(state, silent_since_s=None)), ()
     latest = max(expected)
     if now_s - latest < context.limits.link_stale_s:
         if state.silent_since_s is None:
             return state, ()
         # The first one is heard before the others, whose time begins anew.
         state = _excused(state, latest - state.silent_since_s, now_s)
-        return replace(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
+        return changed(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
     if not state.flying():
-        return replace(state, silent_since_s=None), ()
+        return changed(state, silent_since_s=None), ()
     if state.silent_since_s is not None:
         return state, ()
     text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
-    return replace(state, silent_since_s=latest), (Say(Level.WARNING, text),)
+    return changed(state, silent_since_s=latest), (Say(Level.WARNING, text),)
 
 
 def _expected(state: FleetState) -> list[float]:
@@ -81,12 +80,12 @@ def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: floa
         return state, ()
     text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
     level = Level.WARNING if stale else Level.INFO
-    return state.put(replace(vehicle, stale=stale)), (Say(level, text),)
+    return state.put(changed(vehicle, stale=stale)), (Say(level, text),)
 
 
 def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
     """Count a time in which nobody could be heard against no vehicle."""
     for vehicle in state.vehicles.values():
         if vehicle.heard_s is not None:
-            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
+            state = state.put(changed(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
     return state

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from executor.core.changed import changed
 from executor.core.commands import Solve
 from executor.core.coverage import Flown
 from executor.core.vehicle import Stage, VehicleState
@@ -65,7 +66,7 @@ class Separation:
     at_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: `changed` copies it
 class FleetState:
     """The flight as it is known at one moment."""
 
@@ -102,7 +103,7 @@ class FleetState:
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
-        return replace(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
+        return changed(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
 
     def flying(self) -> list[VehicleState]:
         """Vehicles that are out there as far as we know."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.core import battery, linkquality
 from executor.core.battery import BatteryState
+from executor.core.changed import changed
 from executor.core.context import Context, Scene
 from executor.core.coverage import Flown, Run, Sample, Track, follow
 from executor.core.linkquality import LinkQuality
@@ -119,7 +120,7 @@ class OnBoard:
     """What each leg of the path should take."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: `changed` copies it
 class VehicleState:
     """Everything known of one vehicle."""
 
@@ -211,7 +212,7 @@ def moved_to(state: VehicleState, stage: Stage) -> VehicleState:
         return state
     if stage not in TRANSITIONS[state.stage]:
         raise ValueError(f"{state.name}: {state.stage.value} cannot become {stage.value}")
-    return replace(state, stage=stage)
+    return changed(state, stage=stage)
 
 
 def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:
@@ -241,39 +242,41 @@ class Folded:
     text: StatusText | None = None
 
 
-def fold(context: Scene, state: VehicleState, message: FlightMessage, now_s: float) -> Folded:
+def fold(  # noqa: PLR0911 - one return for each kind of message
+    context: Scene, state: VehicleState, message: FlightMessage, now_s: float
+) -> Folded:
     """Take one message into the state."""
     match message:
         case Heartbeat():
-            changed = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
-            since = now_s if changed else state.mode_since_s
+            other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
+            since = now_s if other else state.mode_since_s
             armed_once = state.armed_once or message.armed
             flew = state.flew_mission
             if not flew and state.took_off and message.armed and state.name in context.vehicles:
                 flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
             return Folded(
-                replace(
+                changed(
                     state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
                     armed_once=armed_once, flew_mission=flew,
                 )
             )  # fmt: skip
         case Position():
-            return _positioned(context, replace(state, heard_s=now_s), message, now_s)
+            return _positioned(context, changed(state, heard_s=now_s), message, now_s)
         case Battery():
             return Folded(_powered(context, state, message, now_s))
         case SystemStatus():
             return Folded(_status(context, state, message, now_s))
         case MissionCurrent(seq, total):
-            return Folded(_at_item(replace(state, heard_s=now_s, item=(seq, total)), seq))
+            return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total)), seq))
         case LandedState(on_ground):
-            return Folded(replace(state, heard_s=now_s, on_ground=on_ground))
+            return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
         case StatusText(_, said):
             alarm = (said, now_s) if _ALARM.search(said) else state.alarm
-            return Folded(replace(state, heard_s=now_s, alarm=alarm), text=message)
+            return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
         case Traffic() | Radio() | OrderSeen():
             return Folded(_about(context, state, message, now_s))
         case _:
-            return Folded(replace(state, heard_s=now_s))
+            return Folded(changed(state, heard_s=now_s))
 
 
 def _about(context: Scene, state: VehicleState, message: Traffic | Radio | OrderSeen, now_s: float) -> VehicleState:
@@ -281,11 +284,11 @@ def _about(context: Scene, state: VehicleState, message: Traffic | Radio | Order
     match message:
         case Traffic():
             window_s = context.limits.loss_window_s
-            return replace(state, quality=linkquality.counted(state.quality, message, now_s, window_s))
+            return changed(state, quality=linkquality.counted(state.quality, message, now_s, window_s))
         case Radio():
-            return replace(state, quality=linkquality.heard_radio(state.quality, message, now_s))
+            return changed(state, quality=linkquality.heard_radio(state.quality, message, now_s))
         case OrderSeen():
-            return replace(state, ordered_mode_s=now_s)
+            return changed(state, ordered_mode_s=now_s)
 
 
 def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float) -> VehicleState:
@@ -302,7 +305,7 @@ def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float
     if message.voltage_v and single:
         report = Report(message.voltage_v, message.current_a, message.cells_v)
         volts = _measured(context, state, report, now_s)
-    return replace(state, heard_s=now_s, packs=packs, battery=charge, volts=volts, battery_faults=message.faults)
+    return changed(state, heard_s=now_s, packs=packs, battery=charge, volts=volts, battery_faults=message.faults)
 
 
 def _status(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> VehicleState:
@@ -311,7 +314,7 @@ def _status(context: Scene, state: VehicleState, message: SystemStatus, now_s: f
         charge = _charged(context, state, message.remaining_pct, 0, now_s)
     if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
         volts = _measured(context, state, Report(message.voltage_v), now_s)
-    return replace(state, heard_s=now_s, battery=charge, volts=volts, unhealthy=message.unhealthy)
+    return changed(state, heard_s=now_s, battery=charge, volts=volts, unhealthy=message.unhealthy)
 
 
 def _measured(context: Scene, state: VehicleState, report: Report, now_s: float) -> VoltageState:
@@ -343,7 +346,7 @@ def _at_item(state: VehicleState, seq: int) -> VehicleState:
     waypoint = state.board.waypoint_of[seq]
     if waypoint is None or state.stage not in {Stage.FLYING, Stage.STARTING}:
         return state
-    return replace(state, waypoint=waypoint)
+    return changed(state, waypoint=waypoint)
 
 
 def _positioned(context: Scene, state: VehicleState, message: Position, now_s: float) -> Folded:
@@ -361,7 +364,7 @@ def _positioned(context: Scene, state: VehicleState, message: Position, now_s: f
         anchor = fix
     took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
-    state = replace(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump)
+    state = changed(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump)
     return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 
 
@@ -394,10 +397,10 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
     track = state.board.tracks[visit]
     run = state.run if state.run_visit == visit else None
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
-    state = replace(state, run=step.run, run_visit=visit)
+    state = changed(state, run=step.run, run_visit=visit)
     if step.done:
         return Folded(state, inspected=track.segment, flown=step.flown)
     if step.broken:
         broken = (*state.runs_broken, (track.segment, step.broken))
-        return Folded(replace(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
+        return Folded(changed(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
     return Folded(state)

@@ -13,6 +13,7 @@ from binascii import crc_hqx
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
@@ -32,20 +33,32 @@ from executor.core.messages import (
 from executor.core.recording import Record, Skipped
 
 V1, V2 = 0xFE, 0xFD
+MARKS = frozenset({V1, V2})
 STAMP = 8
 CHUNK = 1 << 20
 LONGEST = STAMP + 10 + 255 + 2 + 13
 STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
 """Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
-EVERY_USEC = 190_000
-"""Of a kind that vehicles send faster than 5 Hz, no watchpoint needs more."""
+EVERY_USEC = 450_000
+"""Of a battery's reports no watchpoint needs more than two a second."""
+SLOW_USEC = 950_000
+"""Of everything else one a second is enough."""
+STEADY_USEC = 2_900_000
+"""Of what is repeated until it changes, one in three seconds."""
+IDLE_USEC = 250_000
+"""While nothing is read, time passes at least in steps of this."""
+ENOUGH_FRAMES = 40
+"""Counts of frames are handed on with a HEARTBEAT once there are as many."""
+HALF = 128
+"""A sequence number that is ahead by more is one that was overtaken on the way."""
 GCS_TYPE, NO_AUTOPILOT = 6, 8
 DO_SET_MODE = 176
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})
 """MAV_CMD that a ground station changes a mode with, or what the vehicle does in it."""
 PREARM_CHECK = 0x10000000
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-_STAMP = struct.Struct(">Q")
+_HEAD = struct.Struct(">Q10B")
+HEAD_SIZE = _HEAD.size
 
 
 def checksum(data: bytes) -> int:
@@ -67,6 +80,10 @@ class Kind:
     layout: struct.Struct
     """All fields in the order on the wire; what a sender left out at the end is zero."""
     read: Callable[..., FlightMessage | None]
+    every_usec: int = 0
+    """One that follows another sooner than this is passed over."""
+    special: bool = False
+    """Whether it is not simply a vehicle's word about itself."""
 
 
 def _heartbeat(mode: int, kind: int, autopilot: int, base: int, status: int, _: int) -> Heartbeat | None:
@@ -134,28 +151,31 @@ def _landed(_: int, state: int) -> LandedState:
     return LandedState({1: True, 2: False, 3: False, 4: False}.get(state))
 
 
-def _ordered(command: int) -> OrderSeen | None:
-    return OrderSeen(command) if command in MODE_COMMANDS else None
+STAND_IN_USEC = 4_000_000
+"""SYS_STATUS stands in for BATTERY_STATUS; beside it one in five seconds is enough."""
 
 
-STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET_MODE = 253, 76, 75, 11
-_NEVER = lambda *_: None  # noqa: E731
+def _never(*_: object) -> None:
+    """Say nothing: it is not the message alone that tells."""
+
+
+HEARTBEAT, SYSTEM, POSITION, BATTERY, STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET_MODE = 0, 1, 33, 147, 253, 76, 75, 11
 KINDS: dict[int, Kind] = {
-    0: Kind(50, struct.Struct("<IBBBBB"), _heartbeat),
-    1: Kind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status),
-    33: Kind(104, struct.Struct("<IiiiihhhH"), _position),
-    42: Kind(28, struct.Struct("<HH"), _mission_current),
+    HEARTBEAT: Kind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
+    SYSTEM: Kind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
+    POSITION: Kind(104, struct.Struct("<IiiiihhhH"), _position, SLOW_USEC),
+    42: Kind(28, struct.Struct("<HH"), _mission_current, STEADY_USEC),
     46: Kind(11, struct.Struct("<H"), MissionReached),
-    109: Kind(185, struct.Struct("<HHBBBBB"), _radio),
-    147: Kind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery),
-    245: Kind(130, struct.Struct("<BB"), _landed),
-    STATUSTEXT: Kind(83, struct.Struct("<B50sHB"), _NEVER),
-    COMMAND_LONG: Kind(152, struct.Struct("<7fHBB"), _NEVER),
-    COMMAND_INT: Kind(158, struct.Struct("<4fiifHBB"), _NEVER),
-    SET_MODE: Kind(89, struct.Struct("<IBB"), _NEVER),
+    109: Kind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
+    BATTERY: Kind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
+    245: Kind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
+    STATUSTEXT: Kind(83, struct.Struct("<B50sHB"), _never, special=True),
+    COMMAND_LONG: Kind(152, struct.Struct("<7fHBB"), _never, special=True),
+    COMMAND_INT: Kind(158, struct.Struct("<4fiifHBB"), _never, special=True),
+    SET_MODE: Kind(89, struct.Struct("<IBB"), _never, special=True),
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
-OFTEN = frozenset({1, 33, 147})
+ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
 
 
 @dataclass(slots=True)
@@ -179,8 +199,8 @@ class TelemetryFile:
     frames: int = 0
     _texts: Texts = field(default_factory=Texts)
     _sources: dict[int, _Source] = field(default_factory=dict)
-    _last: dict[int, int] = field(default_factory=dict)
-    """When a message of OFTEN was read last, by its source and id."""
+    _newest: dict[int, int] = field(default_factory=dict)
+    """When a message was read last, by its source and id."""
     _stamp: int = 0
 
     def records(self) -> Iterator[Record]:
@@ -197,28 +217,41 @@ class TelemetryFile:
                 if not more:
                     break
 
-    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:
-        """Yield what whole records of a piece say; returns where the rest begins."""
+    def _piece(  # noqa: C901, PLR0912, PLR0915 - one loop, as calls would take most of its time
+        self, buffer: bytes, *, last: bool
+    ) -> Generator[Record, None, int]:
+        """Yield what whole records of a piece say; returns where the rest begins.
+
+        Most of the time of a replay is spent here, so what would be small functions stands in the loop.
+        """
         at, size = 0, len(buffer)
         stop = size if last else size - 2 * LONGEST
-        sources = self._sources
-        idle = self._stamp
-        in_garbage = False
+        sources, kinds, newest, head = self._sources, KINDS, self._newest, _HEAD.unpack_from
+        idle, in_garbage = self._stamp, False
         while at < stop:
-            end = _end(buffer, at, size)
-            if not self._begins(buffer, at, end, size):
-                self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
+            if at + HEAD_SIZE > size:
+                self.skipped.truncated = 1  # only the end of the file can do that, once
+                break
+            stamp, mark, length, flags, _, seq, system, component, low, middle, high = head(buffer, at)
+            if mark == V2:
+                number, payload = low | middle << 8 | high << 16, at + 18
+                end = payload + length + (15 if flags & 1 else 2)
+            else:  # the fields of the older version stand elsewhere
+                seq, system, component, number = buffer[at + 10 : at + 14]
+                payload = at + 14
+                end = payload + length + 2
+            if not (
+                end + STAMP < size
+                and buffer[end + STAMP] in MARKS
+                and mark in MARKS
+                and -STAMP_TOLERANCE_USEC < stamp - (self._stamp or stamp) < STAMP_TOLERANCE_USEC
+                and (mark == V1 or flags < 2)
+            ) and not self._begins(buffer, at, end, size):
+                self.skipped.garbage_runs += not in_garbage
                 in_garbage = True
                 at += 1
                 continue
             in_garbage = False
-            stamp = int.from_bytes(buffer[at : at + 8], "big")
-            if buffer[at + 8] == V2:
-                seq, system, component = buffer[at + 12], buffer[at + 13], buffer[at + 14]
-                number, payload = buffer[at + 15] | buffer[at + 16] << 8 | buffer[at + 17] << 16, at + 18
-            else:
-                seq, system, component = buffer[at + 10], buffer[at + 11], buffer[at + 12]
-                number, payload = buffer[at + 13], at + 14
             self.frames += 1
             self._stamp = stamp
             key = system << 8 | component
@@ -227,90 +260,81 @@ class TelemetryFile:
                 sources[key] = source = _Source(seq)
             else:
                 gap = (seq - source.seq) & 255
-                if 0 < gap < 128:
+                if 0 < gap < HALF:
                     source.missing += gap - 1
                     source.received += 1
                     source.seq = seq
-            if number in KINDS:
-                if number in OFTEN and 0 <= stamp - self._last.get(key << 24 | number, 0) < EVERY_USEC:
+            kind = kinds.get(number)
+            if kind is not None:
+                key = key << 24 | number
+                if stamp - newest.get(key, -STEADY_USEC) >= kind.every_usec:
+                    newest[key] = stamp
+                    if number == BATTERY:
+                        newest[key - BATTERY + SYSTEM] = stamp + STAND_IN_USEC
+                    if not _whole(buffer, at):
+                        self.skipped.bad_checksums += 1
+                    else:
+                        need = kind.layout.size
+                        raw = buffer[payload : payload + (min(need, length))]
+                        fields = kind.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
+                        message = kind.read(*fields)
+                        idle = stamp
+                        if message is not None and source.vehicle and not kind.special:
+                            yield stamp, system, message
+                        else:
+                            yield from self._special((stamp, system, component, number), fields, message, source)
                     at = end
                     continue
-                self._last[key << 24 | number] = stamp
-                yield from self._read(buffer, at, payload, end, (stamp, system, component, number), source)
-                idle = stamp
-            elif stamp - idle >= EVERY_USEC:
+            if stamp - idle >= IDLE_USEC:
                 idle = stamp
                 yield stamp, 0, None
             at = end
         return at
 
     def _begins(self, buffer: bytes, at: int, end: int, size: int) -> bool:
-        """Return whether a whole record lies here."""
-        if end == 0:
+        """Return whether a whole record lies here, where what follows it does not show that."""
+        if buffer[at + 8] not in MARKS or (buffer[at + 8] == V2 and buffer[at + 10] & ~1):
+            return False
+        stamp = int.from_bytes(buffer[at : at + 8], "big")
+        if self._stamp and abs(stamp - self._stamp) >= STAMP_TOLERANCE_USEC:
             return False
         if end > size:
-            self.skipped.truncated = 1  # only the end of the file can do that, once
+            self.skipped.truncated = 1
             return False
-        if end == size or (end + STAMP < size and buffer[end + STAMP] in {V1, V2}) or end + STAMP >= size:
-            return self._stamp == 0 or self._near(buffer, at)
-        return self._near(buffer, at) and _whole(buffer, at, end)
+        return end == size or _whole(buffer, at)
 
-    def _near(self, buffer: bytes, at: int) -> bool:
-        stamp = int.from_bytes(buffer[at : at + 8], "big")
-        return self._stamp == 0 or abs(stamp - self._stamp) < STAMP_TOLERANCE_USEC
-
-    def _read(
-        self, buffer: bytes, at: int, payload: int, end: int, head: tuple[int, int, int, int], source: _Source
+    def _special(
+        self, head: tuple[int, int, int, int], fields: tuple[Any, ...], message: FlightMessage | None, source: _Source
     ) -> Iterator[Record]:
+        """Yield what is about the link, about orders to others, or begins a vehicle."""
         stamp, system, component, number = head
-        if not _whole(buffer, at, end):
-            self.skipped.bad_checksums += 1
-            return
-        kind, length = KINDS[number], buffer[at + 9]
-        need = kind.layout.size
-        raw = buffer[payload : payload + min(length, need)]
-        fields = kind.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
         if number == STATUSTEXT:
             for text in self._said((system, component), fields):
                 yield stamp, system, text
-            return
-        if number in {COMMAND_LONG, COMMAND_INT, SET_MODE}:
+        elif number in ORDERS:
             command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
-            order = _ordered(command)
-            if order is not None:
-                yield stamp, target, order
-            return
-        message = kind.read(*fields)
-        if isinstance(message, Heartbeat):
+            if command in MODE_COMMANDS:
+                yield stamp, target, OrderSeen(command)
+        elif isinstance(message, Heartbeat):
             source.vehicle = True
-            yield stamp, system, Traffic(source.received, source.missing)
-            source.received = source.missing = 0
-        elif number == 0 and fields[1] == GCS_TYPE:
-            self.stations.add(system)
-        elif message is None and number == 33:
-            self.skipped.impossible += 1
-        if isinstance(message, Radio):
+            if source.received + source.missing >= ENOUGH_FRAMES:
+                yield stamp, system, Traffic(source.received, source.missing)
+                source.received = source.missing = 0
+            yield stamp, system, message
+        elif isinstance(message, Radio):
             yield stamp, 0, message
-        elif source.vehicle or message is None:
-            yield stamp, system if message is not None else 0, message
+        else:
+            if number == HEARTBEAT and fields[1] == GCS_TYPE:
+                self.stations.add(system)
+            self.skipped.impossible += number == POSITION and message is None
+            yield stamp, 0, None
 
-    def _said(self, source: tuple[int, int], fields: tuple[int, bytes, int, int]) -> list[StatusText]:
+    def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
         return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
 
 
-def _end(buffer: bytes, at: int, size: int) -> int:
-    """Return where a record that begins here ends; 0 if none does."""
-    if at + STAMP + 10 > size:
-        return 0
-    mark = buffer[at + 8]
-    if mark == V2:
-        flags = buffer[at + 10]
-        return 0 if flags & ~1 else at + STAMP + 12 + buffer[at + 9] + 13 * flags
-    return at + STAMP + 8 + buffer[at + 9] if mark == V1 else 0
-
-
-def _whole(buffer: bytes, at: int, end: int) -> bool:
+def _whole(buffer: bytes, at: int) -> bool:
     """Return whether a frame that is known here has its checksum."""
     if buffer[at + 8] == V2:
         number = buffer[at + 15] | buffer[at + 16] << 8 | buffer[at + 17] << 16
