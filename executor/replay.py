@@ -18,7 +18,7 @@ from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.estimator import Prior
 from executor.core.events import Heard, Tick
 from executor.core.limits import Limits
-from executor.core.messages import FlightMessage, Heartbeat, MissionCurrent, Position
+from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.passive import Declared, Degraded, Finding
 from executor.core.recording import Record, RecordedFile, Skipped
 from executor.core.silence import SLEPT_S
@@ -46,6 +46,9 @@ BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
 """In a longer pause nothing is decided any more that was not decided before."""
+REPEATS_S = 2.5
+SAME, ALIKE = 0.003, 0.05
+"""Shares by which a voltage and a current may change within `REPEATS_S` and still say nothing new."""
 TRACE_S = 3.0
 MOST_SAMPLES = 4000
 
@@ -184,6 +187,7 @@ class _Player:
         self._traces: dict[str, Trace] = {}
         self._flown: dict[str, float] = {}
         self._framed = False
+        self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
         self._ticked_s = 0.0
 
     def take(self, record: Record) -> None:
@@ -243,7 +247,10 @@ class _Player:
         return CALM_TICK_S if calm else TICK_S
 
     def _heard(self, name: str, message: FlightMessage, now_s: float) -> None:
-        if isinstance(message, MissionCurrent):
+        if isinstance(message, Battery):
+            if self._says_nothing_new(name, message, now_s):
+                return
+        elif isinstance(message, MissionCurrent):
             if self._state.fleet.vehicles[name].item == (message.seq, message.total):
                 return
         elif isinstance(message, Position) and not self._framed:
@@ -255,6 +262,22 @@ class _Player:
         self._findings += found
         if isinstance(message, Heartbeat) and message.armed and not before.armed:
             self._takes_off(self._state.fleet.vehicles[name])
+
+    def _says_nothing_new(self, name: str, message: Battery, now_s: float) -> bool:
+        """Return whether a battery repeats itself: what is watched are changes, and that it reports at all."""
+        taken = self._batteries.get((name, message.battery))
+        if taken is not None and now_s - taken[0] < REPEATS_S:
+            known = taken[1]
+            if (
+                message.remaining_pct == known.remaining_pct
+                and abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
+                and abs((message.current_a or 0.0) - (known.current_a or 0.0)) <= ALIKE * (known.current_a or 0.0)
+                and (message.charge_state, message.faults) == (known.charge_state, known.faults)
+                and not message.cells_v
+            ):
+                return True
+        self._batteries[name, message.battery] = (now_s, message)
+        return False
 
     def _takes_off(self, vehicle: VehicleState) -> None:
         """Note where a vehicle starts: it is the place to come home to."""

@@ -21,6 +21,9 @@ from executor.core.modes import is_home_mode
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, fold, moved_to
 
+WARN_S = 1.5
+"""Warnings decide nothing: they are looked for less often than faults."""
+
 
 @dataclass(frozen=True, slots=True)
 class Declared:
@@ -50,8 +53,6 @@ class Degraded:
 
 Finding = Declared | Degraded
 
-Open = tuple[tuple[str, str], Degraded]
-
 
 @dataclass(frozen=True, slots=True)
 class Watched:
@@ -60,6 +61,8 @@ class Watched:
     fleet: FleetState
     open: Mapping[tuple[str, str], Degraded] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle and name of the warning."""
+    warned_s: float = float("-inf")
+    """When was looked for what is not well."""
 
 
 Stepped = tuple[Watched, tuple[Finding, ...]]
@@ -85,7 +88,7 @@ def step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Ste
             fleet = state.fleet.put(vehicle)
             if fleet.launched_s is None and vehicle.stage is Stage.FLYING:
                 fleet = changed(fleet, launched_s=now_s)
-            return Watched(fleet, state.open), ()
+            return Watched(fleet, state.open, state.warned_s), ()
         case Tick():
             return _tick(scene, state, now_s)
 
@@ -123,6 +126,7 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
     alone = fleet.silent_since_s is not None and now_s - fleet.silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
+    looks = now_s - state.warned_s >= WARN_S
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not open_:
             continue
@@ -131,8 +135,10 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
         vehicle, declared = _judged(scene, vehicle, now_s, alone=alone)
         vehicles[name] = vehicle
         found += declared
-        found += _warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
-    return Watched(changed(fleet, vehicles=MappingProxyType(vehicles)), open_), tuple(found)
+        if looks:
+            found += _warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
+    warned_s = now_s if looks else state.warned_s
+    return Watched(changed(fleet, vehicles=MappingProxyType(vehicles)), open_, warned_s), tuple(found)
 
 
 def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -> tuple[VehicleState, list[Declared]]:

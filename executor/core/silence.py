@@ -34,7 +34,7 @@ def own_sleep(state: FleetState, now_s: float) -> Stepped:
 
 def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:
     """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one."""
-    if state.launched_s is None:
+    if state.launched_s is None or (len(state.vehicles) < ALL and state.silent_since_s is None):
         return state, ()
     expected = _expected(state)
     if len(expected) < ALL:

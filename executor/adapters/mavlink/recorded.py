@@ -43,6 +43,8 @@ EVERY_USEC = 450_000
 """Of a battery's reports no watchpoint needs more than two a second."""
 SLOW_USEC = 950_000
 """Of everything else one a second is enough."""
+POSITION_USEC = 1_900_000
+"""Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
 IDLE_USEC = 250_000
@@ -163,7 +165,7 @@ HEARTBEAT, SYSTEM, POSITION, BATTERY, STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET
 KINDS: dict[int, Kind] = {
     HEARTBEAT: Kind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
     SYSTEM: Kind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
-    POSITION: Kind(104, struct.Struct("<IiiiihhhH"), _position, SLOW_USEC),
+    POSITION: Kind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
     42: Kind(28, struct.Struct("<HH"), _mission_current, STEADY_USEC),
     46: Kind(11, struct.Struct("<H"), MissionReached),
     109: Kind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
