@@ -79,11 +79,8 @@ def battery_low(view: View) -> str:
 
 def reserve_doubtful(view: View) -> str:
     """It may well land below the reserve."""
-    ahead = energy.at_landing(view.context, view.state, view.setup)
-    if ahead is None:
-        return ""
-    chance = ahead.chance_below(view.setup.reserve_pct)
-    if chance < view.context.limits.reserve_warn_chance:
+    chance = energy.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
+    if chance is None or chance < view.context.limits.reserve_warn_chance:
         return ""
     return f"below its reserve at the landing by {100 * chance:.0f} % probability"
 

@@ -9,6 +9,8 @@ from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.estimator import Projection, projected
 from executor.core.vehicle import VehicleState
 
+FAR, PLENTY_PCT = 3.0, 10.0
+"""With three times the way home and this much left there is no doubt: a factor is known to a third or better."""
 HOME_SPEED_M_S = 8.0
 DESCENT_M_S = 1.0
 """Both autopilots come home at 5 to 12 m/s and land at 0.5 to 1.5 m/s by their defaults."""
@@ -52,6 +54,17 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
     if modelled_pct is None:
         return None
     return projected(state.battery.estimate, modelled_pct)
+
+
+def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetup, floor_pct: float) -> float | None:
+    """Return the probability that less than `floor_pct` is left at the landing; None where nobody knows."""
+    known = state.battery
+    if known.estimate is not None and state.board is None and state.fix is not None:
+        ahead_pct = FAR * known.estimate.factor * (modelled_to_return_pct(context, state, setup) or 0.0)
+        if known.estimate.remaining_pct - ahead_pct > floor_pct + PLENTY_PCT:
+            return 0.0  # most of the time there is no question, and it is asked on every tick
+    ahead = at_landing(context, state, setup)
+    return None if ahead is None else ahead.chance_below(floor_pct)
 
 
 def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:

@@ -224,12 +224,15 @@ def cells_weak(view: View) -> Finding:
 
 def reserve_broken(view: View) -> Finding:
     """The mission on board, or where none is known the way home, would end below the reserve."""
-    ahead = energy.at_landing(view.context, view.state, view.setup)
-    if ahead is None or not _battery_fresh(view):
-        return STALE
     limits = view.context.limits
-    chance = ahead.chance_below(view.setup.reserve_pct - limits.reserve_slack_pct)
+    floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
+    chance = energy.landing_chance_below(view.context, view.state, view.setup, floor_pct)
+    if chance is None or not _battery_fresh(view):
+        return STALE
     if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
+        ahead = energy.at_landing(view.context, view.state, view.setup)
+        if ahead is None:
+            return STALE
         return Finding(
             Verdict.FAIL,
             f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.sd_pct:.1f}, reserve "

@@ -62,7 +62,7 @@ class Limits:
     jump_warn_m: float = 10.0
     heartbeat_stale_s: float = 3.5
     """QGroundControl's time: three heartbeats missed."""
-    loss_window_s: float = 10.0
+    loss_window_s: float = 12.0
     loss_warn: float = 0.25
     """Share of frames lost beyond what is usual on this link."""
     stall_s: float = 90.0

@@ -49,7 +49,7 @@ STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
 IDLE_USEC = 250_000
 """While nothing is read, time passes at least in steps of this."""
-ENOUGH_FRAMES = 40
+ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
