@@ -20,7 +20,8 @@ from executor.core.events import Heard, Tick
 from executor.core.limits import Limits
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.passive import Declared, Degraded, Finding
-from executor.core.recording import Record, RecordedFile, Skipped
+from executor.core.recording import Record, RecordedFile
+from executor.core.replayed import Declaration, Impaired, LogReplay, Sample, Trace, VehicleReplay
 from executor.core.silence import SLEPT_S
 from executor.core.vehicle import FaultKind, Stage, VehicleState
 from missions import Dialect, LocalFrame, dialect_for
@@ -49,89 +50,6 @@ LONGEST_GAP_S = 120.0
 REPEATS_S = 2.5
 SAME, ALIKE = 0.003, 0.05
 """Shares by which a voltage and a current may change within `REPEATS_S` and still say nothing new."""
-TRACE_S = 3.0
-MOST_SAMPLES = 4000
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One moment of a vehicle, for pictures."""
-
-    at_s: float
-    remaining_pct: float | None
-    estimate_pct: float | None
-    sd_pct: float | None
-    landing_pct: float | None
-    """What should be left at the landing."""
-    voltage_v: float | None
-    link_age_s: float
-    heartbeat_age_s: float
-    item: int | None
-    height_m: float | None
-
-
-@dataclass(slots=True)
-class Trace:
-    """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
-
-    samples: list[Sample] = field(default_factory=list)
-    every_s: float = TRACE_S
-
-    def add(self, sample: Sample) -> None:
-        """Take a sample, unless the last one is young."""
-        if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
-            return
-        self.samples.append(sample)
-        if len(self.samples) > MOST_SAMPLES:
-            self.samples = self.samples[::2]
-            self.every_s *= 2
-
-
-@dataclass(frozen=True, slots=True)
-class Declaration:
-    """A fault, in the log's own time."""
-
-    kind: FaultKind
-    reason: str
-    t_usec: int
-    evidence: str
-
-
-@dataclass(frozen=True, slots=True)
-class Impaired:
-    """A time in which something was not well, in the log's own time."""
-
-    kind: FaultKind
-    reason: str
-    from_usec: int
-    to_usec: int
-    evidence: str
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleReplay:
-    """One vehicle of a log."""
-
-    sysid: int
-    name: str
-    autopilot: str
-    declarations: tuple[Declaration, ...]
-    degraded: tuple[Impaired, ...]
-    flown_s: float
-    """Armed."""
-    samples: tuple[Sample, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class LogReplay:
-    """A log, replayed."""
-
-    path: Path
-    vehicles: tuple[VehicleReplay, ...]
-    skipped: Skipped
-    began_usec: int
-    lasted_s: float
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +160,7 @@ class _Player:
                 calm = False
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
-                trace.add(_sample(self._scene, vehicle, at_s))
+                trace.add(sampled(self._scene, vehicle, at_s))
         self._ticked_s = at_s
         return CALM_TICK_S if calm else TICK_S
 
@@ -379,8 +297,8 @@ def _setup(rules: Rules, system: int, dialect: Dialect, *, on_board: bool) -> Ve
     )
 
 
-def _sample(scene: Scene, vehicle: VehicleState, at_s: float) -> Sample:
-
+def sampled(scene: Scene, vehicle: VehicleState, at_s: float) -> Sample:
+    """Return what a picture shows of a vehicle at one moment."""
     estimate = vehicle.battery.estimate
     ahead = energy.at_landing(scene, vehicle, scene.vehicles[vehicle.name])
     return Sample(

@@ -126,7 +126,7 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
     alone = fleet.silent_since_s is not None and now_s - fleet.silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
-    looks = now_s - state.warned_s >= WARN_S
+    looks = now_s - state.warned_s >= WARN_S or any(_falls_silent(scene, one, now_s) for one in vehicles.values())
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not open_:
             continue
@@ -136,9 +136,14 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
         vehicles[name] = vehicle
         found += declared
         if looks:
-            found += _warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
+            found += warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
     warned_s = now_s if looks else state.warned_s
     return Watched(changed(fleet, vehicles=MappingProxyType(vehicles)), open_, warned_s), tuple(found)
+
+
+def _falls_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    silent = vehicle.heard_s is not None and now_s - vehicle.heard_s >= scene.limits.link_stale_s
+    return silent and vehicle.stage is Stage.FLYING
 
 
 def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -> tuple[VehicleState, list[Declared]]:
@@ -165,7 +170,7 @@ def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -
     return changed(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s)), [declared]
 
 
-def _warned(view: View, open_: dict[tuple[str, str], Degraded]) -> list[Finding]:
+def warned(view: View, open_: dict[tuple[str, str], Degraded]) -> list[Finding]:
     """Begin and end what is not well; returns what ended."""
     name = view.state.name
     now = {row.name: (row.kind, words) for row, words in degraded.warnings(view)}

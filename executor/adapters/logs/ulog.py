@@ -59,17 +59,6 @@ class UlogFile:
         """
         try:
             log = ULog(str(self.path), list(TOPICS))
-        except (
-            OSError,
-            ValueError,
-            IndexError,
-            KeyError,
-            struct.error,
-            TypeError,
-            AttributeError,
-            MemoryError,
-        ) as error:
-            raise LogError(f"{self.path}: expected a ULog of PX4: {error}") from error
         except Exception as error:
             raise LogError(f"{self.path}: expected a ULog of PX4: {error}") from error
         self.skipped.unreadable += bool(log.file_corruption)

@@ -271,8 +271,8 @@ class TelemetryFile:
                 key = key << 24 | number
                 if stamp - newest.get(key, -STEADY_USEC) >= kind.every_usec:
                     newest[key] = stamp
-                    if number == BATTERY:
-                        newest[key - BATTERY + SYSTEM] = stamp + STAND_IN_USEC
+                    if number == SYSTEM and stamp - newest.get(key - SYSTEM + BATTERY, -STEADY_USEC) < STAND_IN_USEC:
+                        newest[key] = stamp + STAND_IN_USEC
                     if not _whole(buffer, at):
                         self.skipped.bad_checksums += 1
                     else:
