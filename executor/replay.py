@@ -28,8 +28,12 @@ from missions import Dialect, LocalFrame, dialect_for
 from planner import PRESETS
 
 TICK_S = 0.25
-CALM_TICK_S = 1.0
-"""While everybody is heard and no watchpoint fails."""
+CALM_TICK_S = 1.8
+"""While everybody is heard and no watchpoint fails; what may change that at once is looked at at once."""
+RESTLESS_PCT = 1.2
+"""So much excess consumption is no calm."""
+FALLS = 0.03
+"""A voltage that falls by this share between two reports is looked at at once."""
 CALM_S = 1.2
 """Silence that is none: a heartbeat a second, and some of its way."""
 LINK_TIMEOUT_S = 4.5
@@ -155,9 +159,7 @@ class _Player:
         for name, vehicle in self._state.fleet.vehicles.items():
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
-            silent = vehicle.heard_s is not None and at_s - vehicle.heard_s > CALM_S
-            if vehicle.stage is not Stage.LOST and (silent or vehicle.watches):
-                calm = False
+            calm = calm and _is_calm(vehicle, at_s)
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
                 trace.add(sampled(self._scene, vehicle, at_s))
@@ -168,6 +170,9 @@ class _Player:
         if isinstance(message, Battery):
             if self._says_nothing_new(name, message, now_s):
                 return
+            known = self._state.fleet.vehicles[name].volts.voltage_v
+            if known is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * known:
+                self._next_s = now_s
         elif isinstance(message, MissionCurrent):
             if self._state.fleet.vehicles[name].item == (message.seq, message.total):
                 return
@@ -178,7 +183,11 @@ class _Player:
         before = self._state.fleet.vehicles[name]
         self._state, found = passive.step(self._scene, self._state, Heard(name, message), now_s)
         self._findings += found
-        if isinstance(message, Heartbeat) and message.armed and not before.armed:
+        if not isinstance(message, Heartbeat):
+            return
+        if message != before.heartbeat:
+            self._next_s = now_s
+        if message.armed and not before.armed:
             self._takes_off(self._state.fleet.vehicles[name])
 
     def _says_nothing_new(self, name: str, message: Battery, now_s: float) -> bool:
@@ -262,6 +271,16 @@ class _Player:
         """Return a moment on the log's own clock, which may have jumped back meanwhile."""
         began_s, began_usec = next(pair for pair in reversed(self._shifts) if pair[0] <= at_s or pair[0] == 0.0)
         return began_usec + round((at_s - began_s) * 1e6)
+
+
+def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
+    """Return whether nothing is to be expected of a vehicle in the next moments."""
+    if vehicle.stage is Stage.LOST:
+        return True
+    silent = vehicle.heard_s is not None and at_s - vehicle.heard_s > CALM_S
+    known = vehicle.battery
+    drains = max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
+    return not (silent or vehicle.watches or drains)
 
 
 def _empty_scene(rules: Rules) -> Scene:

@@ -17,6 +17,7 @@ from typing import Any
 
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
+    Alive,
     Battery,
     FlightMessage,
     Heartbeat,
@@ -47,8 +48,9 @@ POSITION_USEC = 1_900_000
 """Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
-IDLE_USEC = 250_000
-"""While nothing is read, time passes at least in steps of this."""
+IDLE_USEC = 500_000
+"""While nothing of a source is read, it is said that it is heard at least in steps of this."""
+ALIVE = Alive()
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
@@ -188,6 +190,8 @@ class _Source:
     received: int = 1
     missing: int = 0
     vehicle: bool = False
+    told: int = 0
+    """When something of it was handed on last."""
 
 
 @dataclass(slots=True)
@@ -229,7 +233,7 @@ class TelemetryFile:
         at, size = 0, len(buffer)
         stop = size if last else size - 2 * LONGEST
         sources, kinds, newest, head = self._sources, KINDS, self._newest, _HEAD.unpack_from
-        idle, in_garbage = self._stamp, False
+        in_garbage = False
         while at < stop:
             if at + HEAD_SIZE > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
@@ -280,16 +284,16 @@ class TelemetryFile:
                         raw = buffer[payload : payload + (min(need, length))]
                         fields = kind.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
                         message = kind.read(*fields)
-                        idle = stamp
+                        source.told = stamp
                         if message is not None and source.vehicle and not kind.special:
                             yield stamp, system, message
                         else:
                             yield from self._special((stamp, system, component, number), fields, message, source)
                     at = end
                     continue
-            if stamp - idle >= IDLE_USEC:
-                idle = stamp
-                yield stamp, 0, None
+            if stamp - source.told >= IDLE_USEC:
+                source.told = stamp
+                yield (stamp, system, ALIVE) if source.vehicle else (stamp, 0, None)
             at = end
         return at
 

@@ -25,7 +25,7 @@ def draw_replay(replay: LogReplay, truth: Truth | None, path: Path) -> None:
     figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(ROWS) * count + 1.0), facecolor=PAPER)
     axes = figure.subplots(len(ROWS) * count, 1, sharex=True, squeeze=False)[:, 0]
     for number, vehicle in enumerate(replay.vehicles):
-        rows = axes[number * len(ROWS) : (number + 1) * len(ROWS)]
+        rows = list(axes[number * len(ROWS) : (number + 1) * len(ROWS)])
         _vehicle(replay, vehicle, rows, style_of(number).colour)
         for axis in rows:
             _moments(replay, vehicle, truth, axis, named=axis is rows[0])
