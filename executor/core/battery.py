@@ -25,6 +25,8 @@ USUAL_S = 150.0
 """While more is used than usual, what is usual follows in this time: wind may turn, a fault is found before."""
 ROUGH_S = 300.0
 """In this time it is forgotten that a percentage wavered."""
+BLIND_PCT = 1.5
+"""PX4 without a current sensor: its percentage is off by some percent, and slowly so."""
 CAPACITY_PCT = 4.0
 """As much must be used before charge can be set against percent: whole percents err by one."""
 
@@ -121,7 +123,7 @@ def reported(
         state.drift, used, _usual(state) * modelled, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
-    estimate = estimator.corrected(ahead, remaining_pct, elapsed_s, roughness)
+    estimate = estimator.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
@@ -173,6 +175,14 @@ def swapped(
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
     fresh = BatteryState(least_pct=state.least_pct)
     return reported(fresh, remaining_pct, charge_state, now_s, prior)
+
+
+def blindness_pct(state: BatteryState) -> float:
+    """Return the standard deviation of a percentage that no counter of charge stands behind.
+
+    It is read off the voltage, which moves with load and temperature.
+    """
+    return 0.0 if state.charge.consumed_ah is not None else BLIND_PCT
 
 
 def factor(state: BatteryState) -> float:

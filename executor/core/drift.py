@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 ENOUGH_REPORTS = 3
 """A drain shows in several reports; a single one that is off is no rate."""
+GOES_ON = 0.5
+"""Share of the threshold that must come from other reports than the largest."""
 JUMP_PCT = 1.5
 """More than two roundings, in a single report."""
 JUMP_PCT_S = 1.0
@@ -33,6 +35,8 @@ class Drift:
     reports: int = 0
     jumped_s: float = float("-inf")
     """When a report was last set aside."""
+    biggest_pct: float = 0.0
+    """The largest part that a single report has in it."""
 
 
 def followed(drift: Drift, used_pct: float, expected_pct: float, *, slack: float, elapsed_s: float, now_s: float,
@@ -63,11 +67,16 @@ def followed(drift: Drift, used_pct: float, expected_pct: float, *, slack: float
         now_s - elapsed_s if drift.since_s is None else drift.since_s,
         drift.reports + 1,
         drift.jumped_s,
+        max(drift.biggest_pct, beyond),
     )
 
 
 def exceeds(drift: Drift, threshold_pct: float, step_pct: float) -> bool:
-    """Return whether it is a drain: several reports agree, or it is as much as a step."""
+    """Return whether it is a drain: several reports agree, or it is as much as a step.
+
+    A percentage that was estimated anew is one large report among ordinary ones; a drain goes on.
+    """
     if drift.excess_pct < threshold_pct:
         return False
-    return drift.reports >= ENOUGH_REPORTS or drift.excess_pct >= step_pct
+    goes_on = drift.excess_pct - drift.biggest_pct >= GOES_ON * threshold_pct
+    return (drift.reports >= ENOUGH_REPORTS and goes_on) or drift.excess_pct >= step_pct

@@ -53,7 +53,8 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
         modelled_pct = modelled_to_reach_pct(state, len(state.board.legs) - 1)
     if modelled_pct is None:
         return None
-    return projected(state.battery.estimate, modelled_pct)
+    ahead = projected(state.battery.estimate, modelled_pct)
+    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, battery.blindness_pct(state.battery)))
 
 
 def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetup, floor_pct: float) -> float | None:

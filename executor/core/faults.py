@@ -224,7 +224,9 @@ def cells_weak(view: View) -> Finding:
 
 def reserve_broken(view: View) -> Finding:
     """The mission on board, or where none is known the way home, would end below the reserve."""
-    limits = view.context.limits
+    leg, limits = view.state.leg, view.context.limits
+    if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
+        return OK  # it is on its way home already: nothing else could be ordered
     floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
     chance = energy.landing_chance_below(view.context, view.state, view.setup, floor_pct)
     if chance is None or not _battery_fresh(view):

@@ -23,9 +23,9 @@ class Limits:
     """The same for the consumed charge, which is counted in mAh."""
     drain_slack: float = 0.25
     """Share of the usual consumption that a climb, a gust or a turn of the wind explains."""
-    reserve_chance: float = 0.9
-    """A landing below the reserve that is this probable is a fault."""
-    reserve_clear_chance: float = 0.6
+    reserve_chance: float = 0.97
+    """A landing below the reserve that is this probable is a fault: it is asked all the time, and once is enough."""
+    reserve_clear_chance: float = 0.8
     reserve_warn_chance: float = 0.5
     """Above this it is worth a warning."""
     reserve_slack_pct: float = 1.0
