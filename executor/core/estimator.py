@@ -24,8 +24,9 @@ WALK_S = 300.0
 GUST_VAR = 0.02
 """Variance in percent squared for each percent used: gusts and climbs, 0.45 % over ten."""
 LEAST_VAR = 1e-4
-OUTLIER_SD = 5.0
-"""An innovation beyond this, and beyond `OUTLIER_PCT`, is a jump and says nothing of the factor."""
+OUTLIER_SD = 2.5
+"""An innovation beyond this, and beyond `OUTLIER_PCT`, is a jump and says nothing of the factor: a percentage that was
+estimated anew. What a vehicle really uses shows in many small innovations."""
 OUTLIER_PCT = 2.0
 
 
@@ -101,12 +102,11 @@ def corrected(estimate: Estimate, reported_pct: float, since_s: float, roughness
         since_s: since the report before.
         roughness_pct: how much the reports are known to waver.
     """
-    shared = max(1.0, SAWTOOTH_S / max(since_s, 0.1))
-    noise = (QUANTUM_PCT**2 / 12 + roughness_pct**2 / 4) * shared
+    single = QUANTUM_PCT**2 / 12 + roughness_pct**2 / 4
     innovation = reported_pct - estimate.remaining_pct
-    spread = estimate.var_remaining + noise
-    if abs(innovation) > max(OUTLIER_PCT, OUTLIER_SD * math.sqrt(spread)):
+    if abs(innovation) > max(OUTLIER_PCT, OUTLIER_SD * math.sqrt(estimate.var_remaining + single)):
         return jumped(estimate, reported_pct)
+    spread = estimate.var_remaining + single * max(1.0, SAWTOOTH_S / max(since_s, 0.1))
     gain, gain_factor = estimate.var_remaining / spread, estimate.covariance / spread
     return Estimate(
         estimate.remaining_pct + gain * innovation,

@@ -178,16 +178,22 @@ def battery_stepped(view: View) -> Finding:
 
 def battery_drains(view: View) -> Finding:
     """More is used than the flight should cost, by more than a climb or a gust explains."""
+    return _drains(view, 1.0)
+
+
+def battery_plunges(view: View) -> Finding:
+    """So much more is used that there is no time to wait for one more report."""
+    return _drains(view, PLUNGE)
+
+
+def _drains(view: View, share: float) -> Finding:
     if not _battery_fresh(view):
         return STALE
     limits, known = view.context.limits, view.state.battery
     looked_at = ((known.drift, limits.battery_excess_pct + known.roughness_pct, ""),
                  (known.charge.drift, limits.charge_excess_pct, " by its counter of charge"))  # fmt: skip
     for found, threshold, which in looked_at:
-        if _climbs(view):
-            threshold *= 2
-        if view.failing:
-            threshold *= 0.5
+        threshold *= share * (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
         if drift.exceeds(found, threshold, limits.battery_step_pct):
             took_s = view.now_s - (found.since_s if found.since_s is not None else view.now_s)
             return Finding(
@@ -321,6 +327,8 @@ def _battery_fresh(view: View) -> bool:
     return view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
 
 
+PLUNGE = 1.7
+"""Times the threshold of a drain."""
 UNKNOWN_TOTAL = 65535
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _ON_MISSION = frozenset({Stage.FLYING})
@@ -335,7 +343,8 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION),
     Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION),
     Watchpoint("battery-failsafe", FaultKind.BATTERY, battery_failsafe, 1.0, _ON_MISSION),
-    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 0.4, _ON_MISSION),
+    Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION),
+    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION),
     Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION),
     Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION),
     Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION),
