@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -215,6 +216,31 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, object]:
         "would_break_reserve": {"of": in_time.of, "in_time": in_time.hits, **_rate(in_time)},
         "kinds": {what: _kind([one for one in outcomes if one.injected.what == what]) for what in KINDS},
     }
+
+
+def print_summary(name: str, figures: Mapping[str, Any]) -> None:
+    """Print the figures of a campaign."""
+    low, high = figures["false_alarms_per_50_h_95"] or (0.0, 0.0)
+    print(f"{name}: {figures['flights']} flights, {figures['flight_hours']:.0f} flight hours")
+    print(
+        f"  false alarms: {figures['false_alarms']}, {figures['false_alarms_per_50_h']:.2f} in 50 flight hours "
+        f"(95 %: {low:.2f} to {high:.2f})"
+    )
+    for reason in figures["false_reasons"]:
+        print(f"    {reason}")
+    breaking = figures["would_break_reserve"]
+    low, high = (100 * bound for bound in breaking["rate_95"])
+    print(
+        f"  would break the reserve: {breaking['in_time']} of {breaking['of']} declared while it could come home, "
+        f"{100 * breaking['rate']:.1f} % ({low:.1f} to {high:.1f})"
+    )
+    print("  fault     due  declared  rate (95 %)               delay median, 95 %   extra battery 95 %")
+    for what, row in figures["kinds"].items():
+        low, high = (100 * bound for bound in row["rate_95"])
+        rate = f"{100 * row['rate']:.1f} % ({low:.1f} to {high:.1f})"
+        delay = "" if row["delay_s_median"] is None else f"{row['delay_s_median']:.1f} s, {row['delay_s_95']:.1f} s"
+        extra = f"{row['extra_pct_95']:.1f} %" if row["extra_pct_95"] else ""
+        print(f"  {what:<8}  {row['due']:>3}  {row['declared']:>8}  {rate:<24}  {delay:<19}  {extra}")
 
 
 def _name(outcome: Outcome) -> str:

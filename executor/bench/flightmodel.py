@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -54,8 +55,6 @@ def model_site(autopilot: str) -> Site:
         "vehicle": vehicles,
         "faults": {"link_timeout_s": 10.0},
     }
-    from pathlib import Path
-
     ground = build.ground_of(check_site(content, "the model"), Path())
     setup, task = build.setup_of(ground), build.task_of(ground)
     names, count = ground.names, len(ground.network.segments)
@@ -152,7 +151,7 @@ class _Gauge:
         """Return a BATTERY_STATUS."""
         pack = self._pack
         volts = pack.voltage_v / 4 * self._count * (1 + 0.002 * self._rng.normal()) - self.cell_v
-        cells = ()
+        cells: tuple[float, ...] = ()
         if self._cells:
             each = (volts + self.cell_v) / self._count
             noisy = each + 0.01 * self._rng.normal(size=self._count)
