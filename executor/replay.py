@@ -153,6 +153,11 @@ class _Player:
 
     def _tick(self, at_s: float) -> float:
         """Look at everything; returns when to look again."""
+        for system, name in self._names.items():
+            usec = self._file.heard.get(system)
+            if usec is not None and self._first is not None:
+                heard_s = (usec - self._first + self._shift) / 1e6
+                self._state = passive.heard(self._state, name, min(at_s, heard_s))
         self._state, found = passive.step(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True

@@ -25,6 +25,8 @@ USUAL_S = 150.0
 """While more is used than usual, what is usual follows in this time: wind may turn, a fault is found before."""
 ROUGH_S = 300.0
 """In this time it is forgotten that a percentage wavered."""
+GAP_S = 10.0
+"""After a longer silence nobody knows how it flew."""
 BLIND_PCT = 1.5
 """PX4 without a current sensor: its percentage is off by some percent, and slowly so."""
 CAPACITY_PCT = 4.0
@@ -119,8 +121,9 @@ def reported(
     fades = max(0.0, 1.0 - elapsed_s / ROUGH_S)
     roughness = max(state.roughness_pct * fades, -used)
     ahead = estimator.flown(state.estimate, modelled, elapsed_s)
+    expected = _usual(state) * max(modelled, _unseen_pct(state, elapsed_s))
     drift = followed(
-        state.drift, used, _usual(state) * modelled, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
+        state.drift, used, expected, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
     estimate = estimator.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
@@ -152,9 +155,10 @@ def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limit
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
-        expected = _usual(state) * (state.modelled_pct - charge.modelled_pct)
+        elapsed_s = max(0.0, now_s - charge.at_s)
+        expected = _usual(state) * max(state.modelled_pct - charge.modelled_pct, _unseen_pct(state, elapsed_s))
         drift = followed(
-            drift, used, expected, slack=_slack(state, limits), elapsed_s=max(0.0, now_s - charge.at_s), now_s=now_s,
+            drift, used, expected, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
             memory_s=limits.battery_window_s,
         )  # fmt: skip
     capacity = charge.capacity_ah
@@ -201,6 +205,15 @@ def excess_pct(state: BatteryState, window_s: float) -> tuple[float, float]:
     first = next(sample for sample in state.history if last.at_s - sample.at_s <= window_s)
     expected = (last.modelled_pct - first.modelled_pct) * _usual(state)
     return (first.remaining_pct - last.remaining_pct) - expected, expected
+
+
+def _unseen_pct(state: BatteryState, elapsed_s: float) -> float:
+    """Return what the model should say of a silence, whose positions may come after the report that ends it."""
+    if elapsed_s < GAP_S or len(state.history) < 2:
+        return 0.0
+    first, last = state.history[0], state.history[-1]
+    span_s = last.at_s - first.at_s
+    return (last.modelled_pct - first.modelled_pct) / span_s * elapsed_s if span_s > 0 else 0.0
 
 
 def _usual(state: BatteryState) -> float:

@@ -152,11 +152,6 @@ class StatusText:
 
 
 @dataclass(frozen=True, slots=True)
-class Alive:
-    """Any other message of a vehicle: it is heard."""
-
-
-@dataclass(frozen=True, slots=True)
 class Traffic:
     """What came of a vehicle's frames since the last such message, by their sequence numbers."""
 
@@ -226,7 +221,6 @@ FlightMessage = (
     | MissionCurrent
     | MissionReached
     | StatusText
-    | Alive
     | Traffic
     | Radio
     | OrderSeen

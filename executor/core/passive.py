@@ -93,6 +93,14 @@ def step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Ste
             return _tick(scene, state, now_s)
 
 
+def heard(state: Watched, name: str, at_s: float) -> Watched:
+    """Return the state with a vehicle that said something, whatever it was."""
+    vehicle = state.fleet.vehicles[name]
+    if vehicle.heard_s is not None and at_s <= vehicle.heard_s:
+        return state
+    return replace(state, fleet=state.fleet.put(changed(vehicle, heard_s=at_s)))
+
+
 def closed(state: Watched, now_s: float) -> tuple[Degraded, ...]:
     """Return what was not well when the log ended."""
     return tuple(replace(one, to_s=now_s) for one in state.open.values())

@@ -45,6 +45,9 @@ class RecordedFile(Protocol):
 
     skipped: Skipped
     stations: set[int]
+    """Systems that sent a ground station's HEARTBEAT."""
+    heard: dict[int, int]
+    """When anything of a system came last, in the log's microseconds, whether or not it was worth a record."""
 
     def records(self) -> Iterator[Record]:
         """Yield what it says, in its order."""

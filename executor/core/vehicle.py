@@ -34,6 +34,8 @@ from planner import segment_of
 _ALARM = re.compile(r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail", re.IGNORECASE)
 """What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Failsafe activated"."""
 
+LONGEST_SILENCE_S = 600.0
+"""Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -357,7 +359,7 @@ def _positioned(context: Scene, state: VehicleState, message: Position, now_s: f
     fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity)
     drained = state.battery
     elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
-    if state.armed and 0.0 < elapsed_s < 30.0:
+    if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
         drained = battery.drawn(drained, context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s)
     anchor = state.anchor
     if anchor is None or _apart_m(anchor, fix) > context.limits.stall_m:

@@ -43,8 +43,8 @@ def test_an_ordinary_flight(tmp_path: Path) -> None:
 def test_a_silent_vehicle_is_degraded_then_lost_then_watched_again(tmp_path: Path) -> None:
     writer = Writer()
     flight(writer, 3, range(200), silent=range(60, 75))
-    flight(writer, 4, range(200))
     flight(writer, 3, range(200, 300), silent=range(250, 270))
+    flight(writer, 4, range(300))
     found = replayed(writer, tmp_path)
     lost = declared(found)
     assert [one[:3] for one in lost] == [(3, "link", "link")] * 2

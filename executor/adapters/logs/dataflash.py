@@ -47,6 +47,7 @@ class DataFlashFile:
     path: Path
     skipped: Skipped = field(default_factory=Skipped)
     stations: set[int] = field(default_factory=set)
+    heard: dict[int, int] = field(default_factory=dict)
     system: int = SYSTEM
     _mode: int = 0
     _armed: bool = False
@@ -62,6 +63,8 @@ class DataFlashFile:
         Raises:
             LogError: not such a log at all.
         """
+        if self.path.stat().st_size == 0:
+            return  # pymavlink maps the file into memory, which an empty one cannot be
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

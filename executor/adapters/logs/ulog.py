@@ -45,6 +45,7 @@ class UlogFile:
     path: Path
     skipped: Skipped = field(default_factory=Skipped)
     stations: set[int] = field(default_factory=set)
+    heard: dict[int, int] = field(default_factory=dict)
     _beat_usec: int = -BEAT_USEC
     _beat: tuple[int, bool] | None = None
     _local: Row = field(default_factory=dict)

@@ -17,7 +17,6 @@ from typing import Any
 
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
-    Alive,
     Battery,
     FlightMessage,
     Heartbeat,
@@ -48,9 +47,8 @@ POSITION_USEC = 1_900_000
 """Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
-IDLE_USEC = 500_000
-"""While nothing of a source is read, it is said that it is heard at least in steps of this."""
-ALIVE = Alive()
+GAP_USEC = 900_000
+"""Where nothing came of a system for so long, it is said that time passed before it is heard again."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
@@ -190,8 +188,6 @@ class _Source:
     received: int = 1
     missing: int = 0
     vehicle: bool = False
-    told: int = 0
-    """When something of it was handed on last."""
 
 
 @dataclass(slots=True)
@@ -202,6 +198,8 @@ class TelemetryFile:
     skipped: Skipped = field(default_factory=Skipped)
     stations: set[int] = field(default_factory=set)
     """Systems that sent a ground station's HEARTBEAT."""
+    heard: dict[int, int] = field(default_factory=dict)
+    """When any frame of a system came last, whether or not it was handed on."""
     frames: int = 0
     _texts: Texts = field(default_factory=Texts)
     _sources: dict[int, _Source] = field(default_factory=dict)
@@ -233,6 +231,7 @@ class TelemetryFile:
         at, size = 0, len(buffer)
         stop = size if last else size - 2 * LONGEST
         sources, kinds, newest, head = self._sources, KINDS, self._newest, _HEAD.unpack_from
+        heard = self.heard
         in_garbage = False
         while at < stop:
             if at + HEAD_SIZE > size:
@@ -253,13 +252,16 @@ class TelemetryFile:
                 and -STAMP_TOLERANCE_USEC < stamp - (self._stamp or stamp) < STAMP_TOLERANCE_USEC
                 and (mark == V1 or flags < 2)
             ) and not self._begins(buffer, at, end, size):
-                self.skipped.garbage_runs += not in_garbage
+                self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
                 in_garbage = True
                 at += 1
                 continue
             in_garbage = False
             self.frames += 1
             self._stamp = stamp
+            if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
+                yield stamp, 0, None
+            heard[system] = stamp
             key = system << 8 | component
             source = sources.get(key)
             if source is None:
@@ -273,7 +275,7 @@ class TelemetryFile:
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
-                if stamp - newest.get(key, -STEADY_USEC) >= kind.every_usec:
+                if not 0 <= stamp - newest.get(key, -STEADY_USEC) < kind.every_usec:
                     newest[key] = stamp
                     if number == SYSTEM and stamp - newest.get(key - SYSTEM + BATTERY, -STEADY_USEC) < STAND_IN_USEC:
                         newest[key] = stamp + STAND_IN_USEC
@@ -284,16 +286,12 @@ class TelemetryFile:
                         raw = buffer[payload : payload + (min(need, length))]
                         fields = kind.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
                         message = kind.read(*fields)
-                        source.told = stamp
                         if message is not None and source.vehicle and not kind.special:
                             yield stamp, system, message
                         else:
                             yield from self._special((stamp, system, component, number), fields, message, source)
                     at = end
                     continue
-            if stamp - source.told >= IDLE_USEC:
-                source.told = stamp
-                yield (stamp, system, ALIVE) if source.vehicle else (stamp, 0, None)
             at = end
         return at
 
