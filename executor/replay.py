@@ -51,6 +51,8 @@ BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
 """In a longer pause nothing is decided any more that was not decided before."""
+STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
+"""In which a HEARTBEAT that is as the last one changes nothing."""
 REPEATS_S = 2.5
 SAME, ALIKE = 0.003, 0.05
 """Shares by which a voltage and a current may change within `REPEATS_S` and still say nothing new."""
@@ -109,6 +111,8 @@ class _Player:
         self._traces: dict[str, Trace] = {}
         self._flown: dict[str, float] = {}
         self._framed = False
+        self._beats: dict[str, float] = {}
+        """Heartbeats without news since the last tick."""
         self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
         self._ticked_s = 0.0
 
@@ -157,7 +161,7 @@ class _Player:
             usec = self._file.heard.get(system)
             if usec is not None and self._first is not None:
                 heard_s = (usec - self._first + self._shift) / 1e6
-                self._state = passive.heard(self._state, name, min(at_s, heard_s))
+                self._state = passive.heard(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
         self._state, found = passive.step(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True
@@ -172,31 +176,42 @@ class _Player:
         return CALM_TICK_S if calm else TICK_S
 
     def _heard(self, name: str, message: FlightMessage, now_s: float) -> None:
+        before = self._state.fleet.vehicles[name]
+        if self._says_nothing_new(before, message, now_s):
+            return
         if isinstance(message, Battery):
-            if self._says_nothing_new(name, message, now_s):
-                return
-            known = self._state.fleet.vehicles[name].volts.voltage_v
-            if known is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * known:
+            volts = before.volts.voltage_v
+            if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
                 self._next_s = now_s
-        elif isinstance(message, MissionCurrent):
-            if self._state.fleet.vehicles[name].item == (message.seq, message.total):
-                return
         elif isinstance(message, Position) and not self._framed:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
             self._scene = replace(self._scene, frame=frame)
-        before = self._state.fleet.vehicles[name]
         self._state, found = passive.step(self._scene, self._state, Heard(name, message), now_s)
         self._findings += found
-        if not isinstance(message, Heartbeat):
-            return
-        if message != before.heartbeat:
-            self._next_s = now_s
-        if message.armed and not before.armed:
-            self._takes_off(self._state.fleet.vehicles[name])
+        if isinstance(message, Heartbeat):
+            if message != before.heartbeat:
+                self._next_s = now_s
+            if message.armed and not before.armed:
+                self._takes_off(self._state.fleet.vehicles[name])
 
-    def _says_nothing_new(self, name: str, message: Battery, now_s: float) -> bool:
-        """Return whether a battery repeats itself: what is watched are changes, and that it reports at all."""
+    def _says_nothing_new(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
+        """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
+        match message:
+            case Heartbeat():
+                settled = known.stage in STEADY and (known.flew_mission or not known.took_off)
+                if not settled or message != known.heartbeat:
+                    return False
+                self._beats[known.name] = now_s  # the next tick takes it
+                return True
+            case MissionCurrent(seq, total):
+                return known.item == (seq, total)
+            case Battery():
+                return self._battery_repeats(known.name, message, now_s)
+            case _:
+                return False
+
+    def _battery_repeats(self, name: str, message: Battery, now_s: float) -> bool:
         taken = self._batteries.get((name, message.battery))
         if taken is not None and now_s - taken[0] < REPEATS_S:
             known = taken[1]

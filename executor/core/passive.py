@@ -93,12 +93,18 @@ def step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Ste
             return _tick(scene, state, now_s)
 
 
-def heard(state: Watched, name: str, at_s: float) -> Watched:
-    """Return the state with a vehicle that said something, whatever it was."""
+def heard(state: Watched, name: str, at_s: float, heartbeat_s: float | None = None) -> Watched:
+    """Return the state with a vehicle that said something, whatever it was, and its HEARTBEAT without news then."""
     vehicle = state.fleet.vehicles[name]
-    if vehicle.heard_s is not None and at_s <= vehicle.heard_s:
+    later = vehicle.heard_s is None or at_s > vehicle.heard_s
+    if not later and heartbeat_s is None:
         return state
-    return replace(state, fleet=state.fleet.put(changed(vehicle, heard_s=at_s)))
+    told = changed(
+        vehicle,
+        heard_s=at_s if later else vehicle.heard_s,
+        heartbeat_s=vehicle.heartbeat_s if heartbeat_s is None else heartbeat_s,
+    )
+    return Watched(state.fleet.put(told), state.open, state.warned_s)
 
 
 def closed(state: Watched, now_s: float) -> tuple[Degraded, ...]:
