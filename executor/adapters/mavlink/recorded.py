@@ -275,10 +275,11 @@ class TelemetryFile:
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
-                if not 0 <= stamp - newest.get(key, -STEADY_USEC) < kind.every_usec:
+                every = kind.every_usec
+                if number == SYSTEM and 0 <= stamp - newest.get(key - SYSTEM + BATTERY, -STAND_IN_USEC) < STAND_IN_USEC:
+                    every = STAND_IN_USEC
+                if not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
                     newest[key] = stamp
-                    if number == SYSTEM and stamp - newest.get(key - SYSTEM + BATTERY, -STEADY_USEC) < STAND_IN_USEC:
-                        newest[key] = stamp + STAND_IN_USEC
                     if not _whole(buffer, at):
                         self.skipped.bad_checksums += 1
                     else:
