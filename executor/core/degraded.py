@@ -17,6 +17,7 @@ BATTERY_SENSOR = 0x2000000
 LOW = 2
 """MAV_BATTERY_CHARGE_STATE_LOW."""
 RADIO_S = 5.0
+AGAIN_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ def heartbeat_missing(view: View) -> str:
     state, limits = view.state, view.context.limits
     if state.heartbeat_s is None or state.heard_s is None:
         return ""
-    age_s = view.now_s - state.heartbeat_s
+    age_s = view.now_s - max(state.heartbeat_s, state.excused_s)
     if age_s >= limits.heartbeat_stale_s and view.now_s - state.heard_s < limits.link_stale_s:
         return f"no HEARTBEAT for {age_s:.1f} s, while other messages come"
     return ""
@@ -64,7 +65,7 @@ def radio_weak(view: View) -> str:
 def battery_silent(view: View) -> str:
     """It speaks, but not of its battery."""
     known, limits = view.state.battery, view.context.limits
-    age_s = view.now_s - known.reported_s
+    age_s = view.now_s - max(known.reported_s, view.state.excused_s)
     if known.remaining_pct is None or age_s <= limits.battery_stale_s or silent(view):
         return ""
     return f"no report of its battery for {age_s:.0f} s"
@@ -104,6 +105,27 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What an operator was told of a vehicle."""
+
+    at_s: tuple[tuple[str, float], ...] = ()
+    """By the name of the row: when it was last not well."""
+
+
+def said(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
+    """Return what is not well and was not said yet, for the operator of a live flight.
+
+    A silence is told by `silence`; what comes back within `AGAIN_S` is the same.
+    """
+    now = [(row.name, words) for row, words in warnings(view) if row.look is not silent]
+    if not now and not before.at_s:
+        return before, ()
+    known = {name: at_s for name, at_s in before.at_s if view.now_s - at_s < AGAIN_S}
+    new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
+    return Told(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
 
 
 def warnings(view: View) -> tuple[tuple[Doubt, str], ...]:

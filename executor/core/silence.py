@@ -80,12 +80,13 @@ def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: floa
         return state, ()
     text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
     level = Level.WARNING if stale else Level.INFO
-    return state.put(changed(vehicle, stale=stale)), (Say(level, text),)
+    excused_s = vehicle.excused_s if stale else now_s
+    return state.put(changed(vehicle, stale=stale, excused_s=excused_s)), (Say(level, text),)
 
 
 def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
     """Count a time in which nobody could be heard against no vehicle."""
     for vehicle in state.vehicles.values():
         if vehicle.heard_s is not None:
-            state = state.put(changed(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
+            state = state.put(changed(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s), excused_s=now_s))
     return state

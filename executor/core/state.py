@@ -9,6 +9,7 @@ from types import MappingProxyType
 from executor.core.changed import changed
 from executor.core.commands import Solve
 from executor.core.coverage import Flown
+from executor.core.degraded import Told
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath
 
@@ -99,6 +100,8 @@ class FleetState:
     recalled: bool = False
     """Everybody was sent home."""
     separation: Separation | None = None
+    told: Mapping[str, Told] = field(default_factory=lambda: MappingProxyType({}))
+    """Of each vehicle that was not well: what the operator was told."""
     finished: bool = False
 
     def put(self, vehicle: VehicleState) -> FleetState:

@@ -174,6 +174,8 @@ class VehicleState:
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
     item: tuple[int, int | None] | None = None
     """The mission item it flies to by its own word, and how many there are."""
+    excused_s: float = float("-inf")
+    """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
     flew_mission: bool = False
     """Whether it was in mission mode in the air since its last start."""
     jump: tuple[float, float] = (0.0, float("-inf"))
