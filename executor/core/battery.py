@@ -20,11 +20,15 @@ FACTOR_RANGE = (0.7, 2.0)
 HISTORY_S = 30.0
 UNSURE_SD = 2.0
 """Standard deviations of the factor that count as slack: a factor that is not known yet accuses nobody."""
+COUNTED = 0.75
+"""Share of the slack where charge is counted: there is no rounding in it, only climbs and wind."""
 CALM_PCT = 0.5
 USUAL_S = 150.0
 """While more is used than usual, what is usual follows in this time: wind may turn, a fault is found before."""
 ROUGH_S = 300.0
 """In this time it is forgotten that a percentage wavered."""
+AGREES_PCT = 1.5
+"""Two roundings and a little."""
 GAP_S = 10.0
 """After a longer silence nobody knows how it flew."""
 BLIND_PCT = 1.5
@@ -126,7 +130,11 @@ def reported(
         state.drift, used, expected, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
-    estimate = estimator.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
+    fine = _counted_pct(state, remaining_pct)
+    if fine is None:
+        estimate = estimator.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
+    else:
+        estimate = estimator.refined(ahead, fine)
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
@@ -158,7 +166,7 @@ def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limit
         elapsed_s = max(0.0, now_s - charge.at_s)
         expected = _usual(state) * max(state.modelled_pct - charge.modelled_pct, _unseen_pct(state, elapsed_s))
         drift = followed(
-            drift, used, expected, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
+            drift, used, expected, slack=_slack(state, limits, COUNTED), elapsed_s=elapsed_s, now_s=now_s,
             memory_s=limits.battery_window_s,
         )  # fmt: skip
     capacity = charge.capacity_ah
@@ -179,6 +187,15 @@ def swapped(
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
     fresh = BatteryState(least_pct=state.least_pct)
     return reported(fresh, remaining_pct, charge_state, now_s, prior)
+
+
+def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
+    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
+    charge = state.charge
+    if charge.capacity_ah is None or charge.consumed_ah is None:
+        return None
+    left = charge.began_pct - 100.0 * (charge.consumed_ah - charge.began_ah) / charge.capacity_ah
+    return left if abs(left - reported_pct) <= AGREES_PCT else None
 
 
 def blindness_pct(state: BatteryState) -> float:
@@ -220,10 +237,10 @@ def _usual(state: BatteryState) -> float:
     return 1.0 if state.usual is None else state.usual
 
 
-def _slack(state: BatteryState, limits: Limits) -> float:
+def _slack(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     if state.estimate is None:
-        return limits.drain_slack
-    return limits.drain_slack + UNSURE_SD * state.estimate.factor_sd / max(0.1, _usual(state))
+        return share * limits.drain_slack
+    return share * (limits.drain_slack + UNSURE_SD * state.estimate.factor_sd / max(0.1, _usual(state)))
 
 
 def _followed_usual(state: BatteryState, estimate: Estimate, drift: Drift, elapsed_s: float) -> float:

@@ -24,6 +24,8 @@ WALK_S = 300.0
 GUST_VAR = 0.02
 """Variance in percent squared for each percent used: gusts and climbs, 0.45 % over ten."""
 LEAST_VAR = 1e-4
+COUNTED_VAR = 0.15**2
+"""Of a counter of charge, in percent squared: its own steps, and a capacity that was learned from whole percents."""
 OUTLIER_SD = 2.5
 """An innovation beyond this, and beyond `OUTLIER_PCT`, is a jump and says nothing of the factor: a percentage that was
 estimated anew. What a vehicle really uses shows in many small innovations."""
@@ -106,7 +108,19 @@ def corrected(estimate: Estimate, reported_pct: float, since_s: float, roughness
     innovation = reported_pct - estimate.remaining_pct
     if abs(innovation) > max(OUTLIER_PCT, OUTLIER_SD * math.sqrt(estimate.var_remaining + single)):
         return jumped(estimate, reported_pct)
-    spread = estimate.var_remaining + single * max(1.0, SAWTOOTH_S / max(since_s, 0.1))
+    return _updated(estimate, innovation, single * max(1.0, SAWTOOTH_S / max(since_s, 0.1)))
+
+
+def refined(estimate: Estimate, counted_pct: float) -> Estimate:
+    """Take what a counter of charge says remains: it is not rounded."""
+    innovation = counted_pct - estimate.remaining_pct
+    if abs(innovation) > OUTLIER_PCT:
+        return jumped(estimate, counted_pct)
+    return _updated(estimate, innovation, COUNTED_VAR)
+
+
+def _updated(estimate: Estimate, innovation: float, noise: float) -> Estimate:
+    spread = estimate.var_remaining + noise
     gain, gain_factor = estimate.var_remaining / spread, estimate.covariance / spread
     return Estimate(
         estimate.remaining_pct + gain * innovation,

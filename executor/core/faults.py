@@ -288,7 +288,7 @@ def stalled(view: View) -> Finding:
     stood_s = state.fix.at_s - state.anchor.at_s
     if view.setup.planned is False and not _on_mission(view):
         return OK  # somebody flies it by hand
-    if stood_s >= limits.stall_s:
+    if stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s):
         return Finding(Verdict.FAIL, f"has not moved for {stood_s:.0f} s")
     return OK
 

@@ -19,7 +19,7 @@ class Limits:
     """A loss of this much beyond what explains itself is a fast drain: whole percents err by one."""
     battery_window_s: float = 90.0
     """In this time an excess is forgotten but for a third: it is the rate that makes a fault."""
-    charge_excess_pct: float = 1.2
+    charge_excess_pct: float = 1.0
     """The same for the consumed charge, which is counted in mAh."""
     drain_slack: float = 0.25
     """Share of the usual consumption that a climb, a gust or a turn of the wind explains."""
@@ -66,6 +66,8 @@ class Limits:
     loss_warn: float = 0.25
     """Share of frames lost beyond what is usual on this link."""
     stall_s: float = 90.0
+    unplanned_stall_s: float = 240.0
+    """Where no plan says how long it should stay."""
     stall_m: float = 3.0
     """A vehicle on its mission that moved less than this in `stall_s` is stuck."""
     mode_grace_s: float = 3.0

@@ -31,8 +31,13 @@ from executor.core.voltage import Report, Thresholds, VoltageState, measured
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
 from planner import segment_of
 
-_ALARM = re.compile(r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail", re.IGNORECASE)
-"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Failsafe activated"."""
+_ALARM = re.compile(
+    r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)",
+    re.IGNORECASE,
+)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Failsafe activated", "Battery 1
+is low"."""
 
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
@@ -296,15 +301,17 @@ def _about(context: Scene, state: VehicleState, message: Traffic | Radio | Order
 
 
 def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float) -> VehicleState:
-    charge, packs = state.battery, state.packs
+    packs = state.packs
     if message.remaining_pct is not None:
         # Of several packs the emptiest one ends the flight.
-        known = {**dict(packs), message.battery: message.remaining_pct}
-        packs = tuple(known.items())
-        charge = _charged(context, state, min(known.values()), message.charge_state, now_s)
+        packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
     single = len(packs) <= 1  # the counters of several packs are not one account
     if message.consumed_ah is not None and single and state.armed:
-        charge = battery.counted(charge, message.consumed_ah, now_s, context.limits)
+        counted = battery.counted(state.battery, message.consumed_ah, now_s, context.limits)
+        state = changed(state, battery=counted)
+    charge = state.battery
+    if message.remaining_pct is not None:
+        charge = _charged(context, state, min(dict(packs).values()), message.charge_state, now_s)
     volts = state.volts
     if message.voltage_v and single:
         report = Report(message.voltage_v, message.current_a, message.cells_v)
