@@ -24,7 +24,8 @@ COUNTED = 0.75
 """Share of the slack where charge is counted: there is no rounding in it, only climbs and wind."""
 CALM_PCT = 0.5
 USUAL_S = 150.0
-"""While more is used than usual, what is usual follows in this time: wind may turn, a fault is found before."""
+"""What is usual follows in this time: wind may turn, a fault is found before. In the first minutes it is faster."""
+FIRST_S = 5.0
 ROUGH_S = 300.0
 """In this time it is forgotten that a percentage wavered."""
 AGREES_PCT = 1.5
@@ -82,6 +83,8 @@ class BatteryState:
     """What remains and what is used, with their uncertainty."""
     usual: float | None = None
     """The factor while nothing was wrong."""
+    began_s: float | None = None
+    """When it began to be used."""
     roughness_pct: float = 0.0
     """How far the percentage was seen to rise lately: a charge does not, an estimate of it wavers."""
     drift: Drift = field(default_factory=Drift)
@@ -146,7 +149,8 @@ def reported(
         charge_state=charge_state,
         history=(*state.history[begins:], sample),
         estimate=estimate,
-        usual=_followed_usual(state, estimate, drift, elapsed_s),
+        usual=_followed_usual(state, estimate, drift, elapsed_s, now_s),
+        began_s=now_s if state.began_s is None and state.modelled_pct > 0 else state.began_s,
         roughness_pct=roughness,
         drift=drift,
     )
@@ -243,7 +247,9 @@ def _slack(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     return share * (limits.drain_slack + UNSURE_SD * state.estimate.factor_sd / max(0.1, _usual(state)))
 
 
-def _followed_usual(state: BatteryState, estimate: Estimate, drift: Drift, elapsed_s: float) -> float:
-    if drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT:
-        return max(0.0, estimate.factor)
-    return _usual(state) + (max(0.0, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / USUAL_S)
+def _followed_usual(state: BatteryState, estimate: Estimate, drift: Drift, elapsed_s: float, now_s: float) -> float:
+    """Return what is usual now: it follows the filter, but a drain must not become usual before it is found."""
+    calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
+    flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
+    within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
+    return _usual(state) + (max(0.0, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / within_s)

@@ -36,8 +36,7 @@ _ALARM = re.compile(
     r"battery .*(low|critical|missing|unhealthy|fail)",
     re.IGNORECASE,
 )
-"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Failsafe activated", "Battery 1
-is low"."""
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
 
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
