@@ -71,7 +71,14 @@ class DataFlashFile:
                 log = DFReader.DFReader_binary(str(self.path), zero_time_base=True)
         except (OSError, ValueError, IndexError, KeyError, struct.error, TypeError) as error:
             raise LogError(f"{self.path}: expected a DataFlash log of ArduPilot: {error}") from error
-        self.system = self._sysid(log)
+        try:
+            self.system = self._sysid(log)
+            yield from self._all(log)
+        finally:
+            log.data_map.close()
+            log.filehandle.close()
+
+    def _all(self, log: Any) -> Iterator[Record]:  # noqa: ANN401 - pymavlink's classes are untyped
         while True:
             try:
                 message = log.recv_match(type=list(WANTED))

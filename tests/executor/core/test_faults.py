@@ -40,6 +40,11 @@ def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_stat
     return state
 
 
+def falling_pack(reports: int, apart_s: float = 10.0, age_s: float = 0.0) -> BatteryState:
+    """Return a battery that loses a percent from report to report."""
+    return pack(*(90.0 - number for number in range(reports)), apart_s=apart_s, age_s=age_s)
+
+
 def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **changes: object) -> VoltageState:
     """Return a pack of four cells whose current is known."""
     drop = 1.0 - voltage_v / usual_v
@@ -131,18 +136,25 @@ ROWS = [
         "it says: Battery 1 is low 10.22V used 1476 mAh",
     ),
     Row(
+        "battery-plunge",
+        flying(battery=falling_pack(6, apart_s=2.0)),
+        "used 5.0 % in 10 s where 0.4 % is usual",
+        unknown=flying(battery=falling_pack(6, apart_s=2.0, age_s=7.5)),
+        hangs=flying(battery=falling_pack(15)),
+    ),
+    Row(
         "battery-drain",
-        flying(battery=pack(90.0, 88.0, 86.0, 84.0, apart_s=20.0)),
-        "used 6.0 % in 60 s where 2.2 % is usual",
-        unknown=flying(battery=pack(90.0, 88.0, 86.0, 84.0, apart_s=20.0, age_s=7.5)),
-        hangs=flying(battery=pack(90.0, 89.0, 88.0, 87.0, apart_s=10.0)),
+        flying(battery=falling_pack(9)),
+        "used 8.0 % in 80 s where 2.9 % is usual",
+        unknown=flying(battery=falling_pack(9, age_s=7.5)),
+        hangs=flying(battery=falling_pack(6)),
     ),
     Row(
         "reserve",
-        flying(battery=pack(15.0, 15.0)),
-        "would land with 11 % of its battery, give or take 0.8, reserve 15 %: below it by 100 % probability",
-        unknown=flying(battery=pack(15.0, age_s=7.5)),
-        hangs=flying(battery=pack(17.3, 17.3)),
+        flying(battery=pack(14.0, 14.0)),
+        "would land with 10 % of its battery, give or take 1.7, reserve 15 %: below it by 99 % probability",
+        unknown=flying(battery=pack(14.0, age_s=7.5)),
+        hangs=flying(battery=pack(16.5, 16.5)),
     ),
     Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
     Row(
@@ -327,7 +339,9 @@ def test_a_silent_vehicles_last_report_raises_nothing_but_the_link() -> None:
     assert found == []
     for second in range(1, 200):
         found, state = raised(state, NOW_S + second)
-        assert set(found) <= ({"link"} if second > LIMITS.battery_stale_s else {"battery-step", "battery-drain"})
+        assert set(found) <= (
+            {"link"} if second > LIMITS.battery_stale_s else {"battery-step", "battery-plunge", "battery-drain"}
+        )
     assert found == ["link"]
 
 
