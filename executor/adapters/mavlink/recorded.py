@@ -87,6 +87,12 @@ class Kind:
     special: bool = False
     """Whether it is not simply a vehicle's word about itself."""
 
+    def fields(self, buffer: bytes, payload: int, length: int) -> tuple[Any, ...]:
+        """Return all fields of a message; what its sender left out at the end is zero."""
+        need = self.layout.size
+        raw = buffer[payload : payload + min(need, length)]
+        return self.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
+
 
 def _heartbeat(mode: int, kind: int, autopilot: int, base: int, status: int, _: int) -> Heartbeat | None:
     if kind == GCS_TYPE or autopilot == NO_AUTOPILOT:
@@ -189,6 +195,14 @@ class _Source:
     missing: int = 0
     vehicle: bool = False
 
+    def passed(self, seq: int) -> None:
+        """Count a frame, and those that its sequence number says are missing."""
+        gap = (seq - self.seq) & 255
+        if 0 < gap < HALF:
+            self.missing += gap - 1
+            self.received += 1
+            self.seq = seq
+
 
 @dataclass(slots=True)
 class TelemetryFile:
@@ -267,25 +281,17 @@ class TelemetryFile:
             if source is None:
                 sources[key] = source = _Source(seq)
             else:
-                gap = (seq - source.seq) & 255
-                if 0 < gap < HALF:
-                    source.missing += gap - 1
-                    source.received += 1
-                    source.seq = seq
+                source.passed(seq)
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
-                every = kind.every_usec
-                if number == SYSTEM and 0 <= stamp - newest.get(key - SYSTEM + BATTERY, -STAND_IN_USEC) < STAND_IN_USEC:
-                    every = STAND_IN_USEC
+                every = kind.every_usec if number != SYSTEM else self._stands_in_usec(key, stamp)
                 if not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
                     newest[key] = stamp
                     if not _whole(buffer, at):
                         self.skipped.bad_checksums += 1
                     else:
-                        need = kind.layout.size
-                        raw = buffer[payload : payload + (min(need, length))]
-                        fields = kind.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
+                        fields = kind.fields(buffer, payload, length)
                         message = kind.read(*fields)
                         if message is not None and source.vehicle and not kind.special:
                             yield stamp, system, message
@@ -295,6 +301,11 @@ class TelemetryFile:
                     continue
             at = end
         return at
+
+    def _stands_in_usec(self, key: int, stamp: int) -> int:
+        """Return how often SYS_STATUS is wanted: seldom beside BATTERY_STATUS."""
+        beside = 0 <= stamp - self._newest.get(key - SYSTEM + BATTERY, -STAND_IN_USEC) < STAND_IN_USEC
+        return STAND_IN_USEC if beside else SLOW_USEC
 
     def _begins(self, buffer: bytes, at: int, end: int, size: int) -> bool:
         """Return whether a whole record lies here, where what follows it does not show that."""
