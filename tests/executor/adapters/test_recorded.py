@@ -159,6 +159,18 @@ def test_garbage_costs_nothing_behind_it(tmp_path: Path) -> None:
     assert 1 <= file.skipped.garbage_runs <= 3
 
 
+def test_a_clock_that_leaps_by_years_loses_nothing_for_long(tmp_path: Path) -> None:
+    writer = Writer()
+    flight(writer, 3, range(10))
+    before = [(at_s - BEGAN_USEC / 1e6, frame) for at_s, frame in writer.records]
+    later = Writer()
+    flight(later, 3, range(10, 20))
+    path = tmp_path / "a.tlog"
+    path.write_bytes(Writer(records=before).data() + later.data())
+    records, _ = read(path)
+    assert sum(isinstance(said, Heartbeat) for _, _, said in records) == 20
+
+
 def test_a_wrong_checksum_is_not_believed(tmp_path: Path) -> None:
     path = written(tmp_path, *(heartbeat() for _ in range(4)))
     data = bytearray(path.read_bytes())
