@@ -5,10 +5,12 @@ pymavlink's reader follows the log's own formats. Older firmware has fewer field
 
 from __future__ import annotations
 
+import io
 import math
 import struct
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -56,6 +58,8 @@ class DataFlashFile:
     _beat_usec: int = -BEAT_USEC
     _velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _items: int = 0
+    _noise: io.StringIO = field(default_factory=io.StringIO)
+    """What the library prints."""
 
     def records(self) -> Iterator[Record]:
         """Yield what the log says, in its order, with a heartbeat a second.
@@ -66,7 +70,7 @@ class DataFlashFile:
         if self.path.stat().st_size == 0:
             return  # pymavlink maps the file into memory, which an empty one cannot be
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), redirect_stderr(self._noise), redirect_stdout(self._noise):
                 warnings.simplefilter("ignore")
                 log = DFReader.DFReader_binary(str(self.path), zero_time_base=True)
         except (OSError, ValueError, IndexError, KeyError, struct.error, TypeError) as error:
@@ -81,13 +85,18 @@ class DataFlashFile:
     def _all(self, log: Any) -> Iterator[Record]:  # noqa: ANN401 - pymavlink's classes are untyped
         while True:
             try:
-                message = log.recv_match(type=list(WANTED))
+                with redirect_stderr(self._noise), redirect_stdout(self._noise):
+                    message = log.recv_match(type=list(WANTED))
             except (ValueError, IndexError, KeyError, struct.error, TypeError, UnicodeDecodeError):
                 # pymavlink goes on behind the message whose fields do not fit.
                 self.skipped.unreadable += 1
                 if self.skipped.unreadable > MOST_UNREADABLE:
                     return
                 continue
+            if self._noise.tell():  # pymavlink prints a line for each byte that it passes over
+                self.skipped.garbage_runs += 1
+                self._noise.seek(0)
+                self._noise.truncate()
             if message is None:
                 return
             yield from self._read(message)

@@ -6,8 +6,10 @@ pyulog reads the file whole; only the topics that are used are kept.
 from __future__ import annotations
 
 import heapq
+import io
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,8 @@ TOPICS = (
 )  # fmt: skip
 WARNINGS: Mapping[int, int] = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
 """battery_status.warning to MAV_BATTERY_CHARGE_STATE: none, low, critical, emergency, failed."""
+LONGEST_USEC = 3 * 86400 * 1_000_000
+"""No flight lasts longer: a time beyond is damaged."""
 Row = Mapping[str, Any]
 
 
@@ -59,7 +63,9 @@ class UlogFile:
             LogError: not such a log at all.
         """
         try:
-            log = ULog(str(self.path), list(TOPICS))
+            # pyulog prints what it does not understand, which is no output of ours.
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                log = ULog(str(self.path), list(TOPICS))
         except Exception as error:
             raise LogError(f"{self.path}: expected a ULog of PX4: {error}") from error
         self.skipped.unreadable += bool(log.file_corruption)
@@ -145,8 +151,12 @@ Reader = Callable[[UlogFile, int, Row], FlightMessage | None]
 def _rows(dataset: Any, read: Reader) -> Iterator[tuple[int, Reader, Row]]:  # noqa: ANN401 - pyulog is untyped
     names = list(dataset.data)
     columns = [dataset.data[name] for name in names]
-    for index, t_usec in enumerate(dataset.data["timestamp"]):
-        yield int(t_usec), read, {name: column[index] for name, column in zip(names, columns, strict=True)}
+    times = dataset.data["timestamp"]
+    for index in times.argsort(kind="stable"):  # in damaged files they are in any order
+        t_usec = int(times[index])
+        if not 0 < t_usec < LONGEST_USEC:
+            continue
+        yield t_usec, read, {name: column[index] for name, column in zip(names, columns, strict=True)}
 
 
 def _texts(log: ULog) -> Iterator[tuple[int, Reader, Row]]:

@@ -314,8 +314,11 @@ class TelemetryFile:
             return False
         stamp = int.from_bytes(buffer[at : at + 8], "big")
         far = self._stamp and abs(stamp - self._stamp) >= STAMP_TOLERANCE_USEC
-        # A clock that is set in flight may leap by years: then the checksum must say that it is a record.
-        return _whole(buffer, at) if far else end == size or _whole(buffer, at)
+        if far:
+            # A clock that is set in flight may leap by years: then the next record must agree.
+            following = int.from_bytes(buffer[end : end + 8], "big")
+            return _whole(buffer, at) and abs(following - stamp) < STAMP_TOLERANCE_USEC
+        return end == size or _whole(buffer, at)
 
     def _special(
         self, head: tuple[int, int, int, int], fields: tuple[Any, ...], message: FlightMessage | None, source: _Source
