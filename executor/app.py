@@ -12,7 +12,7 @@ from typing import Protocol
 
 from executor import build
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import EventLog
+from executor.adapters.eventlog import EventLog, to_plain
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk import link as mavsdk
@@ -23,7 +23,7 @@ from executor.build import Ground
 from executor.checklist import checklist
 from executor.config import Site
 from executor.core import fleet, preflight
-from executor.core.commands import Level, Say, Solve
+from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
@@ -142,7 +142,7 @@ async def _fly(
         raise PreflightFailed("the operator did not say yes; nothing has moved")
     log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup)
     keeper = _Keeper(order, context, console, log, clock)
-    flight = Flight(context, fleet.initial(boards), links, clock, log, solver, Observer(keeper.said, keeper.applied))
+    flight = Flight(context, fleet.initial(boards), links, clock, log, solver, keeper.observer())
     try:
         with _Interrupts(flight, console) as left:
             await flight.run()
@@ -258,6 +258,13 @@ class _Keeper:
         self._log = log
         self._clock = clock
         self._solve: Solve | None = None
+
+    def observer(self) -> Observer:
+        return Observer(self.said, self.applied, self.decided)
+
+    def decided(self, command: Command, now_s: float) -> None:
+        if not isinstance(command, Say):
+            self._log.note(now_s, command=to_plain(command))
 
     def said(self, line: Say, now_s: float) -> None:
         self._log.note(now_s, said=line.text, level=line.level.value)

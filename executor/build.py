@@ -8,7 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.config import Site
-from executor.core.context import Context, VehicleSetup
+from executor.core.context import Context, VehicleSetup, draws_pct_s
+from executor.core.estimator import Prior
 from executor.core.failsafes import LinkFailsafe
 from executor.core.limits import Limits
 from missions import (
@@ -208,10 +209,13 @@ def context_of(
         )
     overhead = overhead_of(ground, setup, task, plan)
     return Context(
+        frame=setup.frame,
         setup=setup,
         vehicles=vehicles,
         limits=limits_of(site),
         drone=ground.drone,
+        draws_pct_s=draws_pct_s(ground.drone),
+        prior=Prior(),
         wind_m_s=site.inspection.wind_m_s,
         travel=ground.travel,
         segments=len(ground.network.segments),

@@ -16,7 +16,7 @@ import typer
 from typer.exceptions import TyperException
 
 from executor.bench.cli import cli as bench
-from executor.commands import OUR_ERRORS, flights, plans, risk
+from executor.commands import OUR_ERRORS, flights, plans, replay, risk
 
 cli = typer.Typer(
     name="faultline",
@@ -38,6 +38,7 @@ for command in (
     flights.fly,
 ):
     cli.command()(command)
+cli.command("replay")(replay.replay_logs)
 cli.add_typer(bench)
 
 INTERRUPTED = 1

@@ -134,7 +134,7 @@ class FaultsTable(_Table):
     """Silence until a vehicle is lost; by default its autopilot's own time for coming home, and a margin."""
     link_stale_s: Positive = 3.0
     battery_step_pct: Positive = 8.0
-    battery_excess_pct: Positive = 3.5
+    battery_excess_pct: Positive = 2.0
     battery_window_s: Positive = 90.0
 
 

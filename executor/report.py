@@ -48,6 +48,7 @@ def vehicles_of(context: Context, said: Said) -> dict[str, object]:
                 **_firmware(facts),
                 "remaining_pct": facts.remaining_pct,
                 "link_timeout_s": context.vehicles[name].link_timeout_s,
+                "pad": _pad(context, name),
                 "parameters": dict(sorted(facts.parameters.items())),
                 "stations": [[station.system, station.component] for station in facts.stations],
             }
@@ -55,6 +56,12 @@ def vehicles_of(context: Context, said: Said) -> dict[str, object]:
         ],
         "checks": [checked(check) for check in said.checks],
     }
+
+
+def _pad(context: Context, name: str) -> dict[str, float]:
+    """Return where a vehicle stood, to the last digit: heights and layers follow from it."""
+    pad = context.setup.pad_of(name)
+    return {"east_m": pad.east_m, "north_m": pad.north_m, "alt_m": pad.alt_m}
 
 
 def checked(check: Check) -> dict[str, str]:

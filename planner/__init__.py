@@ -10,7 +10,7 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
 from planner.costs import K_C, Cost, build_instance
-from planner.energy import PRESETS, Drone, pct_per_s, power_w, usable_wh
+from planner.energy import PRESETS, Drone, pct_per_s, power_w, range_speed_m_s, usable_wh
 from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
     BUDGET_TOLERANCE_PCT,
@@ -124,6 +124,7 @@ __all__ = [
     "loss_table",
     "pct_per_s",
     "power_w",
+    "range_speed_m_s",
     "remaining",
     "repairs_at",
     "replan",

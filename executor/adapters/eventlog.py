@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 from typing import IO, Any
 
@@ -33,7 +34,7 @@ def to_plain(value: object) -> object:
         return {"kind": type(value).__name__, **fields}
     if isinstance(value, tuple):
         return [to_plain(item) for item in value]
-    return value
+    return value.value if isinstance(value, Enum) else value
 
 
 def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic rule
@@ -90,6 +91,53 @@ class EventLog:
             self._file.write(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
         except (OSError, ValueError):
             self.lost += 1
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Head:
+    """The first line of a log."""
+
+    began_unix_s: float
+    """Seconds since 1970 at which its time is 0."""
+    speedup: float
+
+
+def read_head(path: Path) -> Head:
+    """Return a log's first line.
+
+    Raises:
+        LogError: it cannot be read, or is not such a log.
+    """
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = json.loads(file.readline())
+        if head["format"] != FORMAT:
+            raise LogError(f"{path}: line 1: expected a log of format {FORMAT}")
+        return Head(float(head["began_unix_s"]), float(head["speedup"]))
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
+
+
+def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
+    """Yield what the log holds beside events, with its time: lines that were said, and commands as plain data.
+
+    A line that cannot be read is passed over; `read_events` says what is wrong with it.
+    """
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            # Most lines are events; a cheap look tells them apart.
+            if '"event":' in line[:60] or not line.endswith("\n"):
+                continue
+            try:
+                content = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            if isinstance(content, dict) and "t_s" in content:
+                decided = content.get("command", content.get("said"))
+                if decided is not None:
+                    yield content["t_s"], decided
 
 
 def read_events(path: Path) -> Iterator[tuple[float, Event]]:

@@ -7,15 +7,27 @@ time, so that a silent vehicle's last battery report raises nothing by itself. O
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from executor.core import battery, energy
-from executor.core.context import Context, VehicleSetup
-from executor.core.modes import is_mission_mode, mode_name
+from executor.core import battery, drift, energy
+from executor.core.context import Scene, VehicleSetup
+from executor.core.modes import is_home_mode, is_mission_mode, mode_name
 from executor.core.vehicle import FaultKind, Stage, VehicleState, Watch
 from missions import Phase
+
+_BATTERY_ALARM = re.compile(
+    r"^(?!prearm).*(battery failsafe|battery \d* ?is (low|critical|missing)|(critical|emergency) battery|"
+    r"battery (level )?(critical|emergency|unhealthy|fail)|dangerously low battery)",
+    re.IGNORECASE,
+)
+"""ArduPilot: "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe"; PX4: "Critical battery", "Emergency battery
+level", "Battery unhealthy". PX4's "Low battery" only warns."""
+_BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
+                   "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
+"""MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
 
 
 class Verdict(Enum):
@@ -30,7 +42,7 @@ class Verdict(Enum):
 class View:
     """What a watchpoint may look at."""
 
-    context: Context
+    context: Scene
     setup: VehicleSetup
     state: VehicleState
     failing: bool
@@ -80,6 +92,8 @@ def down_off_pad(view: View) -> Finding:
         return STALE
     if state.armed or not state.armed_once:
         return OK
+    if not view.setup.planned:
+        return _down_in_flight(view)
     away_m = math.dist(state.fix.place_m, view.setup.pad_m)
     if away_m > limits.off_pad_m:
         return Finding(
@@ -90,6 +104,18 @@ def down_off_pad(view: View) -> Finding:
         return Finding(Verdict.FAIL, f"disarmed {state.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
     if not state.took_off and state.stage is Stage.FLYING:
         return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
+    return OK
+
+
+def _down_in_flight(view: View) -> Finding:
+    """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
+    fix, limits = view.state.fix, view.context.limits
+    if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.on_ground:
+        return OK
+    speed_m_s = math.hypot(*fix.velocity_m_s)
+    if fix.alt_rel_m > limits.off_pad_up_m and speed_m_s > limits.at_rest_m_s:
+        text = f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{_alarm(view)}"
+        return Finding(Verdict.FAIL, text)
     return OK
 
 
@@ -124,9 +150,13 @@ def left_mission(view: View) -> Finding:
         return OK
     if view.now_s - state.ordered_mode_s < view.context.limits.mode_grace_s:
         return OK
+    if not view.setup.planned and (not state.flew_mission or _by_order(view)):
+        return OK  # it never was on a mission, or somebody else ordered this
     leg = state.leg
     if leg is not None and leg.phase is Phase.LAND:
         return OK  # PX4 leaves the mission mode on its own when it has landed
+    if is_home_mode(dialect, state.heartbeat.custom_mode) and _at_its_end(view):
+        return OK  # and ends a mission whose last item is a return in the mode for it
     mode = mode_name(dialect, state.heartbeat.custom_mode)
     return Finding(Verdict.FAIL, f"went to mode {mode} by itself{_alarm(view)}")
 
@@ -147,35 +177,83 @@ def battery_stepped(view: View) -> Finding:
 
 
 def battery_drains(view: View) -> Finding:
-    """More is used than the flight should cost, by more than a gust explains."""
+    """More is used than the flight should cost, by more than a climb or a gust explains."""
+    return _drains(view, 1.0)
+
+
+def battery_plunges(view: View) -> Finding:
+    """So much more is used that there is no time to wait for one more report."""
+    return _drains(view, PLUNGE)
+
+
+def _drains(view: View, share: float) -> Finding:
     if not _battery_fresh(view):
         return STALE
-    limits = view.context.limits
-    excess, expected = battery.excess_pct(view.state.battery, limits.battery_window_s)
-    threshold = max(limits.battery_excess_pct, expected)
+    limits, known = view.context.limits, view.state.battery
+    looked_at = ((known.drift, limits.battery_excess_pct + known.roughness_pct, ""),
+                 (known.charge.drift, limits.charge_excess_pct, " by its counter of charge"))  # fmt: skip
+    for found, threshold, which in looked_at:
+        threshold *= share * (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
+        if drift.exceeds(found, threshold, limits.battery_step_pct):
+            took_s = view.now_s - (found.since_s if found.since_s is not None else view.now_s)
+            return Finding(
+                Verdict.FAIL,
+                f"used {found.used_pct:.1f} % in {took_s:.0f} s where {found.expected_pct:.1f} % is usual{which}",
+            )
+    return OK
+
+
+def voltage_stepped(view: View) -> Finding:
+    """The voltage fell at once by more than the load explains."""
+    volts, limits = view.state.volts, view.context.limits
+    if view.now_s - volts.reported_s > limits.battery_stale_s:
+        return STALE
+    threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
     if view.failing:
         threshold *= 0.7
-    if excess >= threshold:
-        return Finding(
-            Verdict.FAIL,
-            f"used {excess + expected:.0f} % in {limits.battery_window_s:.0f} s where {expected:.1f} % was expected",
-        )
+    if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
+        return OK
+    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {volts.usual_v:.2f} V is usual under this load")
+
+
+def cells_weak(view: View) -> Finding:
+    """A cell is near its end, or far below the others, for longer than a climb."""
+    volts, limits = view.state.volts, view.context.limits
+    if view.now_s - volts.reported_s > limits.battery_stale_s:
+        return STALE
+    if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
+        return Finding(Verdict.FAIL, f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others")
+    if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
+        return Finding(Verdict.FAIL, f"{volts.weakest_v or 0.0:.2f} V a cell under load")
     return OK
 
 
 def reserve_broken(view: View) -> Finding:
-    """The mission on board would end below the reserve."""
-    left = energy.at_landing_pct(view.state)
-    if left is None or not _battery_fresh(view):
+    """The mission on board, or where none is known the way home, would end below the reserve."""
+    leg, limits = view.state.leg, view.context.limits
+    if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
+        return OK  # it is on its way home already: nothing else could be ordered
+    floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
+    chance = energy.landing_chance_below(view.context, view.state, view.setup, floor_pct)
+    if chance is None or not _battery_fresh(view):
         return STALE
-    limits = view.context.limits
-    floor = view.setup.reserve_pct - limits.reserve_slack_pct
-    if view.failing:
-        floor += limits.reserve_slack_pct + limits.reserve_clear_pct
-    if left < floor:
+    if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
+        ahead = energy.at_landing(view.context, view.state, view.setup)
+        if ahead is None:
+            return STALE
         return Finding(
-            Verdict.FAIL, f"would land with {left:.0f} % of its battery, reserve {view.setup.reserve_pct:g} %"
+            Verdict.FAIL,
+            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.sd_pct:.1f}, reserve "
+            f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
         )
+    return OK
+
+
+def battery_failsafe(view: View) -> Finding:
+    """The autopilot itself says that it acts on its battery."""
+    text, said_s = view.state.alarm
+    if view.now_s - said_s <= view.context.limits.alarm_s and _BATTERY_ALARM.search(text):
+        return Finding(Verdict.FAIL, f"it says: {text}")
     return OK
 
 
@@ -187,6 +265,18 @@ def battery_critical(view: View) -> Finding:
     state = view.state.battery.charge_state
     if state in names:
         return Finding(Verdict.FAIL, f"the autopilot calls its battery {names[state]}")
+    bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.battery_faults & bit]
+    if bits:
+        return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
+    return OK
+
+
+def position_jumped(view: View) -> Finding:
+    """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
+    off_m, at_s = view.state.jump
+    limits = view.context.limits
+    if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
+        return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
     return OK
 
 
@@ -195,11 +285,36 @@ def stalled(view: View) -> Finding:
     state, limits = view.state, view.context.limits
     if state.fix is None or state.anchor is None or view.now_s - state.fix.at_s > limits.link_stale_s:
         return STALE
+    if view.setup.planned is False and not _on_mission(view):
+        return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
     stood_s = state.fix.boot_s - state.anchor.boot_s
-    if stood_s >= limits.stall_s:
+    if stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s):
         return Finding(Verdict.FAIL, f"has not moved for {stood_s:.0f} s")
     return OK
+
+
+def _on_mission(view: View) -> bool:
+    heartbeat = view.state.heartbeat
+    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
+
+
+def _by_order(view: View) -> bool:
+    return abs(view.state.mode_since_s - view.state.ordered_mode_s) < view.context.limits.mode_grace_s
+
+
+def _at_its_end(view: View) -> bool:
+    """Return whether the item that it flies to is the last of its mission but one."""
+    seq, total = view.state.item or (0, None)
+    if not total or total == UNKNOWN_TOTAL:
+        return False
+    last = total if view.setup.dialect.current_counts_home else total - 1
+    return seq >= last - 1
+
+
+def _climbs(view: View) -> bool:
+    fix = view.state.fix
+    return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
 
 
 def _alarm(view: View) -> str:
@@ -213,6 +328,9 @@ def _battery_fresh(view: View) -> bool:
     return view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
 
 
+PLUNGE = 1.7
+"""Times the threshold of a drain."""
+UNKNOWN_TOTAL = 65535
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _ON_MISSION = frozenset({Stage.FLYING})
 
@@ -222,12 +340,20 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR),
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _IN_THE_AIR | {Stage.STARTING}),
     Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION),
+    Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION),
+    Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION),
     Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION),
-    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 4.0, _ON_MISSION),
+    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery_failsafe, 1.0, _ON_MISSION),
+    Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION),
+    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION),
     Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION),
+    Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION),
     Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION),
     Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION),
 )
+
+
+_BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for stage in Stage}
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,16 +365,15 @@ class Judgement:
     """What has failed for long enough, the most important first, with its evidence."""
 
 
-def judge(context: Context, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
+def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
     """Look at every watchpoint of a vehicle."""
     old = dict(state.watches)
     watches: list[tuple[str, Watch]] = []
     raised: list[tuple[Watchpoint, str]] = []
-    for point in TABLE:
-        if state.stage not in point.stages:
-            continue
-        since = old.get(point.name, Watch()).failing_since_s
-        finding = point.judge(View(context, setup, state, since is not None, now_s))
+    fine, failing = (View(context, setup, state, failed, now_s) for failed in (False, True))
+    for point in _BY_STAGE[state.stage]:
+        since = old[point.name].failing_since_s if point.name in old else None
+        finding = point.judge(fine if since is None else failing)
         if finding.verdict is Verdict.FAIL:
             since = now_s if since is None else since
             if now_s - since >= point.raise_after_s:

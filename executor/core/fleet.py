@@ -10,9 +10,10 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import faults, replanning, silence
+from executor.core import degraded, faults, replanning, silence
 from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Start
 from executor.core.context import Context
+from executor.core.degraded import Told
 from executor.core.events import (
     Event,
     Heard,
@@ -24,6 +25,7 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )
+from executor.core.faults import View
 from executor.core.messages import Heartbeat, Position
 from executor.core.modes import is_home_mode, is_mission_mode
 from executor.core.state import FleetState, Separation
@@ -198,6 +200,11 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     state, more = silence.of_one(context, state, vehicle, now_s)
     commands.extend(more)
     vehicle = state.vehicles[name]
+    view = View(context, context.vehicles[name], vehicle, False, now_s)
+    told, lines = degraded.said(view, state.told.get(name, Told()))
+    if told is not state.told.get(name):
+        state = replace(state, told=MappingProxyType({**state.told, name: told}))
+    commands.extend(Say(Level.WARNING, line) for line in lines)
     judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)

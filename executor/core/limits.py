@@ -15,13 +15,31 @@ class Limits:
     battery_step_pct: float = 8.0
     """A loss of this much within `battery_step_window_s`, beyond what the flight costs, is no consumption."""
     battery_step_window_s: float = 6.0
-    battery_excess_pct: float = 3.5
-    """A loss of this much beyond the corrected model within `battery_window_s` is a fast drain."""
+    battery_excess_pct: float = 2.0
+    """A loss of this much beyond what explains itself is a fast drain: whole percents err by one."""
     battery_window_s: float = 90.0
+    """In this time an excess is forgotten but for a third: it is the rate that makes a fault."""
+    charge_excess_pct: float = 1.0
+    """The same for the consumed charge, which is counted in mAh."""
+    drain_slack: float = 0.25
+    """Share of the usual consumption that a climb, a gust or a turn of the wind explains."""
+    reserve_chance: float = 0.97
+    """A landing below the reserve that is this probable is a fault: it is asked all the time, and once is enough."""
+    reserve_clear_chance: float = 0.8
+    reserve_warn_chance: float = 0.5
+    """Above this it is worth a warning."""
     reserve_slack_pct: float = 1.0
     """How far below the reserve a projected landing may lie: the reports are whole percents."""
-    reserve_clear_pct: float = 1.0
-    """How far above the reserve the projection must rise again before the watchpoint clears."""
+    voltage_step: float = 0.05
+    """Share of the voltage lost against the usual under the same load. Hovering costs 3 % (recorded)."""
+    voltage_step_blind: float = 0.065
+    """The same where nobody knows the current: the load is a part of what is lost."""
+    cell_low_v: float = 3.1
+    """Under load for `cell_low_s`: a lithium polymer cell at the end of its charge; it is damaged at 3.0 V."""
+    cell_low_s: float = 10.0
+    """As long as ArduPilot waits itself (BATT_LOW_TIMER): a climb is over then."""
+    cell_spread_v: float = 0.2
+    """How far one cell may lie below the mean of the others; a healthy pack stays within 0.05 V."""
     battery_stale_s: float = 7.0
     """PX4 reports its battery every 2 s: three reports may be lost before the last one is old."""
     fall_m_s: float = 5.0
@@ -30,11 +48,26 @@ class Limits:
     """A vehicle that disarms farther than this from its pad did not land where it should."""
     off_pad_up_m: float = 5.0
     """A vehicle that disarms higher than this over its pad did not land: autopilots disarm within 2 m of the ground."""
+    at_rest_m_s: float = 1.0
+    """A vehicle that disarms faster than this did not land."""
+    climbs_m_s: float = 0.5
+    """A climb this fast costs more than level flight, which the energy model does not know."""
     alarm_s: float = 15.0
     """A text of a failsafe explains what the vehicle does in this time after it: PX4 holds for 5 s before it acts."""
     airborne_m: float = 2.0
     """Above this height over its home a vehicle flies."""
+    jump_m: float = 100.0
+    """A position this far from where the reported velocity leads cannot be flown with: the layers are metres apart, and
+    a satellite glitch that a filter lets through is some tens of metres (33 m in a recorded flight)."""
+    jump_warn_m: float = 10.0
+    heartbeat_stale_s: float = 3.5
+    """QGroundControl's time: three heartbeats missed."""
+    loss_window_s: float = 12.0
+    loss_warn: float = 0.25
+    """Share of frames lost beyond what is usual on this link."""
     stall_s: float = 90.0
+    unplanned_stall_s: float = 240.0
+    """Where no plan says how long it should stay."""
     stall_m: float = 3.0
     """A vehicle on its mission that moved less than this in `stall_s` is stuck."""
     mode_grace_s: float = 3.0

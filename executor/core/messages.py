@@ -58,6 +58,8 @@ class Battery:
     """MAV_BATTERY_CHARGE_STATE: 0 unknown, 1 ok, 2 low, 3 critical, 4 emergency, 5 failed, 6 unhealthy."""
     faults: int
     """MAV_BATTERY_FAULT bits."""
+    cells_v: tuple[float, ...] = ()
+    """Each cell, where the vehicle tells them apart; most report the pack alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +152,33 @@ class StatusText:
 
 
 @dataclass(frozen=True, slots=True)
+class Traffic:
+    """What came of a vehicle's frames since the last such message, by their sequence numbers."""
+
+    received: int
+    missing: int
+
+
+@dataclass(frozen=True, slots=True)
+class Radio:
+    """RADIO_STATUS of our end of the link, in the device's units; None where it does not know."""
+
+    rssi: int | None
+    remote_rssi: int | None
+    noise: int | None
+    remote_noise: int | None
+    free_buffer_pct: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSeen:
+    """A ground station told the vehicle what to do, in a log that holds both directions."""
+
+    command: int
+    """MAV_CMD; 176 also for the older SET_MODE."""
+
+
+@dataclass(frozen=True, slots=True)
 class ParamValue:
     """PARAM_VALUE."""
 
@@ -183,7 +212,18 @@ class StationHeard:
 
 
 FlightMessage = (
-    Heartbeat | Position | Battery | SystemStatus | LandedState | Home | MissionCurrent | MissionReached | StatusText
+    Heartbeat
+    | Position
+    | Battery
+    | SystemStatus
+    | LandedState
+    | Home
+    | MissionCurrent
+    | MissionReached
+    | StatusText
+    | Traffic
+    | Radio
+    | OrderSeen
 )
 """What the core follows in flight; it is logged and replayed."""
 

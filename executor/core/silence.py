@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
-from executor.core.context import Context
+from executor.core.context import Scene
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 
@@ -13,6 +12,10 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 
 SLEPT_S = 2.0
 """A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
+ALL = 2
+"""Of fewer vehicles nobody can tell the silence of all from the silence of one."""
+SWITCHED_OFF_S = 30.0
+"""A vehicle on the ground that has been silent for longer is switched off."""
 NOTED_SLEEP_S = 5.0
 """A pause this long is worth a line."""
 
@@ -20,7 +23,7 @@ NOTED_SLEEP_S = 5.0
 def own_sleep(state: FleetState, now_s: float) -> Stepped:
     """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
     slept_s = 0.0 if state.tick_s is None else now_s - state.tick_s
-    state = replace(state, tick_s=now_s)
+    state = changed(state, tick_s=now_s)
     if slept_s <= SLEPT_S:
         return state, ()
     state = _excused(state, slept_s, now_s)
@@ -29,27 +32,47 @@ def own_sleep(state: FleetState, now_s: float) -> Stepped:
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
 
 
-def of_all(context: Context, state: FleetState, now_s: float) -> Stepped:
+def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:
     """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one."""
-    expected = [vehicle for vehicle in state.vehicles.values() if vehicle.stage is not Stage.LOST]
-    if not expected or state.launched_s is None:
-        return replace(state, silent_since_s=None), ()
-    latest = max(vehicle.heard_s if vehicle.heard_s is not None else float("-inf") for vehicle in expected)
+    if state.launched_s is None or (len(state.vehicles) < ALL and state.silent_since_s is None):
+        return state, ()
+    expected = _expected(state)
+    if len(expected) < ALL:
+        return (state if state.silent_since_s is None else changed(state, silent_since_s=None)), ()
+    latest = max(expected)
     if now_s - latest < context.limits.link_stale_s:
         if state.silent_since_s is None:
             return state, ()
         # The first one is heard before the others, whose time begins anew.
         state = _excused(state, latest - state.silent_since_s, now_s)
-        return replace(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
+        return changed(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
     if not state.flying():
-        return replace(state, silent_since_s=None), ()
+        return changed(state, silent_since_s=None), ()
     if state.silent_since_s is not None:
         return state, ()
     text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
-    return replace(state, silent_since_s=latest), (Say(Level.WARNING, text),)
+    return changed(state, silent_since_s=latest), (Say(Level.WARNING, text),)
 
 
-def of_one(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _expected(state: FleetState) -> list[float]:
+    """Return when each vehicle was heard last that should be heard now."""
+    away = {Stage.GROUND, Stage.LANDED}
+    heard = [
+        float("-inf") if vehicle.heard_s is None else vehicle.heard_s
+        for vehicle in state.vehicles.values()
+        if vehicle.stage not in {*away, Stage.LOST}
+    ]
+    if not heard:
+        return []
+    since = max(heard) - SWITCHED_OFF_S
+    return heard + [
+        vehicle.heard_s
+        for vehicle in state.vehicles.values()
+        if vehicle.stage in away and vehicle.heard_s is not None and vehicle.heard_s > since
+    ]
+
+
+def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Say when a vehicle falls silent and when it is heard again, before and after that is a fault."""
     age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
     stale = age_s >= context.limits.link_stale_s
@@ -57,12 +80,13 @@ def of_one(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
         return state, ()
     text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
     level = Level.WARNING if stale else Level.INFO
-    return state.put(replace(vehicle, stale=stale)), (Say(level, text),)
+    excused_s = vehicle.excused_s if stale else now_s
+    return state.put(changed(vehicle, stale=stale, excused_s=excused_s)), (Say(level, text),)
 
 
 def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
     """Count a time in which nobody could be heard against no vehicle."""
     for vehicle in state.vehicles.values():
         if vehicle.heard_s is not None:
-            state = state.put(replace(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s)))
+            state = state.put(changed(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s), excused_s=now_s))
     return state

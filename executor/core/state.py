@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from executor.core.changed import changed
 from executor.core.commands import Solve
 from executor.core.coverage import Flown
+from executor.core.degraded import Told
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath
 
@@ -65,7 +67,7 @@ class Separation:
     at_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: `changed` copies it
 class FleetState:
     """The flight as it is known at one moment."""
 
@@ -98,11 +100,13 @@ class FleetState:
     recalled: bool = False
     """Everybody was sent home."""
     separation: Separation | None = None
+    told: Mapping[str, Told] = field(default_factory=lambda: MappingProxyType({}))
+    """Of each vehicle that was not well: what the operator was told."""
     finished: bool = False
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
-        return replace(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
+        return changed(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
 
     def flying(self) -> list[VehicleState]:
         """Vehicles that are out there as far as we know."""

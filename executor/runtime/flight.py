@@ -29,6 +29,8 @@ class Observer:
     """Called with every line for the operator, at the flight's time."""
     applied: Callable[[Event, FleetState, float], None]
     """Called after every event."""
+    decided: Callable[[Command, float], None] = lambda *_: None
+    """Called with every command before it is carried out."""
 
 
 class Flight:
@@ -77,6 +79,7 @@ class Flight:
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
         self._observer.applied(event, self.state, now_s)
         for command in decided:
+            self._observer.decided(command, now_s)
             self._carry_out(command, now_s)
 
     async def run(self) -> None:

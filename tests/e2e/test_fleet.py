@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
+from executor.rerun import rerun
 from executor.simulator.truth import read_truths
 from tests.e2e.flights import (
     PATIENCE_S,
@@ -61,6 +62,11 @@ async def test_a_silent_link(tmp_path: Path) -> None:
     assert min(one["min_reserve_pct"] for one in flown.report["vehicles"]) >= 15.0
     written = {path.name for path in flown.run.iterdir()}
     assert {"site.toml", "events.jsonl", "plan-000.json", "plan-001.json", "report.json", "uav1.tlog"} <= written
+    again = rerun(flown.run)
+    assert again.comparison.same, again.comparison.first_difference
+    assert again.comparison.logged > 10
+    [declared] = [one for vehicle in again.log.vehicles for one in vehicle.declarations]
+    assert declared.evidence == fault["reason"]
 
 
 async def test_a_battery_step_on_px4(tmp_path: Path) -> None:

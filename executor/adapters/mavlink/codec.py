@@ -32,6 +32,7 @@ from executor.core.messages import (
     Outgoing,
     ParamValue,
     Position,
+    Radio,
     SendCommand,
     SendHeartbeat,
     SendMissionAck,
@@ -52,6 +53,7 @@ MISSION_TYPE_MISSION = 0
 INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
+MOST_CELL_MV = 5000
 _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
 """FIRMWARE_VERSION_TYPE; 255, official, goes without a word."""
 
@@ -179,8 +181,8 @@ def _for_us(frame: Any) -> bool:  # noqa: ANN401
     return all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
 
-def _known(value: float, *, unknown_below: float = 0.0) -> float | None:
-    return None if value < unknown_below or math.isnan(value) else value
+def _percent(value: float) -> float | None:
+    return value if 0 <= value <= 100 else None
 
 
 def _heartbeat(frame: Any) -> Heartbeat | StationHeard | None:  # noqa: ANN401
@@ -208,15 +210,17 @@ def _position(frame: Any) -> Position:  # noqa: ANN401
 
 def _battery(frame: Any) -> Battery:  # noqa: ANN401
     cells = [cell for cell in frame.voltages if cell != 65535]
-    extra = [cell for cell in getattr(frame, "voltages_ext", ()) if cell not in {0, 65535}]
+    cells += [cell for cell in getattr(frame, "voltages_ext", ()) if cell not in {0, 65535}]
     return Battery(
         battery=frame.id,
-        remaining_pct=_known(frame.battery_remaining),
-        voltage_v=sum(cells + extra) / 1e3 if cells else None,
+        remaining_pct=_percent(frame.battery_remaining),
+        voltage_v=sum(cells) / 1e3 if cells else None,
         current_a=None if frame.current_battery < 0 else frame.current_battery / 100,
         consumed_ah=None if frame.current_consumed < 0 else frame.current_consumed / 1e3,
         charge_state=getattr(frame, "charge_state", 0),
         faults=getattr(frame, "fault_bitmask", 0),
+        # The first slot holds the whole pack where cells are not told apart.
+        cells_v=tuple(cell / 1e3 for cell in cells) if len(cells) > 1 and max(cells) < MOST_CELL_MV else (),
     )
 
 
@@ -225,7 +229,7 @@ def _system_status(frame: Any) -> SystemStatus:  # noqa: ANN401
     present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
     return SystemStatus(
         # PX4 reports 65535 V and -1 % without a battery, ArduPilot 0 V and -1 % in its first seconds.
-        remaining_pct=_known(frame.battery_remaining),
+        remaining_pct=_percent(frame.battery_remaining),
         voltage_v=None if frame.voltage_battery in {0, 65535} else frame.voltage_battery / 1e3,
         unhealthy=enabled & ~healthy,
         prearm_ok=bool(healthy & PREARM_CHECK) if present else None,
@@ -269,7 +273,14 @@ def _version(frame: Any) -> Version | None:  # noqa: ANN401
     return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
+def _radio(frame: Any) -> Radio:  # noqa: ANN401
+    values = (frame.rssi, frame.remrssi, frame.noise, frame.remnoise)
+    rssi, remote, noise, remote_noise = (None if value == 255 else value for value in values)
+    return Radio(rssi, remote, noise, remote_noise, frame.txbuf if frame.txbuf <= 100 else None)
+
+
 _READERS: dict[str, Any] = {
+    "RADIO_STATUS": _radio,
     "HEARTBEAT": _heartbeat,
     "GLOBAL_POSITION_INT": _position,
     "BATTERY_STATUS": _battery,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import Codec, Received
-from executor.core.messages import Heartbeat, Message, Outgoing, StationHeard
+from executor.core.messages import Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
 
 AUTOPILOT_COMPONENT = 1
+ENOUGH_FRAMES = 80
+"""Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log."""
 
 Write = Callable[[bytes], bool]
 """Sends one frame without waiting; says whether it went anywhere."""
@@ -33,6 +35,8 @@ class VehicleLink:
         self._log = log
         self._listeners: list[Callable[[Message], None]] = []
         self._missing = 0
+        self._told = (0, 0)
+        """Received and missing frames when they were handed on last."""
         self._last_seq: int | None = None
         self._absent: set[int] = set()
         """Sequence numbers that were passed over, as long as they may still come."""
@@ -55,14 +59,24 @@ class VehicleLink:
         if self._log is not None:
             self._log.write(received.frame)
         self._count(received)
+        if isinstance(received.message, Heartbeat):
+            self._tell_traffic(received.compid)
         for message in (received.message, *received.more):
             if message is not None:
                 self._hand_on(message, received.compid)
 
+    def _tell_traffic(self, component: int) -> None:
+        """Hand on what came and what did not, once it is enough to say something."""
+        received, missing = self.counts.received - self._told[0], self._missing - self._told[1]
+        if received + missing >= ENOUGH_FRAMES:
+            self._told = (self.counts.received, self._missing)
+            self._hand_on(Traffic(received, max(0, missing)), component)
+
     def take_foreign(self, received: Received) -> None:
         """Take a frame that came over this vehicle's connection, of a system that is nobody's vehicle."""
         self.counts.foreign += 1
-        if isinstance(received.message, StationHeard):
+        # A SiK radio speaks as a system of its own (51), over the connection of the vehicle behind it.
+        if isinstance(received.message, StationHeard | Radio):
             self._hand_on(received.message, received.compid)
 
     def _hand_on(self, message: Message, component: int) -> None:

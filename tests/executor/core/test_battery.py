@@ -159,8 +159,6 @@ def test_old_reports_are_forgotten_but_not_the_account() -> None:
     *_, (now_s, state) = reports(10)
     assert state.history[0].at_s >= now_s - battery.HISTORY_S
     assert state.first_pct == 100.0
-    assert state.base is not None
-    assert state.base.at_s == 0.0
 
 
 def test_the_system_status_stands_in_for_a_battery_that_does_not_report() -> None:

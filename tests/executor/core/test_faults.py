@@ -12,6 +12,7 @@ from executor.core.battery import BatteryState
 from executor.core.faults import TABLE, Verdict, View, Watchpoint, judge
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Fix, Stage, VehicleState
+from executor.core.voltage import VoltageState
 from missions import Phase
 from tests.executor.builders import fleet_of, vehicle
 
@@ -39,6 +40,26 @@ def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_stat
     return state
 
 
+def falling_pack(reports: int, apart_s: float = 10.0, age_s: float = 0.0) -> BatteryState:
+    """Return a battery that loses a percent from report to report."""
+    return pack(*(90.0 - number for number in range(reports)), apart_s=apart_s, age_s=age_s)
+
+
+def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **changes: object) -> VoltageState:
+    """Return a pack of four cells whose current is known."""
+    drop = 1.0 - voltage_v / usual_v
+    told: dict[str, object] = {
+        "reported_s": NOW_S - age_s,
+        "voltage_v": voltage_v,
+        "highest_v": 16.8,
+        "usual_v": usual_v,
+        "known_load": True,
+        "drop": drop,
+        "dropped_s": NOW_S - age_s if drop > LIMITS.voltage_step / 2 else None,
+    }
+    return VoltageState(**(told | changes))  # type: ignore[arg-type]
+
+
 def flying(**changes: object) -> VehicleState:
     """Return a vehicle in the midst of its mission, with nothing wrong."""
     healthy: dict[str, object] = {
@@ -50,6 +71,7 @@ def flying(**changes: object) -> VehicleState:
         "fix": at(),
         "anchor": at(),
         "battery": pack(90.0, 90.0),
+        "volts": volts(),
         "waypoint": 2,
     }
     return vehicle(FLEET, "uav1", **(healthy | changes))
@@ -90,25 +112,51 @@ ROWS = [
         hangs=flying(battery=pack(90.0, *(60.0,) * 15)),
     ),
     Row(
+        "voltage-step",
+        flying(volts=volts(13.5)),
+        "13.50 V where 15.20 V is usual under this load",
+        unknown=flying(volts=volts(13.5, age_s=7.5)),
+        hangs=flying(volts=volts(14.6)),
+    ),
+    Row(
+        "cells",
+        flying(volts=volts(low_since_s=NOW_S - LIMITS.cell_low_s)),
+        "3.75 V a cell under load",
+        unknown=flying(volts=volts(low_since_s=NOW_S - 20.0, age_s=7.5)),
+    ),
+    Row(
         "battery-critical",
         flying(battery=pack(20.0, charge_state=3)),
         "the autopilot calls its battery critical",
         unknown=flying(battery=pack(20.0, charge_state=3, age_s=7.5)),
     ),
     Row(
+        "battery-failsafe",
+        flying(alarm=("Battery 1 is low 10.22V used 1476 mAh", NOW_S)),
+        "it says: Battery 1 is low 10.22V used 1476 mAh",
+    ),
+    Row(
+        "battery-plunge",
+        flying(battery=falling_pack(6, apart_s=2.0)),
+        "used 5.0 % in 10 s where 0.4 % is usual",
+        unknown=flying(battery=falling_pack(6, apart_s=2.0, age_s=7.5)),
+        hangs=flying(battery=falling_pack(15)),
+    ),
+    Row(
         "battery-drain",
-        flying(battery=pack(90.0, 88.0, 86.0, 84.0, apart_s=20.0)),
-        "used 6 % in 90 s where 2.2 % was expected",
-        unknown=flying(battery=pack(90.0, 84.0, apart_s=20.0, age_s=7.5)),
-        hangs=flying(battery=pack(90.0, 88.0, 86.0, 85.0, apart_s=20.0)),
+        flying(battery=falling_pack(9)),
+        "used 8.0 % in 80 s where 2.9 % is usual",
+        unknown=flying(battery=falling_pack(9, age_s=7.5)),
+        hangs=flying(battery=falling_pack(6)),
     ),
     Row(
         "reserve",
-        flying(battery=pack(15.0, 15.0)),
-        "would land with 11 % of its battery, reserve 15 %",
-        unknown=flying(battery=pack(15.0, age_s=7.5)),
-        hangs=flying(battery=pack(19.0, 19.0)),
+        flying(battery=pack(14.0, 14.0)),
+        "would land with 10 % of its battery, give or take 1.7, reserve 15 %: below it by 99 % probability",
+        unknown=flying(battery=pack(14.0, age_s=7.5)),
+        hangs=flying(battery=pack(16.5, 16.5)),
     ),
+    Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
     Row(
         "mode",
         flying(heartbeat=Heartbeat(3, LOITER, True, 4)),
@@ -175,7 +223,9 @@ def later(state: VehicleState, by_s: float) -> VehicleState:
     heard_s = None if state.heard_s is None else state.heard_s + by_s
     history = tuple(replace(sample, at_s=sample.at_s + by_s) for sample in state.battery.history)
     moved = replace(state.battery, history=history, reported_s=state.battery.reported_s + by_s)
-    return replace(fresh, heard_s=heard_s, battery=moved)
+    pack_v = replace(state.volts, reported_s=state.volts.reported_s + by_s)
+    alarm, jump = (state.alarm[0], state.alarm[1] + by_s), (state.jump[0], state.jump[1] + by_s)
+    return replace(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
@@ -295,7 +345,9 @@ def test_a_silent_vehicles_last_report_raises_nothing_but_the_link() -> None:
     assert found == []
     for second in range(1, 200):
         found, state = raised(state, NOW_S + second)
-        assert set(found) <= ({"link"} if second > LIMITS.battery_stale_s else {"battery-step", "battery-drain"})
+        assert set(found) <= (
+            {"link"} if second > LIMITS.battery_stale_s else {"battery-step", "battery-plunge", "battery-drain"}
+        )
     assert found == ["link"]
 
 

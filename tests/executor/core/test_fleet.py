@@ -212,7 +212,7 @@ def test_a_lost_vehicle_that_comes_home_by_itself_is_left_to_that(mode: int) -> 
 
 
 @pytest.mark.parametrize(("mode", "name"), [(LAND, "LAND"), (RTL, "RETURN"), (SMART_RTL, "SMART_RTL")])
-def test_a_failsafe_that_brings_it_home_or_down_is_an_interruption_and_is_not_overruled(mode: int, name: str) -> None:
+def test_a_battery_failsafe_that_brings_it_home_or_down_is_not_overruled(mode: int, name: str) -> None:
     """A landing on the last of a battery must not become a flight home."""
     flight = under_way()
     flight.happen(Heard("uav2", StatusText(4, "Battery Failsafe")))
@@ -221,7 +221,7 @@ def test_a_failsafe_that_brings_it_home_or_down_is_an_interruption_and_is_not_ov
     fault = flight.vehicle("uav2").fault
     assert fault is not None
     assert (fault.kind, fault.reason) == (
-        FaultKind.INTERRUPTION, f"went to mode {name} by itself; it says: Battery Failsafe"
+        FaultKind.BATTERY, "it says: Battery Failsafe"
     )  # fmt: skip
     assert flight.sent_home() == []
     flight.pass_s(12.0)

@@ -1,0 +1,1 @@
+"""Logs that the autopilots write themselves."""

@@ -1,0 +1,135 @@
+"""What is not well yet no fault: a table of warnings beside that of the watchpoints, over the same view.
+
+A link is degraded before it is lost, a battery before it breaks the reserve. Warnings decide nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from executor.core import energy
+from executor.core.faults import View
+from executor.core.vehicle import FaultKind, Stage
+
+BATTERY_SENSOR = 0x2000000
+"""MAV_SYS_STATUS_SENSOR_BATTERY."""
+LOW = 2
+"""MAV_BATTERY_CHARGE_STATE_LOW."""
+RADIO_S = 5.0
+AGAIN_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """One row."""
+
+    name: str
+    kind: FaultKind
+    look: Callable[[View], str]
+    """What is not well, in words; nothing if it is."""
+
+
+def silent(view: View) -> str:
+    """Nothing was heard for a while."""
+    heard_s = view.state.heard_s
+    age_s = 0.0 if heard_s is None else view.now_s - heard_s
+    return f"nothing heard for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
+
+
+def heartbeat_missing(view: View) -> str:
+    """Others of its messages come, its HEARTBEAT does not."""
+    state, limits = view.state, view.context.limits
+    if state.heartbeat_s is None or state.heard_s is None:
+        return ""
+    age_s = view.now_s - max(state.heartbeat_s, state.excused_s)
+    if age_s >= limits.heartbeat_stale_s and view.now_s - state.heard_s < limits.link_stale_s:
+        return f"no HEARTBEAT for {age_s:.1f} s, while other messages come"
+    return ""
+
+
+def lossy(view: View) -> str:
+    """More frames are lost than usual."""
+    quality = view.state.quality
+    if quality.lost is None or quality.worse < view.context.limits.loss_warn:
+        return ""
+    return f"{100 * quality.lost:.0f} % of its frames are lost, where {100 * (quality.usual or 0.0):.0f} % is usual"
+
+
+def radio_weak(view: View) -> str:
+    """The radio itself complains."""
+    quality = view.state.quality
+    return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
+
+
+def battery_silent(view: View) -> str:
+    """It speaks, but not of its battery."""
+    known, limits = view.state.battery, view.context.limits
+    age_s = view.now_s - max(known.reported_s, view.state.excused_s)
+    if known.remaining_pct is None or age_s <= limits.battery_stale_s or silent(view):
+        return ""
+    return f"no report of its battery for {age_s:.0f} s"
+
+
+def battery_low(view: View) -> str:
+    """The autopilot calls it low, or not healthy."""
+    if view.state.battery.charge_state == LOW:
+        return "the autopilot calls its battery low"
+    return "the autopilot calls its battery not healthy" if view.state.unhealthy & BATTERY_SENSOR else ""
+
+
+def reserve_doubtful(view: View) -> str:
+    """It may well land below the reserve."""
+    chance = energy.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
+    if chance is None or chance < view.context.limits.reserve_warn_chance:
+        return ""
+    return f"below its reserve at the landing by {100 * chance:.0f} % probability"
+
+
+def position_off(view: View) -> str:
+    """Its position jumped a little."""
+    off_m, at_s = view.state.jump
+    limits = view.context.limits
+    if off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s:
+        return f"its position jumped by {off_m:.0f} m"
+    return ""
+
+
+TABLE: tuple[Doubt, ...] = (
+    Doubt("silent", FaultKind.LINK, silent),
+    Doubt("heartbeat", FaultKind.LINK, heartbeat_missing),
+    Doubt("loss", FaultKind.LINK, lossy),
+    Doubt("radio", FaultKind.LINK, radio_weak),
+    Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
+    Doubt("battery-low", FaultKind.BATTERY, battery_low),
+    Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
+    Doubt("position", FaultKind.INTERRUPTION, position_off),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What an operator was told of a vehicle."""
+
+    at_s: tuple[tuple[str, float], ...] = ()
+    """By the name of the row: when it was last not well."""
+
+
+def said(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
+    """Return what is not well and was not said yet, for the operator of a live flight.
+
+    A silence is told by `silence`; what comes back within `AGAIN_S` is the same.
+    """
+    now = [(row.name, words) for row, words in warnings(view) if row.look is not silent]
+    if not now and not before.at_s:
+        return before, ()
+    known = {name: at_s for name, at_s in before.at_s if view.now_s - at_s < AGAIN_S}
+    new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
+    return Told(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
+
+
+def warnings(view: View) -> tuple[tuple[Doubt, str], ...]:
+    """Look at every row; return those that hold, with their words."""
+    if view.state.stage in {Stage.GROUND, Stage.LANDED}:
+        return ()
+    return tuple((row, words) for row in TABLE if (words := row.look(view)))

@@ -1,0 +1,115 @@
+"""What the replay of a recorded flight found, as plain data: what the table, the pictures and the pages show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from executor.core.recording import Skipped
+from executor.core.vehicle import FaultKind
+
+TRACE_S = 3.0
+MOST_SAMPLES = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One moment of a vehicle, for pictures."""
+
+    at_s: float
+    remaining_pct: float | None
+    estimate_pct: float | None
+    sd_pct: float | None
+    landing_pct: float | None
+    """What should be left at the landing."""
+    voltage_v: float | None
+    link_age_s: float
+    heartbeat_age_s: float
+    item: int | None
+    height_m: float | None
+
+
+@dataclass(slots=True)
+class Trace:
+    """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
+
+    samples: list[Sample] = field(default_factory=list)
+    every_s: float = TRACE_S
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample, unless the last one is young."""
+        if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
+            return
+        self.samples.append(sample)
+        if len(self.samples) > MOST_SAMPLES:
+            self.samples = self.samples[::2]
+            self.every_s *= 2
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """A fault, in the log's own time."""
+
+    kind: FaultKind
+    reason: str
+    t_usec: int
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Impaired:
+    """A time in which something was not well, in the log's own time."""
+
+    kind: FaultKind
+    reason: str
+    from_usec: int
+    to_usec: int
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleReplay:
+    """One vehicle of a log."""
+
+    sysid: int
+    name: str
+    autopilot: str
+    declarations: tuple[Declaration, ...]
+    degraded: tuple[Impaired, ...]
+    flown_s: float
+    """Armed."""
+    samples: tuple[Sample, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LogReplay:
+    """A log, replayed."""
+
+    path: Path
+    vehicles: tuple[VehicleReplay, ...]
+    skipped: Skipped
+    began_usec: int
+    lasted_s: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """One thing that really happened, by the truth that lies beside a log."""
+
+    t_usec: int
+    """On the log's own clock."""
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What is known of a recorded flight."""
+
+    kind: FaultKind | None
+    """Of the fault that was injected; None for a healthy flight."""
+    fault_usec: int | None
+    """When it became visible in the data, on the log's own clock."""
+    until_usec: int | None
+    """When it was over; None if it lasts."""
+    events: tuple[Happened, ...]
