@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from executor.adapters.pictures.style import COLOURS, DPI, FAINT, INK, MARKERS, PAPER, WIDTH_IN
 from executor.bench.table.cells import Cell
 from executor.bench.table.report import COST_NAMES
-from executor.planning import Solver
 
 HEIGHT_IN = 3.9
 CHOSEN = "chosen for the window"
+SHOWN_STRETCHES = {0.05: (0, (1, 1.2)), 0.20: (0, (5, 1.5))}
+"""With the style of their lines."""
 
 
 def draw_table(cells: Sequence[Cell], path: Path) -> None:
@@ -37,9 +38,10 @@ def _panel(axes: Axes, cells: Sequence[Cell]) -> None:
     for number, (cost, name) in enumerate(COST_NAMES.items()):
         windows = [max(one.best.window_pct for one in cell.series if one.cost == cost) for cell in cells]
         axes.plot(tightness, windows, color=COLOURS[number], marker=MARKERS[number], label=name, lw=1.6, ms=6)
-    chosen = [cell.versus(Solver.SEARCH.value).chosen.plan.window_pct for cell in cells]
-    label = f"{CHOSEN}, no longer than MinComb by search"
-    axes.plot(tightness, chosen, color=COLOURS[4], marker=MARKERS[3], label=label, lw=2.2, ms=6, ls=(0, (5, 1.5)))
+    for stretch, style in SHOWN_STRETCHES.items():
+        chosen = [one.plan.window_pct for cell in cells for one in cell.windows if one.stretch == stretch]
+        label = f"{CHOSEN}, {100 * stretch:g} % over MinMax"
+        axes.plot(tightness, chosen, color=COLOURS[4], marker=MARKERS[3], label=label, lw=2.2, ms=6, ls=style)
     axes.set_title(f"{cells[0].radius_m:g} m, {cells[0].segments} segments", fontsize=10, color=INK)
     axes.set_xticks(tightness)
     axes.set_ylim(-3, 103)
