@@ -119,4 +119,4 @@ async def test_the_demo_of_the_containers_flies_to_its_end(tmp_path: Path) -> No
     assert report["finished"]
     assert ("uav2", "battery") in [(fault["vehicle"], fault["kind"]) for fault in report["faults"]]
     assert len(report["vehicles"]) == 3
-    assert {row["firmware"] for row in report["vehicles"]} == {"4.7.0"}
+    assert {row["firmware"] for row in report["vehicles"]} == {"4.7.0-dev"}

@@ -103,7 +103,7 @@ async def test_one_crashes_and_one_comes_back(tmp_path: Path) -> None:
     assert not flown.vehicle("uav3")["landed"]
     known = {row["segment"]: row["vehicle"] for row in flown.report["inspections"]}
     assert len(known) == flown.report["segments_total"]
-    assert {row["firmware"] for row in flown.report["vehicles"]} == {"4.7.0"}
+    assert {row["firmware"] for row in flown.report["vehicles"]} == {"4.7.0-dev"}
 
 
 async def test_a_survivor_that_refuses_its_new_mission(tmp_path: Path) -> None:
