@@ -27,12 +27,6 @@ LEAST_APART_M = 5.0
 SILENCE_S = 20.0
 
 
-@pytest.fixture(scope="session")
-def simulated_report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The report of the same loss on faultline's own simulated fleet."""
-    return asyncio.run(demo(tmp_path_factory.mktemp("demo") / "run", "uav2:silent@40%", speedup=8.0)).report
-
-
 def ended_well(flight: Flown, lost: list[str], *, down: tuple[str, ...] = NAMES) -> None:
     """Check what every flight has in common; `lost` are the kinds of uav2's faults, `down` those who must land."""
     report, said = flight.report, flight.said
@@ -77,11 +71,13 @@ def test_nothing_happens(autopilot: Autopilot, tmp_path: Path) -> None:
 
 
 @BOTH
-def test_one_falls_silent_for_good(autopilot: Autopilot, tmp_path: Path, simulated_report: dict[str, Any]) -> None:
+def test_one_falls_silent_for_good(autopilot: Autopilot, tmp_path: Path) -> None:
     flight = flown(autopilot, Story(RealVehicle.suspend, radius_m=400.0), tmp_path)
     ended_well(flight, ["link"], down=("uav1", "uav3"))
     assert len(flight.report["replans"]) == 1, flight.said
-    ours, theirs = shape(flight.report), shape(simulated_report)
+    # The same loss on faultline's own simulated fleet.
+    simulated = asyncio.run(demo(tmp_path / "simulated", "uav2:silent@40%", speedup=8.0))
+    ours, theirs = shape(flight.report), shape(simulated.report)
     assert isinstance(ours, dict)
     assert isinstance(theirs, dict)
     # A flight in which nothing had to be passed over has no row to show there.
