@@ -46,7 +46,7 @@ def demo_site(
                 "sysid": number,
                 "autopilot": autopilot,
             }
-            for number, port in enumerate(_free_ports(vehicles), start=1)
+            for number, port in enumerate(free_ports(vehicles), start=1)
         ],
     }
     if network is not None and not _is_json(network):
@@ -65,7 +65,8 @@ def _is_json(network: Path) -> bool:
         return False
 
 
-def _free_ports(count: int) -> list[int]:
+def free_ports(count: int) -> list[int]:
+    """Return UDP ports of this computer that nobody uses."""
     with ExitStack() as stack:
         sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
         for one in sockets:

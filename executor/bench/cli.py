@@ -1,4 +1,4 @@
-"""The commands `faultline bench solvers`, `table`, `upload` and `detection`."""
+"""The commands `faultline bench solvers`, `table`, `upload`, `fleet` and `detection`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from planner import Cost
 
 cli = typer.Typer(
     name="bench",
-    help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; what "
-    "the watchpoints detect.",
+    help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
+    "what a fleet costs; what the watchpoints detect.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -214,6 +214,28 @@ def _stop_name(stop: int | dict[str, int | bool]) -> str:
     if isinstance(stop, int):
         return str(stop)
     return f"{stop['segment']}{'r' if stop['reversed'] else ''}"
+
+
+@cli.command()
+def fleet(
+    vehicles: Annotated[
+        list[int] | None,
+        typer.Option(min=1, max=200, help="How many; may be repeated. By default 1, 10, 20, 50, 100."),
+    ] = None,
+    minutes: Annotated[float, typer.Option(min=0.1, max=600, help="Of flight, for each number of vehicles.")] = 5.0,
+    speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 2.0,
+    seed: SeedOption = 1,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write fleet.md and fleet.json there.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly simulated fleets and measure the ground station: its work for each vehicle, how long it is blocked, memory.
+
+    The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty.
+    """
+    from executor.bench.fleet import COUNTS, make_fleet
+
+    content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed)
+    print(json.dumps(content) if as_json else text)
 
 
 @cli.command()

@@ -1,0 +1,287 @@
+"""What a fleet costs the ground station: one flight for each number of vehicles, the executor held to one processor.
+
+Each flight runs the whole executor as `faultline fly` does, in a process of its own that may use one processor; the
+simulated vehicles have the others. Nobody is lost: what is measured is the work of listening, deciding and recording.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import multiprocessing
+import os
+import resource
+import signal
+import struct
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import cast
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from executor import app as flying
+from executor import build
+from executor.adapters.eventlog import read_head
+from executor.bench.fleetsite import site_of, write_network
+from executor.bench.machine import machine, machine_line
+from executor.bench.markdown import number, page, table
+from executor.config import check_site
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.preflight import Check
+from executor.core.state import FleetState
+from executor.demo import simulated_fleet
+from executor.planning import Wanted, first_plan
+from planner import Cost
+
+COUNTS = (1, 10, 20, 50, 100)
+PLAN_S = 5.0
+WATCH_S = 0.005
+"""Pause of the watch on the event loop: what it is late beyond that, the loop was blocked."""
+STAMP = struct.Struct(">Q")
+LOOKS = 12
+"""How often memory is looked at, spread over a flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """One flight, measured from the take-off to the moment when supervision ends."""
+
+    vehicles: int
+    minutes: float
+    """Of the flight's time."""
+    speedup: float
+    frames: int
+    """Received from all vehicles."""
+    missing: int
+    """Frames that the sequence numbers say were sent and never arrived."""
+    events: int
+    """In the event log."""
+    faults: int
+    cpu_s: float
+    """Processor time of the executor's process."""
+    codec_s: float
+    """Processor time of pymavlink alone for decoding the same frames, in the same process."""
+    blocked_ms: tuple[float, float, float]
+    """How late the watch woke: 99 %, 99.99 % and the longest."""
+    memory_mib: tuple[float, ...]
+    """Resident memory, evenly spread over the flight."""
+
+    @property
+    def cpu_ms(self) -> float:
+        """Processor time for a vehicle and second of flight, in milliseconds."""
+        return 1e3 * self.cpu_s / (60.0 * self.minutes * self.vehicles)
+
+    @property
+    def growth_mib(self) -> float:
+        """How much memory grew from the end of the first quarter to the end."""
+        return self.memory_mib[-1] - self.memory_mib[len(self.memory_mib) // 4]
+
+
+def measure(counts: Sequence[int], *, minutes: float, speedup: float, seed: int) -> list[Flown]:
+    """Fly once for each number of vehicles.
+
+    Raises:
+        ExecutorError: a flight that could not begin.
+    """
+    flights = []
+    for count in counts:
+        print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
+        # A process for each flight: what one leaves behind must not be in the next one's figures.
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+            flights.append(pool.submit(fly_one, count, minutes, speedup, seed).result())
+    return flights
+
+
+def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
+    """Fly one fleet; this runs in a process of its own."""
+    with tempfile.TemporaryDirectory(prefix="faultline-fleet-") as folder:
+        base, run = Path(folder), Path(folder) / "run"
+        run.mkdir()
+        write_network(base / "network.graph", vehicles, minutes, seed)
+        ground = build.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench fleet"), base)
+        plan = first_plan(ground, Wanted(Cost.MINMAX, PLAN_S, seed, all_vehicles=True), lambda _: None)
+        order = flying.Order(ground.site, base, ground, plan, run, lambda _: ())
+        flying.keep(order)
+        watch = _Watch(minutes * 60.0 / speedup)
+        ours, others = _processors()
+        os.sched_setaffinity(0, others)
+        with simulated_fleet(run, (), seed):
+            os.sched_setaffinity(0, ours)
+            flown = asyncio.run(_watched(order, watch))
+        began_usec, events = _launched(run / "events.jsonl")
+        rows = cast("list[dict[str, int]]", flown.report["vehicles"])
+        return Flown(
+            vehicles=vehicles,
+            minutes=watch.taken_s * speedup / 60.0,
+            speedup=speedup,
+            frames=sum(row["frames_received"] for row in rows),
+            missing=sum(row["frames_missing"] for row in rows),
+            events=events,
+            faults=len(cast("list[object]", flown.report["faults"])),
+            cpu_s=watch.cpu_s,
+            codec_s=_codec_s(sorted(run.glob("*.tlog")), began_usec),
+            blocked_ms=watch.blocked_ms(),
+            memory_mib=tuple(watch.memory_mib),
+        )
+
+
+def _processors() -> tuple[set[int], set[int]]:
+    """Return one processor for the executor and those for everything else."""
+    every = sorted(os.sched_getaffinity(0))
+    return {every[0]}, set(every[1:]) or {every[0]}
+
+
+async def _watched(order: flying.Order, watch: _Watch) -> flying.Flown:
+    watching = asyncio.create_task(watch.run())
+    try:
+        return await flying.fly(order, watch)
+    finally:
+        watching.cancel()
+
+
+class _Watch:
+    """An operator who says yes, looks at the clock, and leaves when the time is over."""
+
+    def __init__(self, lasts_real_s: float) -> None:
+        self._lasts_s = lasts_real_s
+        self._began_s: float | None = None
+        self._cpu_began_s = 0.0
+        self._late_ms: list[float] = []
+        self._left = False
+        self._ended = False
+        self.taken_s = 0.0
+        self.cpu_s = 0.0
+        self.memory_mib: list[float] = []
+
+    def blocked_ms(self) -> tuple[float, float, float]:
+        """Return how late the watch woke: 99 %, 99.99 % and the longest."""
+        late = sorted(self._late_ms)
+        return late[int(0.99 * len(late))], late[int(0.9999 * len(late))], late[-1]
+
+    async def run(self) -> None:
+        while True:
+            asked_s = time.perf_counter()
+            await asyncio.sleep(WATCH_S)
+            if self._began_s is not None and not self._ended:
+                now_s = time.perf_counter()
+                self._late_ms.append(1e3 * (now_s - asked_s - WATCH_S))
+                self._look(now_s - self._began_s)
+
+    def _look(self, passed_s: float) -> None:
+        while len(self.memory_mib) < LOOKS and passed_s >= (len(self.memory_mib) + 1) * self._lasts_s / LOOKS:
+            self.memory_mib.append(_resident_mib())
+        if passed_s >= self._lasts_s and not self._left:
+            self._left = True
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def confirm(self, question: str) -> bool:  # noqa: ARG002 - the console's signature
+        self._began_s, self._cpu_began_s = time.perf_counter(), time.process_time()
+        return True
+
+    def done(self) -> None:
+        if self._began_s is not None and not self._ended:
+            self._ended = True
+            self.taken_s = time.perf_counter() - self._began_s
+            self.cpu_s = time.process_time() - self._cpu_began_s
+            self.memory_mib.append(_resident_mib())
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        if level is Level.FAULT:
+            print(f"{at_s or 0.0:8.1f} s  {text}", file=sys.stderr, flush=True)
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Show nothing: what stops the flight is raised."""
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Show nothing: a terminal is not measured here."""
+
+
+def _resident_mib() -> float:
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return pages * resource.getpagesize() / 2**20
+
+
+def _codec_s(logs: Sequence[Path], launched_usec: float) -> float:
+    """Return the processor time that pymavlink alone needs for the frames since the launch, log by log."""
+    spent_s = 0.0
+    for path in logs:
+        content, codec = path.read_bytes(), mavlink.MAVLink(None)
+        began_s = time.process_time()
+        for usec, frame in _frames(content):
+            if usec >= launched_usec:
+                codec.decode(bytearray(frame))
+        spent_s += time.process_time() - began_s
+    return spent_s
+
+
+def _frames(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield the frames of a log of our own, each with its time; all are MAVLink 2 and whole."""
+    at = 0
+    while at + STAMP.size + 12 <= len(content):
+        size = 12 + content[at + 9] + 13 * (content[at + 10] & 1)
+        yield STAMP.unpack_from(content, at)[0], content[at + 8 : at + 8 + size]
+        at += STAMP.size + size
+
+
+def _launched(log: Path) -> tuple[float, int]:
+    """Return when a flight began, in microseconds since 1970 as its telemetry has them, and the events since."""
+    began_unix_s, launched_s, events = read_head(log).began_unix_s, 0.0, 0
+    with log.open("rb") as file:
+        for line in file:
+            if b'"LaunchOrdered"' in line[:100]:
+                launched_s, events = json.loads(line)["t_s"], 0
+            events += b'"event":' in line[:60]
+    return 1e6 * (began_unix_s + launched_s), events
+
+
+COLUMNS = (
+    "vehicles", "minutes", "frames a second", "frames lost", "events", "ms a vehicle and second",
+    "times pymavlink alone", "of one core, %", "blocked at most, ms", "99.99 %, ms", "memory at a quarter, MiB",
+    "at the end, MiB",
+)  # fmt: skip
+
+
+def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
+    """Return the page."""
+    rows = [
+        (
+            one.vehicles, number(one.minutes), number(one.frames / (60 * one.minutes), 0), one.missing, one.events,
+            number(one.cpu_ms, 2), number(one.cpu_s / one.codec_s, 1), number(0.1 * one.cpu_ms * one.vehicles),
+            number(one.blocked_ms[2], 0), number(one.blocked_ms[1], 0),
+            number(one.memory_mib[len(one.memory_mib) // 4], 0), number(one.memory_mib[-1], 0),
+        )
+        for one in flights
+    ]  # fmt: skip
+    said = (
+        "One flight for each number of simulated ArduPilot vehicles, from the take-off on, with everything that "
+        "`faultline fly` does but the drawing on a terminal. The executor may use one core; the simulation has the "
+        f"others. At {flights[0].speedup:g} times real time, so that a second of the computer's holds as many of the "
+        "flight's; a core's share is for real time. `times pymavlink alone` is the executor's processor time over what "
+        "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
+        f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took."
+    )
+    return page("A fleet and its ground station", machine_line(content), said, table(COLUMNS, rows))
+
+
+def make_fleet(
+    counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int
+) -> tuple[dict[str, object], str]:
+    """Measure, and write fleet.md and fleet.json where wanted; returns their content."""
+    flights = measure(counts, minutes=minutes, speedup=speedup, seed=seed)
+    rows = [asdict(one) | {"cpu_ms": one.cpu_ms, "growth_mib": one.growth_mib} for one in flights]
+    content: dict[str, object] = {"format": "faultline-bench-fleet/1", "machine": machine(), "seed": seed, "rows": rows}
+    text = report_of(flights, machine())
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "fleet.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        (out / "fleet.md").write_text(text, encoding="utf-8")
+    return content, text

@@ -1,0 +1,57 @@
+"""A power line and a site for a fleet of any size that is to fly for a given time."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from executor.demo import free_ports
+from planner.synthetic import generated_network
+
+SPEED_M_S = 3.0
+"""Along the line; the default of a site."""
+SPAN_M = 275.0
+"""Mean length of a generated span."""
+SPARE = 1.5
+"""So much longer than wanted would the routes take: nobody should be home early."""
+CAPACITY_AH = 1e4
+"""Of a battery that lasts however long the flight is."""
+DEPOT = {"lat_deg": 49.6, "lon_deg": 15.6, "alt_m": 400.0}
+
+
+def write_network(path: Path, vehicles: int, minutes: float, seed: int) -> None:
+    """Write a generated network that keeps a fleet busy for so long, as a graph file."""
+    route_s = SPARE * 60.0 * minutes
+    segments = max(2 * vehicles, math.ceil(vehicles * route_s * SPEED_M_S / SPAN_M))
+    ends_m = np.round(generated_network(segments, seed), 2)
+    pylons = {place: index for index, place in enumerate(dict.fromkeys(map(tuple, ends_m.reshape(-1, 2).tolist())), 1)}
+    beside: dict[int, list[int]] = {index: [] for index in pylons.values()}
+    for a, b in ends_m.tolist():
+        one, other = pylons[tuple(a)], pylons[tuple(b)]
+        beside[one].append(other)
+        beside[other].append(one)
+    places = " ".join(f"{east_m} {north_m} 0;" for east_m, north_m in pylons)
+    neighbours = " ".join(" ".join(map(str, others)) + ";" for others in beside.values())
+    text = f'pylons_position = "{places}"\nconnections_indexes = "{neighbours}"\n'
+    path.write_text(text, encoding="utf-8")
+
+
+def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
+    """Return the content of a site file whose vehicles answer on free ports of this computer."""
+    return {
+        "depot": DEPOT,
+        "network": {"file": network},
+        "energy": {"capacity_ah": CAPACITY_AH},
+        "flight": {"speedup": speedup},
+        "vehicle": [
+            {
+                "name": f"uav{number}",
+                "connection": f"udpin://127.0.0.1:{port}",
+                "sysid": number,
+                "autopilot": "ardupilot",
+            }
+            for number, port in enumerate(free_ports(vehicles), start=1)
+        ],
+    }
