@@ -14,6 +14,7 @@ from executor.bench.parts.setting import Setting
 from executor.bench.problems import PAPER_S, line_instance
 from executor.bench.store import Json
 from planner import Cost, Progress, Seconds, Stopwatch, solve, warm_up
+from planner.costs import TABLES_UP_TO
 from planner.synthetic import generated_network
 
 TITLE = "Scale"
@@ -128,7 +129,8 @@ def report(result: Json) -> str:
     return (
         "The paper's model in seconds, a start on each core; MinMax without budgets, the other two with MinMax / "
         f"{TIGHTNESS:g} as everybody's budget. Earlier values are percent over the one at the end. The first plan's "
-        "time counts making the instance, not loading compiled kernels.\n\n"
+        f"time counts making the instance, not loading compiled kernels. Up to {TABLES_UP_TO} segments all moves are "
+        "tables, which grow with the square of the segments; beyond, they are computed from places.\n\n"
         "![Time to the first plan and peak memory over the number of segments](solvers-scale.png)\n\n"
         + table(columns, rows)
     )
