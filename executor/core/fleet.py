@@ -163,16 +163,23 @@ def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s
     least = state.separation
     for other in state.vehicles.values():
         seen = other.fix
-        if other.name == vehicle.name or seen is None or seen.alt_rel_m < high or not other.armed:
+        if seen is None or other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
             continue
         age_s = now_s - seen.at_s
         if age_s > FRESH_S:
             continue
-        east, north, up = (speed * age_s for speed in seen.velocity_m_s)
-        there = (seen.place_m[0] + east, seen.place_m[1] + north, seen.alt_msl_m + up)
-        apart = math.dist((*fix.place_m, fix.alt_msl_m), there)
-        if least is None or apart < least.least_m:
-            least = Separation(apart, (vehicle.name, other.name), now_s)
+        east_m_s, north_m_s, up_m_s = seen.velocity_m_s
+        # Every position is held against every vehicle: the height alone settles nearly all of them.
+        higher_m = seen.alt_msl_m + up_m_s * age_s - fix.alt_msl_m
+        if least is not None and abs(higher_m) >= least.least_m:
+            continue
+        east_m = seen.place_m[0] + east_m_s * age_s - fix.place_m[0]
+        north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
+        apart_m = math.hypot(east_m, north_m, higher_m)
+        if least is None or apart_m < least.least_m:
+            least = Separation(apart_m, (vehicle.name, other.name), now_s)
+    if least is state.separation:
+        return state
     return replace(state, separation=least)
 
 
