@@ -175,10 +175,10 @@ async def land(link: Link, clock: Clock, dialect: Dialect) -> Done:
 async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> Done:
     """Let a vehicle that holds go on to the waypoint that it was flying to, at the speed of that leg.
 
-    Both autopilots keep the index and forget the speed when the mode changes (measured), and gather more within a second
-    or two. So mode and speed go out together, before anybody waits for an answer; what got lost is made good by the
-    dialogues that follow, as both orders may be given again. The last one is for PX4, which acknowledges a mode before
-    it changes.
+    Both autopilots keep the index and forget the speed when the mode changes (measured), and gather more within a
+    second or two. So mode and speed go out together, before anybody waits for an answer; what got lost is made good
+    by the dialogues that follow, as both orders may be given again. The last one is for PX4, which acknowledges a mode
+    before it changes.
     """
     mode_order, speed_order = orders.set_mode(dialect.modes.mission), orders.change_speed(speed_m_s)
     link.send(mode_order)

@@ -23,7 +23,7 @@ const TEMPLATE = `
   <div class="row"><span></span><span class="note figures"></span></div>
   <div class="row"><span>Route</span><div class="gauge steps"><i class="level"></i><i class="part"></i></div></div>
   <div class="row"><span></span><span class="note route"></span></div>
-  <div class="row"><span>Link</span><span class="note"><span class="link"></span> · <span class="quiet">lost now:</span> <span class="loss"></span></span></div>
+  <div class="row"><span>Link</span><span class="note"><span class="link"></span><span class="if"> · <span class="quiet">lost now:</span> <span class="loss"></span></span></span></div>
   <p class="told"></p>
   <div class="actions"></div>`;
 
@@ -94,6 +94,7 @@ export class Strips {
     this.route(strip, vehicle);
     const age = vehicle.link_age_s === null ? "never heard" : `${number(vehicle.link_age_s, 1)} s old`;
     find(".link").textContent = vehicle.link_loss === null ? age : `${age} · ${number(100 * vehicle.link_loss)} % lost`;
+    find(".if").hidden = !["flying", "holding", "starting"].includes(vehicle.state) || vehicle.fault !== null;
     this.loss(find(".loss"), vehicle);
     this.told(find(".told"), vehicle, state);
     const may = vehicle.excluded || vehicle.fault ? MAY[vehicle.state].filter((one) => one !== "exclude") : MAY[vehicle.state];
