@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from executor import build
+from executor import build, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, to_plain
 from executor.adapters.mavlink import endpoints
@@ -35,6 +35,7 @@ from executor.errors import PreflightFailed
 from executor.report import Happening, Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.outlook import keep_judging
 from missions import FlightSetup, PlanFile, Solved, Task, dialect_for, encode, make_plan_file, open_task, write_plan
 from planner import Plan, Route, Vehicle
 
@@ -102,6 +103,7 @@ async def fly(order: Order, console: Console) -> Flown:
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
+    serving.check(order.site.web)
     ground = order.ground
     clock = SystemClock(order.site.flight.speedup)
     solver = SolverProcess(
@@ -144,8 +146,9 @@ async def _fly(
     keeper = _Keeper(order, context, console, log, clock)
     flight = Flight(context, fleet.initial(boards), links, clock, log, solver, keeper.observer())
     try:
-        with _Interrupts(flight, console) as left:
-            await flight.run()
+        with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
+            async with _beside(keep_judging(flight, solver)):
+                await flight.run()
     finally:
         console.done()
         log.close()
@@ -153,6 +156,17 @@ async def _fly(
     report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, said)
     write_json(run / "report.json", report)
     return Flown(report, context, bool(left))
+
+
+@asynccontextmanager
+async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
+    """Do something for as long as something else goes on."""
+    task = asyncio.create_task(work)
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
 
 
 def keep(order: Order) -> None:

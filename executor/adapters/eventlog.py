@@ -11,9 +11,9 @@ import json
 from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, get_type_hints
 
-from executor.core import events, messages
+from executor.core import events, intents, messages
 from executor.core.events import Event
 from executor.errors import LogError
 
@@ -21,10 +21,16 @@ FORMAT = "faultline-events/1"
 
 _KINDS: dict[str, type] = {
     name: item
-    for module in (events, messages)
+    for module in (events, intents, messages)
     for name, item in vars(module).items()
     if isinstance(item, type) and dataclasses.is_dataclass(item)
 }
+
+_ENUMS: dict[str, dict[str, type[Enum]]] = {
+    name: {key: hint for key, hint in get_type_hints(kind).items() if isinstance(hint, type) and issubclass(hint, Enum)}
+    for name, kind in _KINDS.items()
+}
+"""Fields that hold a member of an enum, which stands in the log by its value."""
 
 
 def to_plain(value: object) -> object:
@@ -46,8 +52,10 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
     if isinstance(value, dict):
         fields = {key: from_plain(item) for key, item in value.items() if key != "kind"}
         try:
+            for key, enum in _ENUMS[value["kind"]].items():
+                fields[key] = enum(fields[key])
             return _KINDS[value["kind"]](**fields)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise LogError(f"unknown event {value.get('kind')!r}: {error}") from error
     if isinstance(value, list):
         return tuple(from_plain(item) for item in value)
