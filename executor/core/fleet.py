@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import degraded, faults, replanning, silence
+from executor.core import degraded, faults, replanning, resuming, silence
 from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Start
 from executor.core.context import Context
 from executor.core.degraded import Told
@@ -18,6 +18,8 @@ from executor.core.events import (
     Event,
     Heard,
     LaunchOrdered,
+    Reopened,
+    Resumed,
     ReturnAllOrdered,
     ReturnEnded,
     SolveEnded,
@@ -50,7 +52,9 @@ def initial(boards: dict[str, OnBoard | None]) -> FleetState:
     return FleetState(MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()}))
 
 
-def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+def step(  # noqa: C901, PLR0911 - one return for each kind of event
+    context: Context, state: FleetState, event: Event, now_s: float
+) -> Stepped:
     """Apply one event."""
     match event:
         case Heard():
@@ -69,6 +73,22 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
             return _return_ended(state, event)
         case ReturnAllOrdered():
             return _recall(state, now_s)
+        case Reopened():
+            return resuming.reopened(state, event, now_s)
+        case Resumed():
+            return _resumed(context, state, event, now_s)
+
+
+def _resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Stepped:
+    taken = resuming.resumed(context, state, event, now_s)
+    state, commands = taken.state, list(taken.commands)
+    for ended in taken.ended:
+        state, more = step(context, state, ended, now_s)
+        commands.extend(more)
+    for name, why in taken.strange:
+        state, more = _declare(context, state, state.vehicles[name], FaultKind.INTERRUPTION, why, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
 
 
 def _launch(state: FleetState, now_s: float) -> Stepped:
@@ -209,7 +229,10 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
-    if raised:
+    if raised and raised[0][0].name == "mode" and silence.ended_its_mission(context, state, vehicle, now_s):
+        state, more = _missed_us(context, state, vehicle, now_s)
+        commands.extend(more)
+    elif raised:
         point, why = raised[0]
         state, more = _fault(context, state, vehicle, point.kind, why, now_s)
         commands.extend(more)
@@ -220,6 +243,18 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
         state, more = _order_again(context, state, vehicle, now_s)
         commands.extend(more)
     return state, tuple(commands)
+
+
+def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Let a vehicle come home whose own failsafe acted because we were not there: it is well, and may fly again.
+
+    Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
+    """
+    state = state.put(replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s, run=None))
+    trigger = f"{vehicle.name}: ended its mission while the ground station was away"
+    state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
+    said = Say(Level.WARNING, f"{trigger}; it comes home, and may fly again")
+    return state, (said,) if _comes_home(context, vehicle) else (said, SendHome(vehicle.name))
 
 
 def _has_landed(vehicle: VehicleState) -> bool:

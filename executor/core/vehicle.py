@@ -126,6 +126,17 @@ class OnBoard:
     """What each leg of the path should take."""
 
 
+@dataclass(frozen=True, slots=True)
+class Before:
+    """Where a vehicle on its mission was when it was last heard, before the ground station was away."""
+
+    fix: Fix
+    waypoint: int
+    run: Run | None
+    run_visit: int | None
+    remaining_pct: float | None
+
+
 @dataclass(frozen=True)  # without slots: `changed` copies it
 class VehicleState:
     """Everything known of one vehicle."""
@@ -184,6 +195,8 @@ class VehicleState:
     """Whether it was in mission mode in the air since its last start."""
     jump: tuple[float, float] = (0.0, float("-inf"))
     """How far its position lay from where its velocity leads, and when."""
+    before: Before | None = None
+    """Until it is known what it did while the ground station was away."""
 
     @property
     def airborne(self) -> bool:
