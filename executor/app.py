@@ -16,7 +16,7 @@ from executor.adapters.eventlog import EventLog, to_plain
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk import link as mavsdk
-from executor.adapters.rundir import keep_site, write_json
+from executor.adapters.rundir import keep_site, locked, write_json
 from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
@@ -25,7 +25,7 @@ from executor.config import Site
 from executor.core import fleet, preflight
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
-from executor.core.events import Event, ReturnAllOrdered, SolveEnded
+from executor.core.events import Event, Reopened, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
 from executor.core.ports import LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
@@ -107,12 +107,9 @@ async def fly(order: Order, console: Console) -> Flown:
     solver = SolverProcess(
         SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
     )
-    async with _links(order, clock) as links, solver, asyncio.TaskGroup() as tasks:
-        beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
-        try:
+    with locked(order.run):
+        async with open_links(order, clock) as links, solver:
             return await _fly(order, console, clock, solver, links)
-        finally:
-            beat.cancel()
 
 
 async def _fly(
@@ -140,19 +137,48 @@ async def _fly(
     write_json(run / "vehicles.json", vehicles_of(context, said))
     if not console.confirm("All missions are on board and read back. Take off?"):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
-    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup)
-    keeper = _Keeper(order, context, console, log, clock)
-    flight = Flight(context, fleet.initial(boards), links, clock, log, solver, keeper.observer())
+    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
+    return await supervise(order, console, Cockpit(context, fleet.initial(boards), links, clock, log, solver, said))
+
+
+@dataclass(frozen=True, slots=True)
+class Cockpit:
+    """All that a flight is supervised with."""
+
+    context: Context
+    state: FleetState
+    """Before the launch, or when the ground station went away."""
+    links: Mapping[str, OpenLink]
+    clock: SystemClock
+    log: EventLog
+    solver: SolverProcess
+    said: Said
+
+
+async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reopened | None = None) -> Flown:
+    """Fly to the end and report; `reopened` for a flight that is taken up again.
+
+    Raises:
+        ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+    """
+    context, clock, links = seat.context, seat.clock, seat.links
+    keeper = _Keeper(order, context, console, seat.log, clock)
+    flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
         with _Interrupts(flight, console) as left:
-            await flight.run()
+            await flight.run(reopened, order.site.flight.connect_timeout_s)
     finally:
         console.done()
-        log.close()
+        seat.log.close()
     frames = {name: (link.counts.received, link.counts.missing) for name, link in links.items()}
-    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, said)
-    write_json(run / "report.json", report)
+    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, seat.said)
+    write_json(order.run / "report.json", report)
     return Flown(report, context, bool(left))
+
+
+def telling(console: Console) -> Callable[[str], None]:
+    """Return how a log tells the operator of its troubles."""
+    return lambda text: console.say(Level.WARNING, text)
 
 
 def keep(order: Order) -> None:
@@ -165,7 +191,12 @@ def keep(order: Order) -> None:
 
 
 @asynccontextmanager
-async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, OpenLink]]:
+async def open_links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, OpenLink]]:
+    """Open the links to all vehicles, and keep up our heartbeat on them.
+
+    Raises:
+        ConnectionFailed: one cannot be opened.
+    """
     async with AsyncExitStack() as stack:
         wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
         for table in order.site.vehicle:
@@ -174,7 +205,13 @@ async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str,
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
         native = await stack.enter_async_context(endpoints.open_links(wanted["native"]))
         others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
-        yield {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
+        links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
+        async with asyncio.TaskGroup() as tasks:
+            beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
+            try:
+                yield links
+            finally:
+                beat.cancel()
 
 
 async def _interviews(

@@ -36,6 +36,7 @@ for command in (
     risk.risk,
     flights.simulate,
     flights.fly,
+    flights.resume,
 ):
     cli.command()(command)
 cli.command("replay")(replay.replay_logs)

@@ -32,6 +32,21 @@ class Said:
     """What each vehicle said."""
     checks: Sequence[Check]
     """The checklist."""
+    kept: Mapping[str, object] = MappingProxyType({})
+    """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
+
+    def plain_checks(self) -> list[object]:
+        """Return the checklist as plain data."""
+        kept = self.kept.get("checks")
+        return list(kept) if isinstance(kept, list) else [checked(check) for check in self.checks]
+
+    def firmware(self, name: str) -> dict[str, object]:
+        """Return what a vehicle is and which firmware it has, as plain data."""
+        kept = self.kept.get("vehicles")
+        for row in kept if isinstance(kept, list) else ():
+            if isinstance(row, dict) and row.get("name") == name:
+                return {key: row[key] for key in ("type", "autopilot", "firmware") if key in row}
+        return _firmware(self.facts.get(name))
 
 
 NOTHING_SAID = Said(MappingProxyType({}), ())
@@ -120,10 +135,19 @@ def report_of(
             for record in state.records
         ],
         "vehicles": [
-            {**_vehicle(context, state, vehicle, frames), **_firmware(said.facts.get(vehicle.name))}
+            {**_vehicle(context, state, vehicle, frames), **said.firmware(vehicle.name)}
             for vehicle in state.vehicles.values()
         ],
-        "checks": [checked(check) for check in said.checks],
+        "checks": said.plain_checks(),
+        "absences": [
+            {
+                "until_s": round(absence.until_s - began_s, 1),
+                "pause_s": round(absence.pause_s, 1),
+                "restarted": absence.restarted,
+            }
+            for absence in state.absences
+        ],
+        "inferred": sorted(state.inferred & set(state.inspected)),
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
         "inspection_speed_m_s": context.inspection_speed_m_s,
         "inspections": [_inspection(state, segment) for segment in sorted(state.flown)],

@@ -28,6 +28,7 @@ from executor.config import check_site, read_site
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
+from executor.errors import PreflightFailed
 from executor.planning import Wanted
 from missions import read_plan
 from planner import Cost
@@ -111,6 +112,33 @@ def fly(
     flying.keep(order)
     flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
+
+
+def resume(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take up a flight whose ground station died, from its run directory; on another computer too."""
+    from executor import resume as resuming
+
+    left = resuming.read_left(directory)
+    console = TerminalConsole(quiet=as_json, yes=yes)
+    if isinstance(left, resuming.Ready):
+        order = resuming.order_of(directory, left.ground, left.plan)
+        _finish_flight(order, asyncio.run(resuming.begin_again(directory, left, console)), as_json=as_json)
+        return
+    order = resuming.order_of(directory, left.begun.ground, left.begun.plan)
+    report = resuming.over(directory, left)
+    if report is not None:
+        console.say(Level.INFO, f"{directory}: this flight is over")
+        _finish_flight(order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
+        return
+    for line in resuming.words(left):
+        console.say(Level.INFO, line)
+    if not console.confirm("Take this flight up again?"):
+        raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+    _finish_flight(order, asyncio.run(resuming.take_up(directory, console)), as_json=as_json)
 
 
 def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -> None:

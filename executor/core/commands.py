@@ -91,3 +91,6 @@ class Finish:
 
 
 Command = Say | Upload | Start | SendHome | Solve | CancelSolve | Finish
+
+ORDERS = (Upload, Start, SendHome)
+"""What reaches a vehicle: the log must outlive a power loss before any of it is carried out."""

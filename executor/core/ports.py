@@ -81,6 +81,10 @@ class EventSink(Protocol):
         """Append one event."""
         ...
 
+    def sync(self) -> None:
+        """See that everything written outlives a power loss."""
+        ...
+
 
 class Solver(Protocol):
     """The planner in a process of its own."""
