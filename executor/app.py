@@ -21,13 +21,13 @@ from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
 from executor.checklist import checklist
-from executor.config import Site
+from executor.config import Site, signing_key
 from executor.core import fleet, preflight
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, Reopened, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
-from executor.core.ports import LinkOrder, OpenLink
+from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
@@ -170,7 +170,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     finally:
         console.done()
         seat.log.close()
-    frames = {name: (link.counts.received, link.counts.missing) for name, link in links.items()}
+    frames = {name: link.counts for name, link in links.items()}
     report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, seat.said)
     write_json(order.run / "report.json", report)
     return Flown(report, context, bool(left))
@@ -186,7 +186,11 @@ def keep(order: Order) -> None:
     network = None
     if order.site.network.file != build.DEFAULT_NETWORK:
         network = order.base / order.site.network.file
-    keep_site(order.run, order.site.model_dump(exclude_none=True, mode="json"), network)
+    content = order.site.model_dump(exclude_none=True, mode="json")
+    if order.site.signing is not None and order.site.signing.key_file is not None:
+        # The key stays where it is: a run directory is copied and handed on.
+        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    keep_site(order.run, content, network)
     write_plan(order.run / "plan-000.json", order.plan)
 
 
@@ -203,7 +207,9 @@ async def open_links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[
             log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
             stack.callback(log.close)
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
-        native = await stack.enter_async_context(endpoints.open_links(wanted["native"]))
+        key = signing_key(order.site, order.base)
+        keyring = None if key is None else Keyring(key, clock.unix_s)
+        native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring))
         others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
         async with asyncio.TaskGroup() as tasks:

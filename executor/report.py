@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from executor.core import firmware
 from executor.core.context import Context
+from executor.core.ports import LinkCounts
 from executor.core.preflight import Check, Facts
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
@@ -99,7 +100,7 @@ def report_of(
     state: FleetState,
     ended_s: float,
     truths: Sequence[Happening] = (),
-    frames: Mapping[str, tuple[int, int | None]] = MappingProxyType({}),
+    frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
 ) -> dict[str, object]:
     """Return the content of report.json.
@@ -109,7 +110,8 @@ def report_of(
         state: At its end.
         ended_s: The end, in the ground station's time.
         truths: What really happened, where a simulator knows it.
-        frames: How many frames came from each vehicle, and how many its sequence numbers say were lost on the way.
+        frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
+            many were not believed.
         said: What the vehicles said before the flight, and what was found then.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
@@ -187,9 +189,9 @@ def _fault(vehicle: VehicleState, began_s: float, truths: Sequence[Happening]) -
 
 
 def _vehicle(
-    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, tuple[int, int | None]]
+    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts]
 ) -> dict[str, object]:
-    received, missing = frames.get(vehicle.name, (None, None))
+    counts = frames.get(vehicle.name)
     battery = vehicle.battery
     pad_m = context.vehicles[vehicle.name].pad_m
     at_home = vehicle.fix is None or (
@@ -203,6 +205,8 @@ def _vehicle(
         "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         "min_reserve_pct": battery.least_pct,
         "state": vehicle.stage.value,
-        "frames_received": received,
-        "frames_missing": missing,
+        "frames_received": None if counts is None else counts.received,
+        "frames_missing": None if counts is None else counts.missing,
+        "frames_foreign": None if counts is None else counts.foreign,
+        "frames_refused": None if counts is None else dict(counts.refused),
     }

@@ -43,6 +43,10 @@ class SystemClock:
         """Seconds of the flight since construction."""
         return (_steady_s() - self.began_steady_s) * self.speedup
 
+    def unix_s(self) -> float:
+        """Seconds since 1970 by the time of day at construction and the steady clock since."""
+        return self.began_unix_s + self.now_s() / self.speedup
+
     def label_usec(self) -> int:
         """Microseconds since 1970 at which this moment would lie had the flight been flown at speed 1."""
         return round((self.began_unix_s + self.now_s()) * 1e6)

@@ -24,7 +24,7 @@ from executor.commands.options import (
     SiteArgument,
 )
 from executor.commands.planned import first_plan
-from executor.config import check_site, read_site
+from executor.config import check_site, read_site, signing_key
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
@@ -86,7 +86,10 @@ def simulate(
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
-    run_simulation(ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe)
+    run_simulation(
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe,
+        key=signing_key(content, site.parent),
+    )  # fmt: skip
 
 
 def fly(

@@ -31,6 +31,7 @@ from executor.core.faults import View
 from executor.core.messages import Heartbeat, Position
 from executor.core.modes import is_home_mode, is_mission_mode
 from executor.core.state import FleetState, Separation
+from executor.core.strangers import stranger_words
 from executor.core.vehicle import Fault, FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -127,7 +128,10 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     before = state.vehicles[event.vehicle]
     folded = fold(context, before, event.message, now_s)
     state = state.put(folded.state)
-    commands: list[Command] = []
+    commands: list[Command] = [
+        Say(Level.WARNING, f"{event.vehicle}: {stranger_words(stranger)}")
+        for stranger in folded.state.strangers - before.strangers
+    ]
     if folded.text is not None and folded.text.severity <= WARNING_SEVERITY:
         heard = (folded.text.text, now_s)
         if heard[0] != before.last_text[0] or now_s - before.last_text[1] > TEXT_AGAIN_S:
