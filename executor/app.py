@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from executor import build
+from executor import build, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, to_plain
 from executor.adapters.mavlink import endpoints
@@ -102,6 +102,7 @@ async def fly(order: Order, console: Console) -> Flown:
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
+    serving.check(order.site.web)
     ground = order.ground
     clock = SystemClock(order.site.flight.speedup)
     solver = SolverProcess(
@@ -165,7 +166,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     keeper = _Keeper(order, context, console, seat.log, clock)
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
-        with _Interrupts(flight, console) as left:
+        with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
             await flight.run(reopened, order.site.flight.connect_timeout_s)
     finally:
         console.done()

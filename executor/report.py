@@ -33,17 +33,17 @@ class Said:
     """What each vehicle said."""
     checks: Sequence[Check]
     """The checklist."""
-    kept: Mapping[str, object] = MappingProxyType({})
+    kept: Mapping[str, object] | None = None
     """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
 
     def plain_checks(self) -> list[object]:
         """Return the checklist as plain data."""
-        kept = self.kept.get("checks")
+        kept = (self.kept or {}).get("checks")
         return list(kept) if isinstance(kept, list) else [checked(check) for check in self.checks]
 
     def firmware(self, name: str) -> dict[str, object]:
         """Return what a vehicle is and which firmware it has, as plain data."""
-        kept = self.kept.get("vehicles")
+        kept = (self.kept or {}).get("vehicles")
         for row in kept if isinstance(kept, list) else ():
             if isinstance(row, dict) and row.get("name") == name:
                 return {key: row[key] for key in ("type", "autopilot", "firmware") if key in row}

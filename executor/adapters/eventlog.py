@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
-from executor.core import events, messages
+from executor.core import events, intents, messages
 from executor.core.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
 
@@ -30,10 +30,16 @@ GAP = "lines_lost"
 
 _KINDS: dict[str, type] = {
     name: item
-    for module in (events, messages)
+    for module in (events, intents, messages)
     for name, item in vars(module).items()
     if isinstance(item, type) and dataclasses.is_dataclass(item)
 }
+
+_ENUMS: dict[str, dict[str, type[Enum]]] = {
+    name: {key: hint for key, hint in get_type_hints(kind).items() if isinstance(hint, type) and issubclass(hint, Enum)}
+    for name, kind in _KINDS.items()
+}
+"""Fields that hold a member of an enum, which stands in the log by its value."""
 
 
 def to_plain(value: object) -> object:
@@ -55,8 +61,10 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
     if isinstance(value, dict):
         fields = {key: from_plain(item) for key, item in value.items() if key != "kind"}
         try:
+            for key, enum in _ENUMS[value["kind"]].items():
+                fields[key] = enum(fields[key])
             return _KINDS[value["kind"]](**fields)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise LogError(f"unknown event {value.get('kind')!r}: {error}") from error
     if isinstance(value, list):
         return tuple(from_plain(item) for item in value)

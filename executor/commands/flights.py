@@ -103,9 +103,8 @@ def fly(
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json, yes=yes)
-    for name in ("mqtt", "web"):
-        if getattr(content, name) is not None:
-            console.say(Level.WARNING, f"{site}: [{name}]: this version does not serve it; the flight goes on without")
+    if content.mqtt is not None:
+        console.say(Level.WARNING, f"{site}: [mqtt]: this version does not serve it; the flight goes on without")
     if plan is None:
         routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True))
     else:

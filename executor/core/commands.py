@@ -49,6 +49,29 @@ class SendHome:
 
 
 @dataclass(frozen=True, slots=True)
+class Hold:
+    """Order the vehicle to stop where it is."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """Order the vehicle to go on with its mission."""
+
+    vehicle: str
+    speed_m_s: float
+    """Of the leg under way: both autopilots forget a mission's speed when the mode changes."""
+
+
+@dataclass(frozen=True, slots=True)
+class LandNow:
+    """Order the vehicle to land where it is."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
 class Survivor:
     """One vehicle that can take over work."""
 
@@ -90,7 +113,7 @@ class Finish:
     reason: str
 
 
-Command = Say | Upload | Start | SendHome | Solve | CancelSolve | Finish
+Command = Say | Upload | Start | SendHome | Hold | Resume | LandNow | Solve | CancelSolve | Finish
 
-ORDERS = (Upload, Start, SendHome)
+ORDERS = (Upload, Start, SendHome, Hold, Resume, LandNow)
 """What reaches a vehicle: the log must outlive a power loss before any of it is carried out."""

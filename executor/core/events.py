@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from executor.core.intents import Action, Intent
 from executor.core.messages import FlightMessage
 
 
@@ -130,6 +131,34 @@ class Resumed:
     found: tuple[Found, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class IntentReceived:
+    """An operator asks for something, from wherever."""
+
+    intent: Intent
+
+
+@dataclass(frozen=True, slots=True)
+class OrderEnded:
+    """An order to hold, to go on or to land was carried out by the vehicle, or not."""
+
+    vehicle: str
+    action: Action
+    accepted: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LossJudged:
+    """What the loss of one vehicle would mean now."""
+
+    vehicle: str
+    revision: int
+    """The plan that was judged."""
+    uncovered: tuple[int, ...]
+    """Segments that the others could not take over; none inside the re-plan window."""
+
+
 Event = (
     Heard
     | Tick
@@ -141,4 +170,7 @@ Event = (
     | ReturnAllOrdered
     | Reopened
     | Resumed
+    | IntentReceived
+    | OrderEnded
+    | LossJudged
 )

@@ -148,6 +148,8 @@ def left_mission(view: View) -> Finding:
     dialect = view.setup.dialect
     if is_mission_mode(dialect, state.heartbeat.custom_mode) or not state.armed:
         return OK
+    if state.held_s is not None and state.heartbeat.custom_mode == dialect.modes.hold.custom_mode:
+        return OK  # the operator's order
     if view.now_s - state.ordered_mode_s < view.context.limits.mode_grace_s:
         return OK
     if not view.setup.planned and (not state.flew_mission or _by_order(view)):
@@ -285,6 +287,8 @@ def stalled(view: View) -> Finding:
     state, limits = view.state, view.context.limits
     if state.fix is None or state.anchor is None or view.now_s - state.fix.at_s > limits.link_stale_s:
         return STALE
+    if state.held_s is not None:
+        return OK  # the operator's order
     if view.setup.planned is False and not _on_mission(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.

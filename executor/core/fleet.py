@@ -10,14 +10,18 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import degraded, faults, replanning, resuming, silence
-from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Start
+from executor.core import degraded, faults, operator, replanning, resuming, silence
+from executor.core.commands import Command, Finish, LandNow, Level, Say, SendHome, Start
 from executor.core.context import Context
+from executor.core.declare import comes_home, declare, on_mission
 from executor.core.degraded import Told
 from executor.core.events import (
     Event,
     Heard,
+    IntentReceived,
     LaunchOrdered,
+    LossJudged,
+    OrderEnded,
     Reopened,
     Resumed,
     ReturnAllOrdered,
@@ -29,10 +33,9 @@ from executor.core.events import (
 )
 from executor.core.faults import View
 from executor.core.messages import Heartbeat, Position
-from executor.core.modes import is_home_mode, is_mission_mode
-from executor.core.state import FleetState, Separation
+from executor.core.state import FleetState, Outlook, SaidLine, Separation
 from executor.core.strangers import stranger_words
-from executor.core.vehicle import Fault, FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
+from executor.core.vehicle import FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -53,10 +56,16 @@ def initial(boards: dict[str, OnBoard | None]) -> FleetState:
     return FleetState(MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()}))
 
 
-def step(  # noqa: C901, PLR0911 - one return for each kind of event
+def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+    """Apply one event."""
+    state, commands = _step(context, state, event, now_s)
+    lines = tuple(SaidLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
+    return (state.telling(lines) if lines else state), commands
+
+
+def _step(  # noqa: C901, PLR0911 - one return for each kind of event
     context: Context, state: FleetState, event: Event, now_s: float
 ) -> Stepped:
-    """Apply one event."""
     match event:
         case Heard():
             return _heard(context, state, event, now_s)
@@ -70,10 +79,10 @@ def step(  # noqa: C901, PLR0911 - one return for each kind of event
             return _uploaded(context, state, event, now_s)
         case SolveEnded():
             return replanning.solved(context, state, event, now_s)
-        case ReturnEnded():
-            return _return_ended(state, event)
-        case ReturnAllOrdered():
-            return _recall(state, now_s)
+        case LossJudged():
+            return _judged(state, event, now_s), ()
+        case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
+            return operator.step(context, state, event, now_s)
         case Reopened():
             return resuming.reopened(state, event, now_s)
         case Resumed():
@@ -84,12 +93,19 @@ def _resumed(context: Context, state: FleetState, event: Resumed, now_s: float) 
     taken = resuming.resumed(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
     for ended in taken.ended:
-        state, more = step(context, state, ended, now_s)
+        state, more = _step(context, state, ended, now_s)
         commands.extend(more)
     for name, why in taken.strange:
-        state, more = _declare(context, state, state.vehicles[name], FaultKind.INTERRUPTION, why, now_s)
+        state, more = declare(context, state, state.vehicles[name], FaultKind.INTERRUPTION, why, now_s)
         commands.extend(more)
     return state, tuple(commands)
+
+
+def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
+    if event.revision != state.revision:
+        return state
+    outlook = {**state.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
+    return replace(state, outlook=MappingProxyType(outlook))
 
 
 def _launch(state: FleetState, now_s: float) -> Stepped:
@@ -105,8 +121,9 @@ def _launch(state: FleetState, now_s: float) -> Stepped:
 def _start(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
     vehicle = moved_to(vehicle, Stage.STARTING)
     vehicle = replace(
-        vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None
-    )
+        vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
+        began_pct=vehicle.battery.remaining_pct,
+    )  # fmt: skip
     return state.put(vehicle), Start(vehicle.name)
 
 
@@ -121,7 +138,7 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
-    return _declare(context, state, vehicle, FaultKind.INTERRUPTION, f"did not start: {event.reason}", now_s)
+    return declare(context, state, vehicle, FaultKind.INTERRUPTION, f"did not start: {event.reason}", now_s)
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -157,26 +174,16 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     heard = f"{vehicle.name}: is heard again"
     if vehicle.armed:
         vehicle = replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s)
-        if _comes_home(context, vehicle):
+        if comes_home(context, vehicle):
             return state.put(vehicle), (Say(Level.WARNING, f"{heard}, on its way home or down by itself"),)
         text = f"{heard}; its work was given away, so it is told to return"
         return state.put(vehicle), (Say(Level.WARNING, text), SendHome(vehicle.name))
     state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
-    if not _on_mission(context, vehicle):
+    if not on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
     text = f"{heard}, on the ground; it is told to return, so that it does not take off with its old mission"
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
-
-
-def _comes_home(context: Context, vehicle: VehicleState) -> bool:
-    dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.heartbeat is not None and is_home_mode(dialect, vehicle.heartbeat.custom_mode)
-
-
-def _on_mission(context: Context, vehicle: VehicleState) -> bool:
-    dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.heartbeat is not None and is_mission_mode(dialect, vehicle.heartbeat.custom_mode)
 
 
 def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
@@ -212,6 +219,7 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
         commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
+    state = operator.settled(context, state, now_s)
     state, more = _finish(context, state)
     return state, (*commands, *more)
 
@@ -258,7 +266,7 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
     trigger = f"{vehicle.name}: ended its mission while the ground station was away"
     state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
     said = Say(Level.WARNING, f"{trigger}; it comes home, and may fly again")
-    return state, (said,) if _comes_home(context, vehicle) else (said, SendHome(vehicle.name))
+    return state, (said,) if comes_home(context, vehicle) else (said, SendHome(vehicle.name))
 
 
 def _has_landed(vehicle: VehicleState) -> bool:
@@ -268,7 +276,7 @@ def _has_landed(vehicle: VehicleState) -> bool:
 def _landed(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None)
     state = state.put(vehicle)
-    if vehicle.fault is None and vehicle.name not in state.considered:
+    if vehicle.fault is None and not vehicle.excluded and vehicle.name not in state.considered:
         # It was on its way down when the last re-plan was made: what was left then may be for it.
         state = replace(state, considered=state.considered | {vehicle.name})
         if state.given_up:
@@ -279,11 +287,12 @@ def _landed(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
 
 
 def _order_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    if vehicle.heartbeat is None or vehicle.stale or _comes_home(context, vehicle):
+    if vehicle.heartbeat is None or vehicle.stale or comes_home(context, vehicle):
         return state, ()
     if now_s - vehicle.ordered_mode_s < ORDER_AGAIN_S:
         return state, ()
-    return state.put(replace(vehicle, ordered_mode_s=now_s)), (SendHome(vehicle.name),)
+    again = LandNow(vehicle.name) if vehicle.lands else SendHome(vehicle.name)
+    return state.put(replace(vehicle, ordered_mode_s=now_s)), (again,)
 
 
 def _fault(
@@ -291,44 +300,12 @@ def _fault(
 ) -> Stepped:
     """One arbiter: the first reason stands; a later one only changes where the vehicle is taken to be."""
     if vehicle.fault is None:
-        return _declare(context, state, vehicle, kind, why, now_s)
+        return declare(context, state, vehicle, kind, why, now_s)
     if kind is FaultKind.LINK:
         return state.put(moved_to(vehicle, Stage.LOST)), (Say(Level.WARNING, f"{vehicle.name}: {why}"),)
     if _has_landed(vehicle):
         return state.put(moved_to(vehicle, Stage.LANDED)), ()
     return state, ()
-
-
-def _declare(
-    context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
-) -> Stepped:
-    fault = Fault(kind, why, now_s)
-    down = vehicle.armed_once and not vehicle.armed
-    commands: list[Command] = []
-    if kind is FaultKind.LINK:
-        stage, then = Stage.LOST, "its segments are given to the others"
-    elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
-        stage, then = Stage.LANDED, "its segments are given to the others"
-    elif _comes_home(context, vehicle):
-        # Its own failsafe knows better: a landing on the last of a battery must not become a flight home.
-        stage, then = Stage.RETURNING, "it is left to that, its segments are given to the others"
-    else:
-        stage, then = Stage.RETURNING, "it is told to return, its segments are given to the others"
-        commands.append(SendHome(vehicle.name))
-    vehicle = replace(moved_to(vehicle, stage), fault=fault, ordered_mode_s=now_s, run=None, pending=None)
-    state = state.put(vehicle)
-    trigger = f"{vehicle.name}: {kind.value}, {why}"
-    state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
-    said: list[Command] = [Say(Level.FAULT, f"{trigger}; {then}")]
-    plan = state.replan
-    if plan is not None and plan.solve_s is None:
-        said.append(CancelSolve(plan.solve.revision))
-        state = replace(state, replan=None)
-    elif plan is not None and vehicle.name in plan.pending:
-        state = replace(state, replan=replace(plan, pending=plan.pending - {vehicle.name}))
-        state, ended = replanning.ended_if_done(state, now_s)
-        said.extend(ended)
-    return state, (*said, *commands)
 
 
 def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
@@ -356,7 +333,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
     state = replace(state, replan=plan)
     if event.mixed and not event.accepted and not mission.fresh:
-        state, more = _declare(
+        state, more = declare(
             context,
             state,
             state.vehicles[vehicle.name],
@@ -367,23 +344,6 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         commands.extend(more)
     state, more = replanning.ended_if_done(state, now_s)
     return state, (*commands, *more)
-
-
-def _return_ended(state: FleetState, event: ReturnEnded) -> Stepped:
-    if event.accepted:
-        return state, (Say(Level.INFO, f"{event.vehicle}: returns"),)
-    return state, (Say(Level.WARNING, f"{event.vehicle}: did not acknowledge the return ({event.reason})"),)
-
-
-def _recall(state: FleetState, now_s: float) -> Stepped:
-    commands: list[Command] = [Say(Level.WARNING, "the operator sends everybody home")]
-    if state.replan is not None and state.replan.solve_s is None:
-        commands.append(CancelSolve(state.replan.solve.revision))
-    for vehicle in state.vehicles.values():
-        if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
-            state = state.put(replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s, pending=None))
-            commands.append(SendHome(vehicle.name))
-    return replace(state, recalled=True, replan=None, launched_s=state.launched_s or now_s), tuple(commands)
 
 
 def _finish(context: Context, state: FleetState) -> Stepped:

@@ -35,7 +35,8 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
     setup = context.vehicles[state.name]
     heard = state.heard_s is not None and now_s - state.heard_s < setup.link_timeout_s
-    if state.fault is not None or state.stubborn or not heard or state.battery.remaining_pct is None:
+    out = state.fault is not None or state.stubborn or state.excluded or state.held_s is not None
+    if out or not heard or state.battery.remaining_pct is None:
         return None
     if state.stage in {Stage.GROUND, Stage.LANDED}:
         if state.stage is Stage.LANDED and not context.fly_again:
@@ -100,29 +101,32 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     alone = orphans(context, state)
     if state.replan is not None or state.recalled or state.launched_s is None:
         return state, ()
-    if not alone:
+    if not alone and not state.ordered:
         return replace(state, orphans_since_s=None, urgent=False), ()
     since = now_s if state.orphans_since_s is None else state.orphans_since_s
     state = replace(state, orphans_since_s=since)
-    if now_s < state.wait_until_s or (not state.urgent and now_s - since < PROOF_GRACE_S):
+    if now_s < state.wait_until_s or (not state.urgent and not state.ordered and now_s - since < PROOF_GRACE_S):
         return state, ()
-    if not state.urgent:
+    if not state.urgent and not state.ordered:
         state, alone = _count_attempts(state, alone)
         if not alone:
             return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
     offers = tuple(offer for vehicle in state.vehicles.values() if (offer := survivor(context, vehicle, now_s)))
     if not offers:
-        return _nobody(state, alone)
+        return _nobody(replace(state, ordered=False), alone)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
-    trigger = state.trigger if state.urgent else f"not proven to be inspected: {listed(alone)}"
+    if not alone and not freed:
+        return replace(state, ordered=False), ()
+    trigger = state.trigger if state.urgent or state.ordered else f"not proven to be inspected: {listed(alone)}"
     revision = state.revision + 1
     solve = Solve(revision, tuple(sorted((alone | freed) - set(state.inspected))), offers, trigger)
-    begun_s = state.trigger_s if state.urgent else now_s
+    begun_s = state.trigger_s if state.urgent or state.ordered else now_s
     state = replace(
         state,
         revision=revision,
-        replan=Replan(solve, begun_s),
+        replan=Replan(solve, begun_s, ordered=state.ordered),
         urgent=False,
+        ordered=False,
         considered=frozenset(offer.vehicle for offer in offers),
     )
     names = ", ".join(offer.vehicle for offer in offers)
@@ -138,8 +142,10 @@ def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetStat
 
 
 def _nobody(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, tuple[Command, ...]]:
-    comes_home = [one for one in state.vehicles.values() if one.stage is Stage.RETURNING and one.fault is None]
-    if state.on_mission() or comes_home:
+    back = any(
+        one.stage is Stage.RETURNING and one.fault is None and not one.excluded for one in state.vehicles.values()
+    )
+    if state.on_mission() or back or not alone:
         return state, ()  # somebody is landing, or about to: it may fly again
     state = replace(state, given_up=state.given_up | alone, urgent=False)
     return state, (Say(Level.WARNING, f"nobody is left to inspect {listed(alone)}"),)
@@ -193,12 +199,13 @@ def solved(
 
 def wanted_again(state: FleetState, plan: Replan) -> FleetState:
     """Give a re-plan up; the next one has the same reason and is as old."""
-    return replace(state, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+    wanted = replace(state, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+    return replace(wanted, ordered=plan.ordered)
 
 
 def still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
     """Return whether a vehicle has not flown past what it offered."""
-    if vehicle.fault is not None:
+    if vehicle.fault is not None or vehicle.excluded or vehicle.held_s is not None:
         return False
     if not offer.airborne:
         return vehicle.stage in {Stage.GROUND, Stage.LANDED}

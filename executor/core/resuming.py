@@ -201,14 +201,14 @@ def _given_up(state: FleetState, plan: Replan, name: str, now_s: float) -> Stepp
 
 def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, _Taken]:
     """Look what became of a vehicle that had been told to take off."""
-    name, heartbeat, fix, before = vehicle.name, vehicle.heartbeat, vehicle.fix, vehicle.before
+    name, heartbeat, fix = vehicle.name, vehicle.heartbeat, vehicle.fix
     vehicle = changed(vehicle, before=None)
     state = state.put(vehicle)
     if vehicle.armed and heartbeat is not None and fix is not None:
         dialect = context.vehicles[name].dialect
         if is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m:
             return state, _Taken(ended=(StartEnded(name, accepted=True, reason=""),))
-    had_pct, has_pct = None if before is None else before.remaining_pct, vehicle.battery.remaining_pct
+    had_pct, has_pct = vehicle.began_pct, vehicle.battery.remaining_pct
     if not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT:
         text = f"{name}: has flown and landed meanwhile"
         return state.put(moved_to(vehicle, Stage.LANDED)), _Taken((Say(Level.INFO, text),))

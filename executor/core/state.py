@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from executor.core.changed import changed
-from executor.core.commands import Solve
+from executor.core.commands import Level, Solve
 from executor.core.coverage import Flown
 from executor.core.degraded import Told
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.intents import IntentRecord
+from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
 
 
@@ -42,6 +43,18 @@ class Replan:
     """Vehicles whose new mission is not on board yet."""
     failed: tuple[str, ...] = ()
     """Vehicles that could not be given theirs."""
+    ordered: bool = False
+    """Whether an operator asked for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What the loss of a vehicle would mean."""
+
+    at_s: float
+    """For a loss at this time."""
+    uncovered: tuple[int, ...]
+    """Segments that the others could not take over; none inside the re-plan window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +88,18 @@ class Absence:
     pause_s: float
     """By its own clock, or by those of the vehicles where they say more."""
     restarted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SaidLine:
+    """A line for the operator, kept for who looks later."""
+
+    at_s: float
+    level: Level
+    text: str
+
+
+KEPT_LINES = 200
 
 
 @dataclass(frozen=True)  # without slots: `changed` copies it
@@ -117,10 +142,24 @@ class FleetState:
     inferred: frozenset[int] = frozenset()
     """Segments of which the whole or a part was flown in such a time: nobody saw it, everything fits."""
     finished: bool = False
+    said: tuple[SaidLine, ...] = ()
+    """The last lines for the operator, the oldest first."""
+    intents: Mapping[str, IntentRecord] = field(default_factory=lambda: MappingProxyType({}))
+    """What an operator asked for in flight, by its id, the oldest first."""
+    ordered: bool = False
+    """An operator asked for a re-plan, which begins without need."""
+    mended: tuple[tuple[str, Fault], ...] = ()
+    """(vehicle, fault) of vehicles that were taken back into the plan."""
+    outlook: Mapping[str, Outlook] = field(default_factory=lambda: MappingProxyType({}))
+    """Of each vehicle that flies its mission: what its loss would mean; computed seldom."""
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
         return changed(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
+
+    def telling(self, lines: tuple[SaidLine, ...]) -> FleetState:
+        """Return the state with lines for the operator added."""
+        return changed(self, said=(*self.said, *lines)[-KEPT_LINES:])
 
     def flying(self) -> list[VehicleState]:
         """Vehicles that are out there as far as we know."""

@@ -66,10 +66,11 @@ TRANSITIONS: dict[Stage, frozenset[Stage]] = {
     Stage.STARTING: frozenset({Stage.FLYING, Stage.GROUND, Stage.RETURNING, Stage.LANDED, Stage.LOST}),
     Stage.FLYING: frozenset({Stage.RETURNING, Stage.LANDED, Stage.LOST}),
     Stage.RETURNING: frozenset({Stage.LANDED, Stage.LOST}),
-    Stage.LANDED: frozenset({Stage.STARTING, Stage.LOST}),
+    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.LOST}),
     Stage.LOST: frozenset({Stage.RETURNING, Stage.LANDED}),
 }
-"""What may follow what; a vehicle at fault never flies its mission again."""
+"""What may follow what; a vehicle at fault never flies its mission again. Landed and taken back into the plan, with
+another battery, it is on the ground as before its start."""
 
 
 class FaultKind(Enum):
@@ -78,6 +79,8 @@ class FaultKind(Enum):
     LINK = "link"
     BATTERY = "battery"
     INTERRUPTION = "interruption"
+    OPERATOR = "operator"
+    """By the operator's word."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,7 @@ class Fix:
     alt_msl_m: float
     velocity_m_s: tuple[float, float, float]
     """East, north, up."""
+    heading_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +205,14 @@ class VehicleState:
     """Other ground stations on its link, and other vehicles with its number."""
     before: Before | None = None
     """Until it is known what it did while the ground station was away."""
+    held_s: float | None = None
+    """Since when it holds by the operator's order; None if it does not."""
+    excluded: bool = False
+    """Whether the operator took it out of the plan: it is given nothing until it is included."""
+    lands: bool = False
+    """Whether the operator ordered it to land where it was."""
+    began_pct: float | None = None
+    """What its battery held at its last start."""
 
     @property
     def airborne(self) -> bool:
@@ -388,7 +400,7 @@ def _positioned(context: Scene, state: VehicleState, message: Position, now_s: f
         return Folded(state)  # overtaken on the way by a newer one, or a duplicate
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
-    fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity)
+    fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
     drained = state.battery
     elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
     if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:

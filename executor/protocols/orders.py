@@ -6,6 +6,7 @@ from executor.core.messages import SendCommand
 from missions import ModeNumber
 
 DO_SET_MODE = 176
+DO_CHANGE_SPEED = 178
 MISSION_START = 300
 COMPONENT_ARM_DISARM = 400
 RUN_PREARM_CHECKS = 401
@@ -40,6 +41,11 @@ def arm() -> SendCommand:
 def start_mission() -> SendCommand:
     """Start or resume the mission; ArduPilot denies anything but zeros."""
     return _command(MISSION_START)
+
+
+def change_speed(speed_m_s: float) -> SendCommand:
+    """Set the ground speed (type 1) and leave the throttle alone (-1)."""
+    return _command(DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)
 
 
 def message_interval(message: int, hz: float) -> SendCommand:

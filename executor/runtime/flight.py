@@ -10,6 +10,7 @@ from executor.core import commands, events, fleet
 from executor.core.commands import Command
 from executor.core.context import Context
 from executor.core.events import Event
+from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.state import FleetState
@@ -73,6 +74,18 @@ class Flight:
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 self._observer.said(commands.Say(commands.Level.FAULT, text), now_s)
+
+    def ask(self, intent: Intent) -> IntentRecord:
+        """Take an operator's intent, once; returns what became of it so far.
+
+        Raises:
+            RuntimeError: a mistake of ours kept it from being decided; nothing has changed.
+        """
+        self.apply(events.IntentReceived(intent))
+        record = self.state.intents.get(intent.id)
+        if record is None:
+            raise RuntimeError(f"intent {intent.id} could not be decided")
+        return record
 
     def _apply(self, event: Event, now_s: float) -> None:
         self._sink.write(event, now_s)
@@ -143,6 +156,8 @@ class Flight:
                 self._job(vehicle, self._start(vehicle))
             case commands.SendHome(vehicle):
                 self._job(vehicle, self._send_home(vehicle))
+            case commands.Hold(vehicle) | commands.Resume(vehicle) | commands.LandNow(vehicle):
+                self._job(vehicle, self._order(command))
             case commands.Solve():
                 self._spawn(self._solve(command), f"solve {command.revision}")
             case commands.CancelSolve(revision):
@@ -186,6 +201,17 @@ class Flight:
     async def _send_home(self, vehicle: str) -> None:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason))
+
+    async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> None:
+        link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
+        match command:
+            case commands.Hold():
+                action, done = Action.HOLD, await procedures.hold(link, self._clock, dialect)
+            case commands.Resume(_, speed_m_s):
+                action, done = Action.RESUME, await procedures.resume(link, self._clock, dialect, speed_m_s)
+            case commands.LandNow():
+                action, done = Action.LAND, await procedures.land(link, self._clock, dialect)
+        self.apply(events.OrderEnded(command.vehicle, action, done.accepted, done.reason))
 
     async def _solve(self, command: commands.Solve) -> None:
         self.apply(await self._solver.solve(command))

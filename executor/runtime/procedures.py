@@ -162,6 +162,35 @@ async def send_home(link: Link, clock: Clock, dialect: Dialect) -> Done:
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.return_home), accepted)
 
 
+async def hold(link: Link, clock: Clock, dialect: Dialect) -> Done:
+    """Order a stop in place, and see that the vehicle is in that mode."""
+    return await switch_mode(link, clock, orders.set_mode(dialect.modes.hold), {dialect.modes.hold.custom_mode})
+
+
+async def land(link: Link, clock: Clock, dialect: Dialect) -> Done:
+    """Order a landing where it is, and see that the vehicle is in that mode."""
+    return await switch_mode(link, clock, orders.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode})
+
+
+async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> Done:
+    """Let a vehicle that holds go on to the waypoint that it was flying to, at the speed of that leg.
+
+    Both autopilots keep the index and forget the speed when the mode changes (measured). It is set at once, before the
+    vehicle has gathered more, and once more when the heartbeat shows the mode: PX4 acknowledges before it changes.
+    """
+    done = await order(link, clock, CommandDialogue(orders.set_mode(dialect.modes.mission), "change of mode"))
+    if not done.accepted:
+        return done
+    speed = CommandDialogue(orders.change_speed(speed_m_s), "speed of the leg")
+    await order(link, clock, speed)
+    mode = dialect.modes.mission.custom_mode
+    done = await _confirmed(link, clock, lambda heard: heard.custom_mode == mode, "is not in mission mode")
+    if not done.accepted:
+        return done
+    told = await order(link, clock, speed)
+    return Done(accepted=True, reason="" if told.accepted else f"{told.reason}; it may fly too fast to inspect")
+
+
 async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: set[int]) -> Done:
     """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'."""
     done = await order(link, clock, CommandDialogue(command, "change of mode"))

@@ -12,9 +12,34 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from executor.core import fleet
-from executor.core.commands import CancelSolve, Command, Finish, Level, Say, SendHome, Solve, Start, Upload
+from executor.core.commands import (
+    CancelSolve,
+    Command,
+    Finish,
+    Hold,
+    LandNow,
+    Level,
+    Resume,
+    Say,
+    SendHome,
+    Solve,
+    Start,
+    Upload,
+)  # fmt: skip
 from executor.core.context import Context
-from executor.core.events import Event, Heard, LaunchOrdered, ReturnEnded, SolveEnded, StartEnded, Tick, UploadEnded
+from executor.core.events import (
+    Event,
+    Heard,
+    IntentReceived,
+    LaunchOrdered,
+    OrderEnded,
+    ReturnEnded,
+    SolveEnded,
+    StartEnded,
+    Tick,
+    UploadEnded,
+)  # fmt: skip
+from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import Battery, Heartbeat, MissionCurrent, Position
 from executor.core.ports import EventSink
 from executor.core.state import FleetState
@@ -75,6 +100,10 @@ class Craft:
         """Fly straight home and land."""
         self.mode = self.context.vehicles[self.name].dialect.modes.return_home.custom_mode
 
+    def go_to(self, mode: int) -> None:
+        """Change the mode."""
+        self.mode = mode
+
     def advance(self, step_s: float) -> None:
         """Fly on."""
         self.velocity_m_s = (0.0, 0.0, 0.0)
@@ -83,6 +112,9 @@ class Craft:
         modes = self.context.vehicles[self.name].dialect.modes
         if self.mode == modes.return_home.custom_mode:
             self._home(step_s)
+        elif self.mode == modes.land.custom_mode:
+            if self._toward((*self.place_m, 0.0), 1.0, step_s):
+                self.armed = False
         elif self.mode == modes.mission.custom_mode and self.path is not None:
             self._on_path(step_s)
         self.battery_pct -= self.consumption * self.context.draw_pct_per_s(*self.velocity_m_s[:2]) * step_s
@@ -299,6 +331,8 @@ class Story:
                 self.later(self.upload_s, lambda: self._uploaded(command))
             case SendHome(name):
                 self.later(0.4, lambda: self._returned(name))
+            case Hold(name) | Resume(name, _) | LandNow(name):
+                self.later(0.4, lambda: self._obeyed(name, command))
             case Solve():
                 self.later(self.solve_s, lambda: self._solved(command))
             case Finish():
@@ -330,6 +364,30 @@ class Story:
         if craft.armed and not craft.stubborn:
             craft.go_home()
         return ReturnEnded(name, accepted=True, reason="")
+
+    def _obeyed(self, name: str, command: Hold | Resume | LandNow) -> Event | None:
+        craft, modes = self.crafts[name], self.context.vehicles[name].dialect.modes
+        match command:
+            case Hold():
+                action, mode = Action.HOLD, modes.hold
+            case Resume():
+                action, mode = Action.RESUME, modes.mission
+            case LandNow():
+                action, mode = Action.LAND, modes.land
+        if craft.mute:
+            return OrderEnded(name, action, accepted=False, reason="no acknowledgement")
+        craft.go_to(mode.custom_mode)
+        return OrderEnded(name, action, accepted=True, reason="")
+
+    def ask(self, action: Action, vehicle: str | None = None, name: str = "") -> IntentRecord:
+        """Let the operator ask for something; returns what became of it so far."""
+        intent = Intent(name or f"wish-{len(self.events)}", action, vehicle, "page")
+        self.happen(IntentReceived(intent))
+        return self.state.intents[intent.id]
+
+    def outcome(self, record: IntentRecord) -> IntentRecord:
+        """What has become of an intent."""
+        return self.state.intents[record.intent.id]
 
     def _solved(self, problem: Solve) -> Event | None:
         cancelled = [command.revision for command in self.given(CancelSolve) if isinstance(command, CancelSolve)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import typing
+from enum import Enum
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,8 @@ def of(hint: typing.Any) -> st.SearchStrategy[typing.Any]:
     }  # fmt: skip
     if hint in simple:
         return simple[hint]
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return st.sampled_from(list(hint))
     if dataclasses.is_dataclass(hint):
         return built(typing.cast("type", hint))
     if typing.get_origin(hint) is tuple:

@@ -1,0 +1,320 @@
+"""What becomes of an operator's wish: refused with its reason, or ordered, and answered by the vehicle itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from executor.core import refusals, replanning
+from executor.core.changed import changed
+from executor.core.commands import CancelSolve, Command, Hold, LandNow, Level, Resume, Say, SendHome
+from executor.core.context import Context
+from executor.core.declare import declare, left_plan, on_mission, withdrawn
+from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.state import FleetState
+from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+KEPT_INTENTS = 500
+"""Older ones that have come to their end are forgotten."""
+ANSWER_S = 90.0
+"""A vehicle that has not answered an order by then did not hear it."""
+OTHERS_MODE_S = 5.0
+"""A held vehicle that flies its mission for longer than this was sent on by somebody else."""
+_RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
+_ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
+
+
+@dataclass(frozen=True, slots=True)
+class _Ordered:
+    """What an intent leads to."""
+
+    state: FleetState
+    text: str
+    commands: tuple[Command, ...] = ()
+    waiting: frozenset[str] = frozenset()
+    """Vehicles whose own answer decides."""
+    open: bool = False
+    """Whether something else than an answer decides."""
+    level: Level = Level.INFO
+
+
+def step(
+    context: Context,
+    state: FleetState,
+    event: IntentReceived | OrderEnded | ReturnEnded | ReturnAllOrdered,
+    now_s: float,
+) -> Stepped:
+    """Take what an operator wants, or what became of an order."""
+    match event:
+        case IntentReceived(intent):
+            return _received(context, state, intent, now_s)
+        case OrderEnded():
+            return _answered(context, state, event, now_s)
+        case ReturnEnded():
+            return _return_answered(state, event, now_s)
+        case ReturnAllOrdered():
+            return _recall(state, now_s)
+
+
+def _received(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
+    """Take an intent; one that was taken before changes nothing."""
+    if intent.id in state.intents:
+        return state, ()
+    reason = refusals.reason(context, state, intent, now_s)
+    wish = f"{intent.source} asks: {intent.action.value}" + (f" {intent.vehicle}" if intent.vehicle else "")
+    if reason:
+        state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s))
+        return state, (Say(Level.WARNING, f"{wish}; refused: {reason}"),)
+    ordered = _HANDLERS[intent.action](context, state, intent, now_s)
+    under_way = bool(ordered.waiting) or ordered.open
+    outcome = Outcome.ACCEPTED if under_way else Outcome.DONE
+    ended_s = None if under_way else now_s
+    record = IntentRecord(intent, outcome, ordered.text, now_s, ordered.waiting, ended_s)
+    state = _kept(ordered.state, record)
+    return state, (Say(ordered.level, f"{wish}; {ordered.text}"), *ordered.commands)
+
+
+def _kept(state: FleetState, record: IntentRecord) -> FleetState:
+    intents = {**state.intents, record.intent.id: record}
+    if len(intents) > KEPT_INTENTS:
+        over = next((name for name, one in intents.items() if one.ended_s is not None), None)
+        intents.pop(over or next(iter(intents)))
+    return changed(state, intents=MappingProxyType(intents))
+
+
+def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
+    if intent.vehicle is None:
+        raise ValueError(f"{intent.action.value} names no vehicle")
+    return state.vehicles[intent.vehicle]
+
+
+def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    vehicle = _vehicle(state, intent)
+    state = state.put(replace(vehicle, held_s=now_s, ordered_mode_s=now_s))
+    return _Ordered(state, "it is told to hold", (Hold(vehicle.name),), frozenset({vehicle.name}))
+
+
+def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    vehicle = _vehicle(state, intent)
+    speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
+    state = state.put(replace(vehicle, ordered_mode_s=now_s))
+    return _Ordered(
+        state, "it is told to go on with its mission", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name})
+    )
+
+
+def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    vehicle = _vehicle(state, intent)
+    state, more = _sent_home(state, vehicle, now_s)
+    state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: returns by the operator's order", now_s)
+    text = "it is told to return, and stays on the ground until it is included; its segments are given to the others"
+    return _Ordered(state, text, (*others, *more), frozenset({vehicle.name}))
+
+
+def _sent_home(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
+    stage = Stage.LANDED if vehicle.stage is Stage.STARTING and not vehicle.armed else Stage.RETURNING
+    state = state.put(replace(left_plan(vehicle, stage, now_s), excluded=True))
+    return state, (SendHome(vehicle.name),)
+
+
+def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    vehicle = _vehicle(state, intent)
+    planned = vehicle.stage in _ON_MISSION
+    fault = vehicle.fault or Fault(FaultKind.OPERATOR, "landed where it was, by the operator's order", now_s)
+    state = state.put(replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault))
+    others: tuple[Command, ...] = ()
+    if planned:
+        state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: lands by the operator's order", now_s)
+    text = "it is told to land where it is; its segments are given to the others"
+    return _Ordered(state, text, (*others, LandNow(vehicle.name)), frozenset({vehicle.name}), level=Level.WARNING)
+
+
+def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    state = state.put(replace(vehicle, excluded=True))
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
+        return _Ordered(state, "it stays on the ground and is given nothing")
+    starting = vehicle.stage is Stage.STARTING and not vehicle.armed
+    state, commands = declare(
+        context, state, state.vehicles[vehicle.name], FaultKind.OPERATOR, "excluded by the operator's word", now_s
+    )
+    if starting:
+        commands = (*commands, SendHome(vehicle.name))  # in place of its start
+    told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
+    text = "it is treated as lost" + (" and told to return" if told else "")
+    alone = replanning.orphans(context, state)
+    if alone and not _others(state, vehicle.name):
+        text += f"; nobody else is left to inspect {len(alone)} segments"
+    return _Ordered(state, text, commands, told, level=Level.WARNING)
+
+
+def _others(state: FleetState, name: str) -> bool:
+    gone = (Stage.LOST, Stage.RETURNING)
+    return any(
+        one.name != name and one.fault is None and not one.excluded and one.stage not in gone
+        for one in state.vehicles.values()
+    )
+
+
+def _include(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    mended = state.mended if vehicle.fault is None else (*state.mended, (vehicle.name, vehicle.fault))
+    ready = replace(
+        moved_to(vehicle, Stage.GROUND), fault=None, excluded=False, stubborn=False, lands=False, held_s=None,
+        watches=(), alarm=("", float("-inf")), failures=0, armed_once=False,
+    )  # fmt: skip
+    trigger = f"{vehicle.name}: is back with {vehicle.battery.remaining_pct or 0.0:.0f} % in its battery"
+    state = replace(
+        state.put(ready), mended=mended, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s,
+        considered=state.considered - {vehicle.name},
+    )  # fmt: skip
+    if replanning.orphans(context, state):
+        return _Ordered(state, "it is back in the plan, which is made anew with it")
+    return _Ordered(state, "it is back; nothing is left over for it, a re-plan would share the work with it")
+
+
+def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    trigger = f"{intent.source} asks for it"
+    state = replace(state, ordered=True, trigger=trigger, trigger_s=now_s, given_up=frozenset())
+    return _Ordered(state, "everything that is still to be flown is planned anew", open=True)
+
+
+def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    state, commands = _recall(state, now_s)
+    told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
+    commands = tuple(command for command in commands if not isinstance(command, Say))
+    return _Ordered(state, "everybody is told to return", commands, told, level=Level.WARNING)
+
+
+def _recall(state: FleetState, now_s: float) -> Stepped:
+    """Send everybody home."""
+    commands: list[Command] = [Say(Level.WARNING, "the operator sends everybody home")]
+    if state.replan is not None and state.replan.solve_s is None:
+        commands.append(CancelSolve(state.replan.solve.revision))
+    for vehicle in state.vehicles.values():
+        if vehicle.stage in _ON_MISSION:
+            state, more = _sent_home(state, vehicle, now_s)
+            commands.extend(more)
+    return replace(state, recalled=True, replan=None, launched_s=state.launched_s or now_s), tuple(commands)
+
+
+_Handler = Callable[[Context, FleetState, Intent, float], _Ordered]
+_HANDLERS: Mapping[Action, _Handler] = {
+    Action.HOLD: _hold,
+    Action.RESUME: _resume,
+    Action.RETURN: _return,
+    Action.LAND: _land,
+    Action.EXCLUDE: _exclude,
+    Action.INCLUDE: _include,
+    Action.REPLAN: _replan,
+    Action.ABORT: _abort,
+}
+
+
+def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
+    """Take a vehicle's answer to an order to hold, to go on or to land."""
+    vehicle = state.vehicles[event.vehicle]
+    state = _closed(state, event.vehicle, frozenset({event.action}), event.reason, now_s, accepted=event.accepted)
+    if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
+        # The order may have been obeyed and its acknowledgement lost: what it says of its mode decides.
+        held_s = None if on_mission(context, vehicle) else vehicle.held_s
+        state = state.put(replace(vehicle, held_s=held_s, ordered_mode_s=now_s))
+    if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
+        state = state.put(replace(vehicle, held_s=None, ordered_mode_s=now_s, anchor=None))
+    if not event.accepted:
+        text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
+        return state, (Say(Level.WARNING, text),)
+    done = {Action.HOLD: "holds", Action.RESUME: "flies on", Action.LAND: "lands"}[event.action]
+    note = f"; {event.reason}" if event.reason else ""
+    return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
+
+
+def _return_answered(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
+    """Take a vehicle's answer to the order to come home."""
+    state = _closed(state, event.vehicle, _RETURNS, event.reason, now_s, accepted=event.accepted)
+    if event.accepted:
+        return state, (Say(Level.INFO, f"{event.vehicle}: returns"),)
+    return state, (Say(Level.WARNING, f"{event.vehicle}: did not acknowledge the return ({event.reason})"),)
+
+
+_DONE = {
+    Action.HOLD: "it holds",
+    Action.RESUME: "it flies on",
+    Action.RETURN: "it returns",
+    Action.LAND: "it lands",
+    Action.EXCLUDE: "it is out of the plan and returns",
+    Action.ABORT: "everybody returns",
+}
+
+
+def _closed(
+    state: FleetState, vehicle: str, actions: frozenset[Action], reason: str, now_s: float, *, accepted: bool
+) -> FleetState:
+    """Note an answer in every intent that waits for it."""
+    intents = dict(state.intents)
+    for name, record in state.intents.items():
+        if record.intent.action not in actions or vehicle not in record.waiting:
+            continue
+        waiting = record.waiting - {vehicle}
+        if not accepted:
+            intents[name] = replace(
+                record, outcome=Outcome.FAILED, text=f"{vehicle}: {reason}", waiting=waiting, ended_s=now_s
+            )
+        elif not waiting and record.outcome is Outcome.ACCEPTED:
+            text = _DONE[record.intent.action] + (f"; {reason}" if reason else "")
+            intents[name] = replace(record, outcome=Outcome.DONE, text=text, waiting=waiting, ended_s=now_s)
+        else:
+            intents[name] = replace(record, waiting=waiting)
+    return changed(state, intents=MappingProxyType(intents))
+
+
+def settled(context: Context, state: FleetState, now_s: float) -> FleetState:
+    """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
+    for vehicle in state.vehicles.values():
+        if vehicle.held_s is not None and _goes_on(context, vehicle, now_s):
+            state = state.put(replace(vehicle, held_s=None, anchor=None))
+    ended = {
+        name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s)
+        for name, record in state.intents.items()
+        if record.outcome is Outcome.ACCEPTED
+        for outcome, text in (_settlement(state, record, now_s),)
+        if outcome is not None
+    }
+    return changed(state, intents=MappingProxyType({**state.intents, **ended})) if ended else state
+
+
+def _goes_on(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    quiet = now_s - max(vehicle.ordered_mode_s, vehicle.mode_since_s) > OTHERS_MODE_S
+    return quiet and not vehicle.stale and on_mission(context, vehicle)
+
+
+def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> tuple[Outcome | None, str]:
+    if record.intent.action is Action.REPLAN:
+        return _replan_settled(state, record)
+    for name in sorted(record.waiting):
+        vehicle = state.vehicles[name]
+        if vehicle.stage is Stage.LOST:
+            return Outcome.FAILED, f"{name} is not heard any more"
+        if record.intent.action in {Action.HOLD, Action.RESUME} and vehicle.stage is not Stage.FLYING:
+            why = f": {vehicle.fault.reason}" if vehicle.fault is not None else ""
+            return Outcome.FAILED, f"overtaken, {name} is {vehicle.stage.value}{why}"
+        if now_s - record.at_s > ANSWER_S:
+            return Outcome.FAILED, f"{name} did not answer"
+    return None, ""
+
+
+def _replan_settled(state: FleetState, record: IntentRecord) -> tuple[Outcome | None, str]:
+    last = state.records[-1] if state.records else None
+    if last is not None and last.ended_s > record.at_s and state.replan is None:
+        left = f", {len(last.uncovered)} segments are left over" if last.uncovered else ""
+        return Outcome.DONE, f"re-plan {last.revision} is on board{left}"
+    if state.recalled:
+        return Outcome.FAILED, "everybody was sent home"
+    if state.replan is None and not state.ordered and not state.urgent:
+        return Outcome.FAILED, "there was nothing to plan, or nobody to fly it"
+    return None, ""

@@ -1,0 +1,296 @@
+"""The present, as plain values: the one description that the page and MQTT publish.
+
+Everything is made of frozen dataclasses of numbers, words and tuples; `dataclasses.asdict` makes JSON of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from executor.core import energy
+from executor.core.context import Context
+from executor.core.coverage import Track
+from executor.core.modes import mode_name
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState
+from missions import Phase
+
+SAID_LINES = 60
+INTENTS = 30
+MOVING_M_S = 0.5
+"""Faster than this the way over ground says where a vehicle without a compass heads."""
+WHOLE_PCT = 1.0 / math.sqrt(12.0)
+"""Standard deviation of a percentage that is reported rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class PositionView:
+    """Where a vehicle is."""
+
+    lat_deg: float
+    lon_deg: float
+    relative_alt_m: float
+    """Over its own home."""
+    heading_deg: float | None
+    ground_speed_m_s: float
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryView:
+    """A battery, in percent of a full one. A band is one standard deviation."""
+
+    measured_pct: float | None
+    predicted_pct: float | None
+    """What the energy model says should be left now."""
+    predicted_band_pct: float | None
+    to_finish_pct: float
+    """What the mission on board still costs."""
+    landing_pct: float | None
+    """What should be left at the landing, from what is measured."""
+    landing_band_pct: float | None
+    reserve_pct: float
+
+
+@dataclass(frozen=True, slots=True)
+class ProgressView:
+    """How far a vehicle is on its route."""
+
+    done: int
+    """Segments of its route behind it."""
+    total: int
+    segment: int | None
+    """The segment that it inspects or flies to."""
+    phase: str | None
+    """takeoff, transit, inspect, return or land."""
+    segment_share: float | None
+    """How much of the segment is behind it, from 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossView:
+    """What the loss of a vehicle would mean."""
+
+    inside_window: bool
+    """Whether the others could still finish everything."""
+    uncovered: tuple[int, ...]
+    """Segments that they could not."""
+    age_s: float
+    """How long ago that was found."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleView:
+    """One vehicle."""
+
+    name: str
+    sysid: int
+    state: str
+    """ground, starting, flying, holding, returning, landing, landed or lost."""
+    mode: str | None
+    armed: bool
+    layer: int
+    """0 is the lowest."""
+    layer_m: float
+    """How far its layer lies over the lowest one."""
+    position: PositionView | None
+    battery: BatteryView
+    link_age_s: float | None
+    link_loss: float | None
+    """Share of frames lost in the last seconds."""
+    stale: bool
+    progress: ProgressView
+    fault: str | None
+    fault_kind: str | None
+    excluded: bool
+    loss: LossView | None
+    """None while it is not known, or where there is nothing to lose."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanView:
+    """A re-plan under way."""
+
+    revision: int
+    trigger: str
+    solving: bool
+    pending: tuple[str, ...]
+    """Vehicles whose new mission is not on board yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class SaidView:
+    """A decision, in one line."""
+
+    at_s: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class IntentView:
+    """What an operator asked for, and what became of it."""
+
+    id: str
+    action: str
+    vehicle: str | None
+    source: str
+    outcome: str
+    text: str
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FleetView:
+    """The flight at one moment."""
+
+    now_s: float
+    """The flight's clock."""
+    flight_s: float | None
+    """Since the launch."""
+    revision: int
+    segments_total: int
+    inspected: tuple[int, ...]
+    uncovered: tuple[int, ...]
+    """Given up: segments that nobody can inspect."""
+    replan: ReplanView | None
+    all_silent: bool
+    """Whether nobody at all is heard."""
+    recalled: bool
+    finished: bool
+    min_separation_m: float | None
+    vehicles: tuple[VehicleView, ...]
+    said: tuple[SaidView, ...]
+    """The last decisions, the oldest first."""
+    intents: tuple[IntentView, ...]
+    """The last ones, the oldest first."""
+
+
+def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
+    """Return the flight as it is known at `now_s`."""
+    plan = state.replan
+    return FleetView(
+        now_s=round(now_s, 2),
+        flight_s=None if state.launched_s is None else round(now_s - state.launched_s, 2),
+        revision=state.revision,
+        segments_total=context.segments,
+        inspected=tuple(sorted(state.inspected)),
+        uncovered=tuple(sorted(state.given_up - set(state.inspected))),
+        replan=None
+        if plan is None
+        else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),
+        all_silent=state.silent_since_s is not None,
+        recalled=state.recalled,
+        finished=state.finished,
+        min_separation_m=None if state.separation is None else round(state.separation.least_m, 2),
+        vehicles=tuple(_vehicle(context, state, vehicle, now_s) for vehicle in state.vehicles.values()),
+        said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.said[-SAID_LINES:]),
+        intents=tuple(
+            IntentView(
+                one.intent.id, one.intent.action.value, one.intent.vehicle, one.intent.source, one.outcome.value,
+                one.text, round(one.at_s, 2),
+            )
+            for one in tuple(state.intents.values())[-INTENTS:]
+        ),
+    )  # fmt: skip
+
+
+def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleView:
+    setup, layers = context.vehicles[vehicle.name], context.setup.layers
+    outlook = state.outlook.get(vehicle.name)
+    known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
+    lost = vehicle.quality.lost
+    return VehicleView(
+        name=vehicle.name,
+        sysid=setup.sysid,
+        state=state_word(vehicle),
+        mode=None if vehicle.heartbeat is None else mode_name(setup.dialect, vehicle.heartbeat.custom_mode),
+        armed=vehicle.armed,
+        layer=layers.vehicles.index(vehicle.name),
+        layer_m=layers.offset_m(vehicle.name),
+        position=_position(context, vehicle, now_s),
+        battery=_battery(context, vehicle),
+        link_age_s=None if vehicle.heard_s is None else round(max(0.0, now_s - vehicle.heard_s), 1),
+        link_loss=None if lost is None else round(lost, 3),
+        stale=vehicle.stale,
+        progress=_progress(vehicle),
+        fault=None if vehicle.fault is None else vehicle.fault.reason,
+        fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
+        excluded=vehicle.excluded,
+        loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
+        if known and outlook is not None
+        else None,
+    )
+
+
+def state_word(vehicle: VehicleState) -> str:
+    """Return what a vehicle does, in one word."""
+    if vehicle.stage is Stage.FLYING and vehicle.held_s is not None:
+        return "holding"
+    if vehicle.stage is Stage.RETURNING and vehicle.lands:
+        return "landing"
+    return vehicle.stage.value
+
+
+def _position(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
+    fix = vehicle.fix
+    if fix is None:
+        return None
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    east_m_s, north_m_s, _ = fix.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    heading_deg = fix.heading_deg
+    if heading_deg is None and speed_m_s > MOVING_M_S:
+        heading_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+    return PositionView(
+        round(lat_deg, 7),
+        round(lon_deg, 7),
+        round(fix.alt_rel_m, 1),
+        None if heading_deg is None else round(heading_deg, 0),
+        round(speed_m_s, 1),
+        round(max(0.0, now_s - fix.at_s), 1),
+    )
+
+
+def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
+    setup = context.vehicles[vehicle.name]
+    ahead = energy.at_landing(context, vehicle, setup) if vehicle.airborne else None
+    predicted_pct = band_pct = None
+    if vehicle.board is not None and vehicle.began_pct is not None and vehicle.airborne:
+        spent_pct = sum(leg.energy_pct for leg in vehicle.board.legs) - energy.modelled_to_reach_pct(
+            vehicle, len(vehicle.board.legs) - 1
+        )
+        predicted_pct = round(vehicle.began_pct - spent_pct, 1)
+        band_pct = round(math.hypot(context.prior.sd * spent_pct, WHOLE_PCT), 1)
+    return BatteryView(
+        measured_pct=vehicle.battery.remaining_pct,
+        predicted_pct=predicted_pct,
+        predicted_band_pct=band_pct,
+        to_finish_pct=round(energy.to_finish_pct(vehicle), 1) if vehicle.airborne else 0.0,
+        landing_pct=None if ahead is None else round(ahead.mean_pct, 1),
+        landing_band_pct=None if ahead is None else round(ahead.sd_pct, 1),
+        reserve_pct=setup.reserve_pct,
+    )
+
+
+def _progress(vehicle: VehicleState) -> ProgressView:
+    board, leg = vehicle.board, vehicle.leg
+    if board is None:
+        return ProgressView(0, 0, None, None, None)
+    total = len(board.visits)
+    if not vehicle.airborne:
+        done = 0 if vehicle.stage in {Stage.GROUND, Stage.STARTING} else total - len(vehicle.remaining_visits())
+        return ProgressView(done, total, None, None, None)
+    done = total - len(vehicle.remaining_visits())
+    if leg is None or leg.visit is None or vehicle.stage is Stage.RETURNING:
+        return ProgressView(done, total, None, None if leg is None else leg.phase.value, None)
+    track = board.tracks[leg.visit]
+    share = _share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
+    return ProgressView(done, total, track.segment, leg.phase.value, share)
+
+
+def _share(track: Track, vehicle: VehicleState) -> float:
+    if vehicle.fix is None or track.length_m <= 0.0:
+        return 0.0
+    return round(min(1.0, max(0.0, track.locate(vehicle.fix.place_m)[0] / track.length_m)), 3)
