@@ -71,6 +71,8 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         waypoint == before.waypoint and before.run is None
     ):
         joins = None
+    if not visits and joins is None:
+        return NOTHING
     expected_s = _left_s(board, before.waypoint, before.fix) - _left_s(board, waypoint, fix)
     expected_s += sum(leg.duration_s for leg in board.legs[before.waypoint + 1 : waypoint + 1])
     tolerance_s = _tolerance_s(board, (*visits, *(() if joins is None else (joins,))))
