@@ -21,7 +21,7 @@ from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
 from executor.checklist import checklist
-from executor.config import Site, signing_key
+from executor.config import Site, VehicleTable, signing_key
 from executor.core import fleet, preflight
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
@@ -120,15 +120,9 @@ async def _fly(
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
 ) -> Flown:
-    ground, run = order.ground, order.run
+    run = order.run
     facts = await _interviews(order, links, clock, console)
-    setup = _setup(ground, facts)
-    task, plan = order.plan.task(), order.plan.plan
-    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
-    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
-    context = build.context_of(ground, setup, task, plan, own)
-    boards = _boards(context, build.routes_of(ground, task, plan))
-    found = checklist(order.site, order.plan, context, facts, own, boards)
+    context, boards, found = examined(order, facts)
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if stops:
@@ -196,8 +190,10 @@ def keep(order: Order) -> None:
 
 
 @asynccontextmanager
-async def open_links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, OpenLink]]:
-    """Open the links to all vehicles, and keep up our heartbeat on them.
+async def open_links(
+    order: Order, clock: SystemClock, *, recorded: bool = True
+) -> AsyncIterator[Mapping[str, OpenLink]]:
+    """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -205,8 +201,10 @@ async def open_links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[
     async with AsyncExitStack() as stack:
         wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
         for table in order.site.vehicle:
-            log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
-            stack.callback(log.close)
+            log = None
+            if recorded:
+                log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
+                stack.callback(log.close)
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
         key = signing_key(order.site, order.base)
         keyring = None if key is None else Keyring(key, clock.unix_s)
@@ -225,28 +223,46 @@ async def _interviews(
     order: Order, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
 ) -> Mapping[str, Facts]:
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
-    tables = {table.name: table for table in order.site.vehicle}
-    dialects = {name: dialect_for(table.autopilot) for name, table in tables.items()}
-    timeout_s = order.site.flight.connect_timeout_s
-
-    async def one(name: str) -> Facts:
-        table = tables[name]
-        await asking.answer(name, table.connection, table.sysid, links[name], timeout_s, clock)
-
-        def waits(missing: str) -> None:
-            console.say(Level.INFO, f"{name}: not ready yet: {missing}")
-
-        patience_s = order.site.flight.ready_timeout_s
-        facts = await asking.interview(name, links[name], clock, dialects[name], patience_s, waits)
-        console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
-        return facts
-
-    asked = {name: asyncio.ensure_future(one(name)) for name in links}
+    asked = {
+        table.name: asyncio.ensure_future(interview(order.site, table, links[table.name], clock, console))
+        for table in order.site.vehicle
+    }
     try:
         return {name: await facts for name, facts in asked.items()}
     finally:
         for facts in asked.values():
             facts.cancel()
+
+
+async def interview(site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console) -> Facts:
+    """Wait for one vehicle, and ask it what it is and whether it is ready.
+
+    Raises:
+        ConnectionFailed: it does not answer.
+        PreflightFailed: it does not become ready.
+    """
+    name, timeout_s = table.name, site.flight.connect_timeout_s
+    await asking.answer(name, table.connection, table.sysid, link, timeout_s, clock)
+
+    def waits(missing: str) -> None:
+        console.say(Level.INFO, f"{name}: not ready yet: {missing}")
+
+    dialect = dialect_for(table.autopilot)
+    facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits)
+    console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
+    return facts
+
+
+def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping[str, OnBoard | None], list[Check]]:
+    """Return the context of the flight, everybody's first mission, and the checklist."""
+    ground = order.ground
+    setup = _setup(ground, facts)
+    task, plan = order.plan.task(), order.plan.plan
+    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
+    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
+    context = build.context_of(ground, setup, task, plan, own)
+    boards = _boards(context, build.routes_of(ground, task, plan))
+    return context, boards, checklist(order.site, order.plan, context, facts, own, boards)
 
 
 def _setup(ground: Ground, facts: Mapping[str, Facts]) -> FlightSetup:

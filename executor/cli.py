@@ -36,6 +36,7 @@ for command in (
     risk.risk,
     flights.simulate,
     flights.fly,
+    flights.preflight,
     flights.resume,
 ):
     cli.command()(command)

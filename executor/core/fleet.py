@@ -7,6 +7,7 @@ events fed to `step` again gives the same commands.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -51,7 +52,7 @@ FRESH_S = 1.5
 """Two positions no older than this say how far two vehicles are apart."""
 
 
-def initial(boards: dict[str, OnBoard | None]) -> FleetState:
+def initial(boards: Mapping[str, OnBoard | None]) -> FleetState:
     """Return the state before the launch, with the missions that are on board."""
     return FleetState(MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()}))
 

@@ -211,4 +211,5 @@ class Codec:
         if not signing.sign_outgoing:
             return frame
         frame += struct.pack("<BQ", signing.link_id, signing.timestamp)[:7]
+        signing.timestamp += 1
         return frame + hashlib.sha256(signing.secret_key + frame).digest()[:6]
