@@ -16,18 +16,18 @@ from executor.adapters.eventlog import EventLog, to_plain
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk import link as mavsdk
-from executor.adapters.rundir import keep_site, write_json
+from executor.adapters.rundir import keep_site, locked, write_json
 from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
 from executor.checklist import checklist
-from executor.config import Site
+from executor.config import Site, VehicleTable, signing_key
 from executor.core import fleet, preflight
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
-from executor.core.events import Event, ReturnAllOrdered, SolveEnded
+from executor.core.events import Event, Reopened, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
-from executor.core.ports import LinkOrder, OpenLink
+from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
@@ -109,12 +109,9 @@ async def fly(order: Order, console: Console) -> Flown:
     solver = SolverProcess(
         SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
     )
-    async with _links(order, clock) as links, solver, asyncio.TaskGroup() as tasks:
-        beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
-        try:
+    with locked(order.run):
+        async with open_links(order, clock) as links, solver:
             return await _fly(order, console, clock, solver, links)
-        finally:
-            beat.cancel()
 
 
 async def _fly(
@@ -124,15 +121,9 @@ async def _fly(
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
 ) -> Flown:
-    ground, run = order.ground, order.run
+    run = order.run
     facts = await _interviews(order, links, clock, console)
-    setup = _setup(ground, facts)
-    task, plan = order.plan.task(), order.plan.plan
-    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
-    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
-    context = build.context_of(ground, setup, task, plan, own)
-    boards = _boards(context, build.routes_of(ground, task, plan))
-    found = checklist(order.site, order.plan, context, facts, own, boards)
+    context, boards, found = examined(order, facts)
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if stops:
@@ -142,19 +133,43 @@ async def _fly(
     write_json(run / "vehicles.json", vehicles_of(context, said))
     if not console.confirm("All missions are on board and read back. Take off?"):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
-    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup)
-    keeper = _Keeper(order, context, console, log, clock)
-    flight = Flight(context, fleet.initial(boards), links, clock, log, solver, keeper.observer())
+    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
+    return await supervise(order, console, Cockpit(context, fleet.initial(boards), links, clock, log, solver, said))
+
+
+@dataclass(frozen=True, slots=True)
+class Cockpit:
+    """All that a flight is supervised with."""
+
+    context: Context
+    state: FleetState
+    """Before the launch, or when the ground station went away."""
+    links: Mapping[str, OpenLink]
+    clock: SystemClock
+    log: EventLog
+    solver: SolverProcess
+    said: Said
+
+
+async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reopened | None = None) -> Flown:
+    """Fly to the end and report; `reopened` for a flight that is taken up again.
+
+    Raises:
+        ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+    """
+    context, clock, links = seat.context, seat.clock, seat.links
+    keeper = _Keeper(order, context, console, seat.log, clock)
+    flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
         with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
-            async with _beside(keep_judging(flight, solver)):
-                await flight.run()
+            async with _beside(keep_judging(flight, seat.solver)):
+                await flight.run(reopened, order.site.flight.connect_timeout_s)
     finally:
         console.done()
-        log.close()
-    frames = {name: (link.counts.received, link.counts.missing) for name, link in links.items()}
-    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, said)
-    write_json(run / "report.json", report)
+        seat.log.close()
+    frames = {name: link.counts for name, link in links.items()}
+    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, seat.said)
+    write_json(order.run / "report.json", report)
     return Flown(report, context, bool(left))
 
 
@@ -169,54 +184,98 @@ async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
         await asyncio.gather(task, return_exceptions=True)
 
 
+def telling(console: Console) -> Callable[[str], None]:
+    """Return how a log tells the operator of its troubles."""
+    return lambda text: console.say(Level.WARNING, text)
+
+
 def keep(order: Order) -> None:
     """Write the site and the first plan into the run directory."""
     network = None
     if order.site.network.file != build.DEFAULT_NETWORK:
         network = order.base / order.site.network.file
-    keep_site(order.run, order.site.model_dump(exclude_none=True, mode="json"), network)
+    content = order.site.model_dump(exclude_none=True, mode="json")
+    if order.site.signing is not None and order.site.signing.key_file is not None:
+        # The key stays where it is: a run directory is copied and handed on.
+        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    keep_site(order.run, content, network)
     write_plan(order.run / "plan-000.json", order.plan)
 
 
 @asynccontextmanager
-async def _links(order: Order, clock: SystemClock) -> AsyncIterator[Mapping[str, OpenLink]]:
+async def open_links(
+    order: Order, clock: SystemClock, *, recorded: bool = True
+) -> AsyncIterator[Mapping[str, OpenLink]]:
+    """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
+
+    Raises:
+        ConnectionFailed: one cannot be opened.
+    """
     async with AsyncExitStack() as stack:
         wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
         for table in order.site.vehicle:
-            log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
-            stack.callback(log.close)
+            log = None
+            if recorded:
+                log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
+                stack.callback(log.close)
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
-        native = await stack.enter_async_context(endpoints.open_links(wanted["native"]))
+        key = signing_key(order.site, order.base)
+        keyring = None if key is None else Keyring(key, clock.unix_s)
+        native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring))
         others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
-        yield {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
+        links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
+        async with asyncio.TaskGroup() as tasks:
+            beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
+            try:
+                yield links
+            finally:
+                beat.cancel()
 
 
 async def _interviews(
     order: Order, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
 ) -> Mapping[str, Facts]:
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
-    tables = {table.name: table for table in order.site.vehicle}
-    dialects = {name: dialect_for(table.autopilot) for name, table in tables.items()}
-    timeout_s = order.site.flight.connect_timeout_s
-
-    async def one(name: str) -> Facts:
-        table = tables[name]
-        await asking.answer(name, table.connection, table.sysid, links[name], timeout_s, clock)
-
-        def waits(missing: str) -> None:
-            console.say(Level.INFO, f"{name}: not ready yet: {missing}")
-
-        patience_s = order.site.flight.ready_timeout_s
-        facts = await asking.interview(name, links[name], clock, dialects[name], patience_s, waits)
-        console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
-        return facts
-
-    asked = {name: asyncio.ensure_future(one(name)) for name in links}
+    asked = {
+        table.name: asyncio.ensure_future(interview(order.site, table, links[table.name], clock, console))
+        for table in order.site.vehicle
+    }
     try:
         return {name: await facts for name, facts in asked.items()}
     finally:
         for facts in asked.values():
             facts.cancel()
+
+
+async def interview(site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console) -> Facts:
+    """Wait for one vehicle, and ask it what it is and whether it is ready.
+
+    Raises:
+        ConnectionFailed: it does not answer.
+        PreflightFailed: it does not become ready.
+    """
+    name, timeout_s = table.name, site.flight.connect_timeout_s
+    await asking.answer(name, table.connection, table.sysid, link, timeout_s, clock)
+
+    def waits(missing: str) -> None:
+        console.say(Level.INFO, f"{name}: not ready yet: {missing}")
+
+    dialect = dialect_for(table.autopilot)
+    facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits)
+    console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
+    return facts
+
+
+def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping[str, OnBoard | None], list[Check]]:
+    """Return the context of the flight, everybody's first mission, and the checklist."""
+    ground = order.ground
+    setup = _setup(ground, facts)
+    task, plan = order.plan.task(), order.plan.plan
+    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
+    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
+    context = build.context_of(ground, setup, task, plan, own)
+    boards = _boards(context, build.routes_of(ground, task, plan))
+    return context, boards, checklist(order.site, order.plan, context, facts, own, boards)
 
 
 def _setup(ground: Ground, facts: Mapping[str, Facts]) -> FlightSetup:

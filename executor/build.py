@@ -198,14 +198,16 @@ def context_of(
     vehicles: dict[str, VehicleSetup] = {}
     for table in site.vehicle:
         dialect, pad = dialect_for(table.autopilot), setup.pad_of(table.name)
+        failsafe = own.get(table.name)
         vehicles[table.name] = VehicleSetup(
             name=table.name,
             sysid=table.sysid,
             dialect=dialect,
             budget_pct=table.budget_pct,
             reserve_pct=table.reserve_pct,
-            link_timeout_s=link_timeout_s(site, dialect, own.get(table.name)),
+            link_timeout_s=link_timeout_s(site, dialect, failsafe),
             pad_m=(pad.east_m, pad.north_m),
+            failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
         )
     overhead = overhead_of(ground, setup, task, plan)
     return Context(

@@ -32,6 +32,8 @@ def checklist(
         boards: The first mission of each vehicle.
     """
     found: list[Check] = [Check(Severity.OK, "heights", f"over {context.setup.layers.reference.value}")]
+    if site.signing is not None:
+        found.append(Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused"))
     paths = [board.path for board in boards.values() if board is not None]
     found += preflight.separation(paths, site.inspection.layer_m, context.setup.home_alt_m)
     for name, fact in facts.items():

@@ -36,6 +36,8 @@ for command in (
     risk.risk,
     flights.simulate,
     flights.fly,
+    flights.preflight,
+    flights.resume,
 ):
     cli.command()(command)
 cli.command("replay")(replay.replay_logs)

@@ -5,7 +5,10 @@ Every refusal is one line that names the file, the key and what was expected.
 
 from __future__ import annotations
 
+import hashlib
 import ipaddress
+import os
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -139,6 +142,21 @@ class FaultsTable(_Table):
     battery_window_s: Positive = 90.0
 
 
+class SigningTable(_Table):
+    """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
+
+    key_file: str | None = None
+    """64 hexadecimal digits, or a passphrase, of which the SHA-256 is the key, as in other ground stations."""
+    key_env: str | None = None
+    """The name of a variable that holds the same."""
+
+    @model_validator(mode="after")
+    def _one(self) -> SigningTable:
+        if (self.key_file is None) is (self.key_env is None):
+            raise ValueError("key_file: expected either key_file or key_env")
+        return self
+
+
 class WebTable(_Table):
     """The page to fly by."""
 
@@ -176,6 +194,7 @@ class Site(_Table):
     vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
     flight: FlightTable = FlightTable()
     faults: FaultsTable = FaultsTable()
+    signing: SigningTable | None = None
     mqtt: dict[str, Any] | None = None
     web: WebTable = WebTable()
 
@@ -194,6 +213,15 @@ class Site(_Table):
         return self
 
     @model_validator(mode="after")
+    def _signs(self) -> Site:
+        for index, vehicle in enumerate(self.vehicle):
+            if self.signing is not None and vehicle.backend == "mavsdk":
+                raise ValueError(
+                    f"vehicle[{index}].backend: expected 'native' beside [signing], got 'mavsdk', which does not sign"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _reachable(self) -> Site:
         first: dict[str, VehicleTable] = {}
         for index, vehicle in enumerate(self.vehicle):
@@ -209,6 +237,32 @@ class Site(_Table):
                     f"connection has it, got '{vehicle.backend}'"
                 )
         return self
+
+
+def signing_key(site: Site, base: Path) -> bytes | None:
+    """Return the key that frames are signed with, 32 bytes; None if they are not.
+
+    Raises:
+        SiteError: there is none where the site says that it is.
+    """
+    table = site.signing
+    if table is None:
+        return None
+    if table.key_env is not None:
+        text, where = os.environ.get(table.key_env, ""), f"signing.key_env: {table.key_env}"
+    else:
+        path = base / str(table.key_file)
+        where = f"signing.key_file: {path}"
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise SiteError(f"{where}: cannot be read: {error}") from error
+    text = text.strip()
+    if not text:
+        raise SiteError(f"{where}: expected 64 hexadecimal digits or a passphrase, but there is nothing")
+    if re.fullmatch(r"[0-9a-fA-F]{64}", text):
+        return bytes.fromhex(text)
+    return hashlib.sha256(text.encode()).digest()
 
 
 def read_site(path: Path) -> Site:

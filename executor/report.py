@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from executor.core import firmware
 from executor.core.context import Context
+from executor.core.ports import LinkCounts
 from executor.core.preflight import Check, Facts
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, Stage, VehicleState
@@ -32,6 +33,21 @@ class Said:
     """What each vehicle said."""
     checks: Sequence[Check]
     """The checklist."""
+    kept: Mapping[str, object] | None = None
+    """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
+
+    def plain_checks(self) -> list[object]:
+        """Return the checklist as plain data."""
+        kept = (self.kept or {}).get("checks")
+        return list(kept) if isinstance(kept, list) else [checked(check) for check in self.checks]
+
+    def firmware(self, name: str) -> dict[str, object]:
+        """Return what a vehicle is and which firmware it has, as plain data."""
+        kept = (self.kept or {}).get("vehicles")
+        for row in kept if isinstance(kept, list) else ():
+            if isinstance(row, dict) and row.get("name") == name:
+                return {key: row[key] for key in ("type", "autopilot", "firmware") if key in row}
+        return _firmware(self.facts.get(name))
 
 
 NOTHING_SAID = Said(MappingProxyType({}), ())
@@ -84,7 +100,7 @@ def report_of(
     state: FleetState,
     ended_s: float,
     truths: Sequence[Happening] = (),
-    frames: Mapping[str, tuple[int, int | None]] = MappingProxyType({}),
+    frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
 ) -> dict[str, object]:
     """Return the content of report.json.
@@ -94,7 +110,8 @@ def report_of(
         state: At its end.
         ended_s: The end, in the ground station's time.
         truths: What really happened, where a simulator knows it.
-        frames: How many frames came from each vehicle, and how many its sequence numbers say were lost on the way.
+        frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
+            many were not believed.
         said: What the vehicles said before the flight, and what was found then.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
@@ -120,10 +137,19 @@ def report_of(
             for record in state.records
         ],
         "vehicles": [
-            {**_vehicle(context, state, vehicle, frames), **_firmware(said.facts.get(vehicle.name))}
+            {**_vehicle(context, state, vehicle, frames), **said.firmware(vehicle.name)}
             for vehicle in state.vehicles.values()
         ],
-        "checks": [checked(check) for check in said.checks],
+        "checks": said.plain_checks(),
+        "absences": [
+            {
+                "until_s": round(absence.until_s - began_s, 1),
+                "pause_s": round(absence.pause_s, 1),
+                "restarted": absence.restarted,
+            }
+            for absence in state.absences
+        ],
+        "inferred": sorted(state.inferred & set(state.inspected)),
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
         "inspection_speed_m_s": context.inspection_speed_m_s,
         "inspections": [_inspection(state, segment) for segment in sorted(state.flown)],
@@ -164,9 +190,9 @@ def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening])
 
 
 def _vehicle(
-    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, tuple[int, int | None]]
+    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts]
 ) -> dict[str, object]:
-    received, missing = frames.get(vehicle.name, (None, None))
+    counts = frames.get(vehicle.name)
     battery = vehicle.battery
     pad_m = context.vehicles[vehicle.name].pad_m
     at_home = vehicle.fix is None or (
@@ -180,6 +206,8 @@ def _vehicle(
         "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         "min_reserve_pct": battery.least_pct,
         "state": vehicle.stage.value,
-        "frames_received": received,
-        "frames_missing": missing,
+        "frames_received": None if counts is None else counts.received,
+        "frames_missing": None if counts is None else counts.missing,
+        "frames_foreign": None if counts is None else counts.foreign,
+        "frames_refused": None if counts is None else dict(counts.refused),
     }

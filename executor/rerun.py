@@ -7,54 +7,24 @@ it stood. What the flight decided stands in the log beside the events, so the tw
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
-
-from executor import build
 from executor.adapters.eventlog import read_decisions, read_events, read_head, to_plain
-from executor.config import read_site
+from executor.begun import beginning
 from executor.core import fleet, passive
 from executor.core.commands import Command, Say
 from executor.core.context import Context
 from executor.core.events import Tick
-from executor.core.failsafes import LinkFailsafe, link_failsafe
 from executor.core.faults import View
 from executor.core.passive import Degraded
 from executor.core.recording import Skipped
 from executor.core.replayed import Declaration, Impaired, LogReplay, Trace, VehicleReplay
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, aboard
-from executor.errors import LogError
+from executor.core.vehicle import Stage
 from executor.replay import sampled
-from missions import Pad, dialect_for, read_plan
-
-
-class _Row(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class _PadRow(_Row):
-    east_m: float
-    north_m: float
-    alt_m: float
-
-
-class _VehicleRow(_Row):
-    name: str
-    pad: _PadRow | None = None
-    parameters: dict[str, float] = {}
-
-
-class _Vehicles(_Row):
-    """What a replay takes from vehicles.json."""
-
-    vehicles: tuple[_VehicleRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +63,8 @@ def rerun(run: Path) -> RunReplay:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan cannot be used.
     """
-    context, state = _beginning(run)
+    begun = beginning(run)
+    context, state = begun.context, begun.state
     events = run / "events.jsonl"
     head = read_head(events)
     watch = _Watch(context)
@@ -111,51 +82,6 @@ def rerun(run: Path) -> RunReplay:
     notes = () if comparison.same else (f"not what the flight decided: {comparison.first_difference}",)
     log = LogReplay(run, vehicles, Skipped(), round(head.began_unix_s * 1e6), at_s, notes)
     return RunReplay(log, comparison, state)
-
-
-def _beginning(run: Path) -> tuple[Context, FleetState]:
-    """Return the context of the flight, and its state before the launch."""
-    site = read_site(run / "site.toml")
-    ground = build.ground_of(site, run)
-    plan = read_plan(run / "plan-000.json")
-    task = plan.task()
-    rows = _vehicles(run / "vehicles.json")
-    pads = _pads(rows, ground.names)
-    setup = build.setup_of(ground, pads)
-    dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
-    own: Mapping[str, LinkFailsafe] = MappingProxyType({
-        name: link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
-    })  # fmt: skip
-    context = build.context_of(ground, setup, task, plan.plan, own)
-    routes = build.routes_of(ground, task, plan.plan)
-    paths = build.paths_of(setup, routes)
-    boards = {
-        name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
-        for name in context.vehicles
-    }
-    return context, fleet.initial(boards)
-
-
-def _vehicles(path: Path) -> dict[str, _VehicleRow]:
-    try:
-        content = _Vehicles.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise LogError(f"{path}: {key}: expected what vehicles said before a flight: {first['msg']}") from error
-    return {row.name: row for row in content.vehicles}
-
-
-def _pads(rows: Mapping[str, _VehicleRow], names: tuple[str, ...]) -> list[Pad] | None:
-    pads = []
-    for name in names:
-        row = rows.get(name)
-        if row is None or row.pad is None:
-            return None  # an older directory: the pads are those that the site gives
-        pads.append(Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
-    return pads
 
 
 def _plain(command: Command) -> object:

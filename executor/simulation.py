@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from executor import build
 from executor.build import Ground
-from executor.simulator.config import AutopilotKind, SimFleet, SimVehicle
+from executor.simulator.config import AutopilotKind, Signing, SimFleet, SimVehicle
 from executor.simulator.faults import parse_fault
 from executor.simulator.fleet import run_fleet
 from executor.simulator.truth import Truth, TruthWriter
+from executor.simulator.wire import TICKS_PER_S
 from missions import dialect_for
+
+SIGNING_EPOCH_UNIX_S = 1420070400
+"""2015-01-01: the times of signatures count from there."""
 
 
 def fleet_of(
-    ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float, failsafe: bool
+    ground: Ground,
+    *,
+    speedup: float,
+    faults: Sequence[str],
+    seed: int,
+    wind: float,
+    failsafe: bool,
+    signing: Signing | None = None,
 ) -> SimFleet:
     """Return the site's vehicles, standing on their pads; with `failsafe` they come home when they lose our heartbeat.
 
@@ -48,16 +60,26 @@ def fleet_of(
                     rule.timeout: max(rule.timeout_s, build.stall_s(speedup)),
                 },
                 seed=seed * 1000 + number,
+                signing=signing,
             )
         )
     return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults))
 
 
 def run_simulation(
-    ground: Ground, *, speedup: float, faults: Sequence[str], seed: int, wind: float, truth: Path | None, failsafe: bool
+    ground: Ground,
+    *,
+    speedup: float,
+    faults: Sequence[str],
+    seed: int,
+    wind: float,
+    truth: Path | None,
+    failsafe: bool,
+    key: bytes | None = None,
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe)
+    signing = None if key is None else Signing(key, round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S))
+    fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing)
     for vehicle in fleet.vehicles:
         print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
     with ExitStack() as stack:

@@ -8,7 +8,7 @@
 'NAV_TAKEOFF'
 """
 
-from missions.compare import differences
+from missions.compare import alike, differences
 from missions.dialects import (
     ARDUPILOT,
     PX4,
@@ -90,6 +90,7 @@ __all__ = [
     "Task",
     "Waypoint",
     "Window",
+    "alike",
     "check_plan",
     "check_separation",
     "column_radius_m",

@@ -41,6 +41,16 @@ def differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], d
     )
 
 
+def alike(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect) -> int:
+    """Return how many items two missions have in common from their beginning, by the measure of `differences`."""
+    count = 0
+    for ours, theirs in zip(sent, read_back, strict=False):
+        if any(True for _ in _item_differences(ours, theirs, dialect)):
+            break
+        count += 1
+    return count
+
+
 def _item_differences(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> Iterator[tuple[str, object, object]]:
     if ours.seq != theirs.seq:
         yield "seq", ours.seq, theirs.seq

@@ -8,16 +8,25 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterator
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import IO, Any, get_type_hints
+from typing import Any, get_type_hints
 
 from executor.core import events, intents, messages
-from executor.core.events import Event
+from executor.core.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
 
 FORMAT = "faultline-events/1"
+MOST_WAITING = 50_000
+"""Lines, of about 200 bytes: a quarter of an hour of four vehicles."""
+LONGEST_PAUSE_S = 30.0
+"""Of the flight; a tick comes every fifth of a second, or every fiftieth of a real one."""
+GAP = "lines_lost"
+"""The key of a note in the place of lines that nobody could write."""
 
 _KINDS: dict[str, type] = {
     name: item
@@ -62,45 +71,6 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
     return value
 
 
-class EventLog:
-    """Appends events to a file; each is with the operating system when `write` returns."""
-
-    def __init__(self, path: Path, *, began_unix_s: float, speedup: float) -> None:
-        """Create the file.
-
-        Raises:
-            LogError: it exists already, or cannot be made.
-        """
-        try:
-            self._file: IO[str] = path.open("x", encoding="utf-8", buffering=1)
-        except OSError as error:
-            raise LogError(f"{path}: cannot be made: {error.strerror}") from error
-        self.lost = 0
-        """Events that could not be written: a full disk must not end a flight."""
-        self._write({"format": FORMAT, "began_unix_s": began_unix_s, "speedup": speedup})
-
-    def write(self, event: Event, now_s: float) -> None:
-        """Append one event."""
-        self._write({"t_s": now_s, "event": to_plain(event)})
-
-    def note(self, now_s: float, **fields: object) -> None:
-        """Append a line that replay passes over: what was decided, in words."""
-        self._write({"t_s": now_s, **fields})
-
-    def close(self) -> None:
-        """Close the file."""
-        try:
-            self._file.close()
-        except OSError:
-            self.lost += 1
-
-    def _write(self, line: dict[str, object]) -> None:
-        try:
-            self._file.write(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
-        except (OSError, ValueError):
-            self.lost += 1
-
-
 @dataclasses.dataclass(frozen=True, slots=True)
 class Head:
     """The first line of a log."""
@@ -110,6 +80,122 @@ class Head:
     speedup: float
 
 
+class EventLog:
+    """Appends events to a file; each is with the operating system when `write` returns.
+
+    A disk that is full must not end a flight: what cannot be written waits in memory until there is room. Beyond
+    `MOST_WAITING` lines only what was decided and what procedures came to is kept, and the gap is noted.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        began_unix_s: float | None = None,
+        speedup: float = 1.0,
+        told: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Create the file, or go on with one: what is behind its last whole line is cut off then.
+
+        Args:
+            path: Where.
+            began_unix_s: Of a new log: seconds since 1970 at which its time is 0.
+            speedup: Of the flight, for a new log.
+            told: Called with a line for the operator when writing fails, and when it works again.
+
+        Raises:
+            LogError: a new one exists already, or the file cannot be written.
+        """
+        self.lost = 0
+        """Lines that will never be written."""
+        self._told = told
+        self._waiting: deque[bytes] = deque()
+        """Lines that could not be written yet; of the first a part may have been."""
+        self._dropped = 0
+        """Lines that were given up since the last one that was kept."""
+        new = os.O_CREAT | os.O_EXCL if began_unix_s is not None else 0
+        try:
+            self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | new, 0o644)
+            if began_unix_s is None:
+                os.ftruncate(self._fd, _whole_bytes(path))
+        except OSError as error:
+            raise LogError(f"{path}: cannot be made: {error.strerror}") from error
+        if began_unix_s is not None:
+            self._write({"format": FORMAT, "began_unix_s": began_unix_s, "speedup": speedup})
+
+    def write(self, event: Event, now_s: float) -> None:
+        """Append one event."""
+        self._write({"t_s": now_s, "event": to_plain(event)}, spare=isinstance(event, Heard | Tick))
+
+    def note(self, now_s: float, **fields: object) -> None:
+        """Append a line that replay passes over: what was decided, in words."""
+        self._write({"t_s": now_s, **fields})
+
+    def sync(self) -> None:
+        """See that all of it outlives a power loss: called before a decision reaches a vehicle."""
+        with suppress(OSError):
+            os.fdatasync(self._fd)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._flush()
+        self.lost += len(self._waiting)
+        self._waiting.clear()
+        with suppress(OSError):
+            os.close(self._fd)
+        self._fd = -1
+
+    def _write(self, line: dict[str, object], *, spare: bool = False) -> None:
+        try:
+            data = json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+        except ValueError:
+            data = b""
+        if not data or self._fd < 0:
+            self.lost += 1
+            return
+        stuck = bool(self._waiting)
+        self._flush()
+        if self._waiting and spare and len(self._waiting) >= MOST_WAITING:
+            self.lost += 1
+            self._dropped += 1
+            return
+        if self._dropped:
+            self._waiting.append(json.dumps({"t_s": line.get("t_s", 0.0), GAP: self._dropped}).encode() + b"\n")
+            self._dropped = 0
+        self._waiting.append(data)
+        self._flush()
+        if bool(self._waiting) is not stuck:
+            lost = f"; {self.lost} lines are lost" if self.lost else ""
+            trouble = "the event log cannot be written: is the disk full? What happens is kept in memory"
+            self._told(trouble if self._waiting else f"the event log is written again{lost}")
+
+    def _flush(self) -> None:
+        """Write what waits, as far as there is room."""
+        while self._waiting:
+            try:
+                written = os.write(self._fd, self._waiting[0])
+            except OSError:
+                return
+            if written < len(self._waiting[0]):
+                self._waiting[0] = self._waiting[0][written:]
+                return
+            self._waiting.popleft()
+
+
+def _whole_bytes(path: Path) -> int:
+    """Return how many bytes of a log are whole lines."""
+    with path.open("rb") as file:
+        end = file.seek(0, os.SEEK_END)
+        while end > 0:
+            begin = max(0, end - 4096)
+            file.seek(begin)
+            at = file.read(end - begin).rfind(b"\n")
+            if at >= 0:
+                return begin + at + 1
+            end = begin
+    return 0
+
+
 def read_head(path: Path) -> Head:
     """Return a log's first line.
 
@@ -117,15 +203,28 @@ def read_head(path: Path) -> Head:
         LogError: it cannot be read, or is not such a log.
     """
     try:
-        with path.open(encoding="utf-8") as file:
-            head = json.loads(file.readline())
-        if head["format"] != FORMAT:
-            raise LogError(f"{path}: line 1: expected a log of format {FORMAT}")
+        with path.open("rb") as file:
+            head = _expect_format(path, file.readline())
         return Head(float(head["began_unix_s"]), float(head["speedup"]))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
+
+
+def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
+    """Return the head of a log that this version can read."""
+    try:
+        head = json.loads(line.decode())
+        known = head["format"]
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path}: not a log: {error}") from error
+    except (ValueError, KeyError, TypeError):
+        raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from None
+    if known != FORMAT:
+        newer = ", written by a newer version" if str(known).startswith(FORMAT.rpartition("/")[0]) else ""
+        raise LogError(f"{path}: line 1: expected a log of format {FORMAT}, got {known}{newer}")
+    return dict(head)
 
 
 def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
@@ -148,40 +247,61 @@ def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
                     yield content["t_s"], decided
 
 
-def read_events(path: Path) -> Iterator[tuple[float, Event]]:
-    """Yield the events of a log with their times.
+def read_events(path: Path, damaged: Callable[[str], None] | None = None) -> Iterator[tuple[float, Event]]:
+    """Yield the events of a log with their times; a torn last line is passed over.
+
+    Args:
+        path: The log.
+        damaged: Told in words what is wrong with it, where that is no reason to give up: lines that cannot be read,
+            lines that were never written, times of which nothing is on record. Without it damage is an error.
 
     Raises:
-        LogError: not such a log, or a line in its midst cannot be read; a torn last line is passed over.
+        LogError: not such a log, or a line in its midst cannot be read.
     """
+    last_s: float | None = None
     try:
-        with path.open(encoding="utf-8") as file:
-            head = file.readline()
-            if f'"{FORMAT}"' not in head:
-                raise LogError(f"{path}: line 1: expected a log of format {FORMAT}")
+        with path.open("rb") as file:
+            _expect_format(path, file.readline())
             for number, line in enumerate(file, start=2):
-                if not line.endswith("\n"):
+                if not line.endswith(b"\n"):
+                    if damaged is not None:
+                        damaged(f"line {number}, the last one, is torn and was dropped")
                     return
-                try:
-                    content = json.loads(line)
-                except json.JSONDecodeError as error:
-                    raise LogError(f"{path}: line {number}: not JSON: {error}") from error
+                content = _content(path, number, line, damaged)
+                if damaged is not None and GAP in content:
+                    damaged(f"line {number}: {content[GAP]} lines could not be written here")
                 try:
                     timed = _timed(content)
                 except LogError as error:
                     raise LogError(f"{path}: line {number}: {error}") from error
-                if timed is not None:
-                    yield timed
-    except UnicodeDecodeError as error:
-        raise LogError(f"{path}: not a log: {error}") from error
+                if timed is None:
+                    continue
+                paused_s = 0.0 if last_s is None or isinstance(timed[1], Reopened) else timed[0] - last_s
+                if damaged is not None and paused_s > LONGEST_PAUSE_S:
+                    damaged(f"line {number}: nothing is on record from {last_s:.0f} to {timed[0]:.0f} s")
+                last_s = timed[0]
+                yield timed
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _timed(content: object) -> tuple[float, Event] | None:
+def _content(path: Path, number: int, line: bytes, damaged: Callable[[str], None] | None) -> dict[str, Any]:
+    """Return a line's object; an empty one for a line that cannot be read where that is no error."""
+    reason = "expected an object"
+    try:
+        content = json.loads(line)
+        if isinstance(content, dict):
+            return content
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        reason = f"not JSON: {error}"
+    if damaged is None:
+        raise LogError(f"{path}: line {number}: {reason}")
+    damaged(f"line {number} cannot be read and was passed over")
+    return {}
+
+
+def _timed(content: dict[str, Any]) -> tuple[float, Event] | None:
     """Return the event of a line with its time; None for a line that has none."""
-    if not isinstance(content, dict):
-        raise LogError("expected an object")
     if "event" not in content:
         return None
     if not isinstance(content.get("t_s"), int | float):

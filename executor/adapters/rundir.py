@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
 import tomli_w
 
 from executor.errors import LogError
+
+LOCK = ".lock"
 
 
 def new_run_directory(wanted: Path | None) -> Path:
@@ -45,11 +50,41 @@ def keep_site(path: Path, site: Mapping[str, object], network: Path | None) -> N
         name = f"network{network.suffix}"
         shutil.copyfile(network, path / name)
         content["network"] = {**table, "file": name}
-    (path / "site.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
+    _write_whole(path / "site.toml", tomli_w.dumps(content))
 
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write a JSON file whole or not at all."""
+    _write_whole(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Write a file so that it is there whole or not at all, after a power loss too."""
     draft = path.with_name(path.name + ".part")
-    draft.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with draft.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
     draft.replace(path)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a run directory: of all processes on this computer one flies it.
+
+    The lock is the system's, and ends with the process however it dies; a copy of the directory is not locked.
+
+    Raises:
+        LogError: another process holds it.
+    """
+    with (path / LOCK).open("a+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            holder = file.read().strip()
+            raise LogError(f"{path}: another faultline flies this directory already (process {holder})") from error
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        yield

@@ -19,16 +19,20 @@ from executor.commands.options import (
     AutopilotName,
     FaultOption,
     JsonOption,
+    QuietOption,
     RunOption,
     SeedOption,
     SiteArgument,
 )
 from executor.commands.planned import first_plan
-from executor.config import check_site, read_site
+from executor.config import check_site, read_site, signing_key
 from executor.console import TerminalConsole
 from executor.core.commands import Level
+from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
+from executor.errors import PreflightFailed
 from executor.planning import Wanted
+from executor.report import checked
 from missions import read_plan
 from planner import Cost
 
@@ -85,7 +89,10 @@ def simulate(
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
-    run_simulation(ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe)
+    run_simulation(
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe,
+        key=signing_key(content, site.parent),
+    )  # fmt: skip
 
 
 def fly(
@@ -93,12 +100,13 @@ def fly(
     plan: Annotated[Path | None, typer.Option(metavar="PLAN", help="Fly this plan; otherwise one is made.")] = None,
     run: RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
+    quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost."""
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
-    console = TerminalConsole(quiet=as_json, yes=yes)
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     if content.mqtt is not None:
         console.say(Level.WARNING, f"{site}: [mqtt]: this version does not serve it; the flight goes on without")
     if plan is None:
@@ -110,6 +118,63 @@ def fly(
     flying.keep(order)
     flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
+
+
+def preflight(
+    site: SiteArgument,
+    plan: Annotated[Path | None, typer.Option(metavar="PLAN", help="Of the flight; otherwise one is made.")] = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Ask every vehicle and go through the checklist; nothing is put on board, nothing moves."""
+    from executor.examination import examine
+
+    content = read_site(site)
+    ground = build.ground_of(content, site.parent)
+    console = TerminalConsole(quiet=as_json or quiet, yes=True)
+    if plan is None:
+        routes = first_plan(ground, console, Wanted(Cost.MINMAX, 2.0, 1, all_vehicles=True))
+    else:
+        routes = read_plan(plan)
+        planning.fits(routes, ground, str(plan))
+    order = flying.Order(content, site.parent, ground, routes, Path(), lambda _: ())
+    found = asyncio.run(examine(order, console))
+    console.checks(found)
+    stops = [check for check in found if check.severity is Severity.STOP]
+    if as_json:
+        print(json.dumps({"ready": not stops, "checks": [checked(check) for check in found]}))
+    elif not quiet:
+        print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
+    if stops:
+        raise typer.Exit(1)
+
+
+def resume(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take up a flight whose ground station died, from its run directory; on another computer too."""
+    from executor import resume as resuming
+
+    left = resuming.read_left(directory)
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    if isinstance(left, resuming.Ready):
+        order = resuming.order_of(directory, left.ground, left.plan)
+        _finish_flight(order, asyncio.run(resuming.begin_again(directory, left, console)), as_json=as_json)
+        return
+    order = resuming.order_of(directory, left.begun.ground, left.begun.plan)
+    report = resuming.over(directory, left)
+    if report is not None:
+        console.say(Level.INFO, f"{directory}: this flight is over")
+        _finish_flight(order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
+        return
+    for line in resuming.words(left):
+        console.say(Level.INFO, line)
+    if not console.confirm("Take this flight up again?"):
+        raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+    _finish_flight(order, asyncio.run(resuming.take_up(directory, console)), as_json=as_json)
 
 
 def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -> None:

@@ -51,6 +51,7 @@ class AutopilotName(StrEnum):
 SiteArgument = Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML).")]
 PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, as `faultline plan -o` writes it.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Say only what comes of it, and what needs an answer.")]
 CostOption = Annotated[CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")]
 SecondsOption = Annotated[float, typer.Option(min=0.01, help="How long the solver may take.")]
 SeedOption = Annotated[int, typer.Option(min=0, help="Of all chance; the same seed gives the same result.")]

@@ -30,6 +30,8 @@ class VehicleSetup:
     """Silence until it is lost: at least the time in which its own failsafe acts."""
     pad_m: tuple[float, float]
     """Where it starts and lands, local east and north."""
+    failsafe_s: float | None = None
+    """Silence of ours after which it ends its mission by itself; None if it does not, or did not say so."""
     planned: bool = True
     """Whether its plan is known: without one neither where it lands nor how long it stays somewhere says anything."""
 

@@ -111,6 +111,16 @@ class Run:
     pace: _Pace
 
 
+def joined(track: Track, sample: Sample, speed_m_s: float) -> Run:
+    """Return the run of a vehicle that is found on a track, as if it had come from the first pylon at this speed.
+
+    Nobody saw that; who says so has other evidence for it.
+    """
+    along, _ = track.locate(sample.place_m)
+    pace = _Pace(sample.boot_s - max(0.0, along) / speed_m_s, 0.0).with_sample(sample, track.aside_m(sample.place_m))
+    return Run(along, ((sample.boot_s, along),), pace)
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """What one more position means for a visit."""

@@ -87,6 +87,51 @@ class ReturnAllOrdered:
 
 
 @dataclass(frozen=True, slots=True)
+class Reopened:
+    """The ground station runs again on a flight that it left in the midst."""
+
+    unix_s: float
+    """Seconds since 1970 by its clock, which is for people: that clock may have been set."""
+    away_s: float
+    """How long it was away by that clock, in the flight's time; 0 if the clock went back."""
+    notes: tuple[str, ...]
+    """What was wrong with the log, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """How much of a revision's mission was found on board."""
+
+    revision: int
+    alike: int
+    """Items that are the same, from the first on."""
+    whole: bool
+    """Whether all are, and there are no others."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a vehicle was found to carry after the ground station was away."""
+
+    vehicle: str
+    heard: bool
+    """Whether it was heard since."""
+    seq: int | None
+    """The item that it flies to, by its own word; None if it did not say."""
+    items: int | None
+    """How many are on board; None if they could not be read."""
+    matches: tuple[Match, ...]
+    """Against every mission that it may have been given."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """All vehicles that answer were asked; supervision goes on."""
+
+    found: tuple[Found, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class IntentReceived:
     """An operator asks for something, from wherever."""
 
@@ -123,6 +168,8 @@ Event = (
     | ReturnEnded
     | SolveEnded
     | ReturnAllOrdered
+    | Reopened
+    | Resumed
     | IntentReceived
     | OrderEnded
     | LossJudged

@@ -7,10 +7,11 @@ events fed to `step` again gives the same commands.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import degraded, faults, operator, replanning, silence
+from executor.core import degraded, faults, operator, replanning, resuming, silence
 from executor.core.commands import Command, Finish, LandNow, Level, Say, SendHome, Start
 from executor.core.context import Context
 from executor.core.declare import comes_home, declare, on_mission
@@ -22,6 +23,8 @@ from executor.core.events import (
     LaunchOrdered,
     LossJudged,
     OrderEnded,
+    Reopened,
+    Resumed,
     ReturnAllOrdered,
     ReturnEnded,
     SolveEnded,
@@ -32,6 +35,7 @@ from executor.core.events import (
 from executor.core.faults import View
 from executor.core.messages import Heartbeat, Position
 from executor.core.state import FleetState, Outlook, SaidLine, Separation
+from executor.core.strangers import stranger_words
 from executor.core.vehicle import FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -48,7 +52,7 @@ FRESH_S = 1.5
 """Two positions no older than this say how far two vehicles are apart."""
 
 
-def initial(boards: dict[str, OnBoard | None]) -> FleetState:
+def initial(boards: Mapping[str, OnBoard | None]) -> FleetState:
     """Return the state before the launch, with the missions that are on board."""
     return FleetState(MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()}))
 
@@ -60,7 +64,9 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
     return (state.telling(lines) if lines else state), commands
 
 
-def _step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+def _step(  # noqa: C901, PLR0911 - one return for each kind of event
+    context: Context, state: FleetState, event: Event, now_s: float
+) -> Stepped:
     match event:
         case Heard():
             return _heard(context, state, event, now_s)
@@ -78,6 +84,22 @@ def _step(context: Context, state: FleetState, event: Event, now_s: float) -> St
             return _judged(state, event, now_s), ()
         case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
             return operator.step(context, state, event, now_s)
+        case Reopened():
+            return resuming.reopened(state, event, now_s)
+        case Resumed():
+            return _resumed(context, state, event, now_s)
+
+
+def _resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Stepped:
+    taken = resuming.resumed(context, state, event, now_s)
+    state, commands = taken.state, list(taken.commands)
+    for ended in taken.ended:
+        state, more = _step(context, state, ended, now_s)
+        commands.extend(more)
+    for name, why in taken.strange:
+        state, more = declare(context, state, state.vehicles[name], FaultKind.INTERRUPTION, why, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
 
 
 def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
@@ -124,7 +146,10 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     before = state.vehicles[event.vehicle]
     folded = fold(context, before, event.message, now_s)
     state = state.put(folded.state)
-    commands: list[Command] = []
+    commands: list[Command] = [
+        Say(Level.WARNING, f"{event.vehicle}: {stranger_words(stranger)}")
+        for stranger in folded.state.strangers - before.strangers
+    ]
     if folded.text is not None and folded.text.severity <= WARNING_SEVERITY:
         heard = (folded.text.text, now_s)
         if heard[0] != before.last_text[0] or now_s - before.last_text[1] > TEXT_AGAIN_S:
@@ -224,7 +249,10 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
-    if raised:
+    if raised and raised[0][0].name == "mode" and silence.ended_its_mission(context, state, vehicle, now_s):
+        state, more = _missed_us(context, state, vehicle, now_s)
+        commands.extend(more)
+    elif raised:
         point, why = raised[0]
         state, more = _fault(context, state, vehicle, point.kind, why, now_s)
         commands.extend(more)
@@ -235,6 +263,18 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
         state, more = _order_again(context, state, vehicle, now_s)
         commands.extend(more)
     return state, tuple(commands)
+
+
+def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Let a vehicle come home whose own failsafe acted because we were not there: it is well, and may fly again.
+
+    Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
+    """
+    state = state.put(replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s, run=None))
+    trigger = f"{vehicle.name}: ended its mission while the ground station was away"
+    state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
+    said = Say(Level.WARNING, f"{trigger}; it comes home, and may fly again")
+    return state, (said,) if comes_home(context, vehicle) else (said, SendHome(vehicle.name))
 
 
 def _has_landed(vehicle: VehicleState) -> bool:

@@ -211,6 +211,14 @@ class StationHeard:
     component: int
 
 
+@dataclass(frozen=True, slots=True)
+class DoubleHeard:
+    """Frames of one system come from two addresses in turn: two vehicles have the same number."""
+
+    system: int
+    places: tuple[str, ...]
+
+
 FlightMessage = (
     Heartbeat
     | Position
@@ -224,12 +232,12 @@ FlightMessage = (
     | Traffic
     | Radio
     | OrderSeen
+    | StationHeard
+    | DoubleHeard
 )
 """What the core follows in flight; it is logged and replayed."""
 
-DialogueMessage = (
-    MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version | StationHeard
-)
+DialogueMessage = MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from executor.core.commands import Solve
@@ -46,6 +46,10 @@ class LinkCounts:
     """Frames that the sequence numbers say were sent and never came; None where they cannot be seen."""
     foreign: int = 0
     """Frames of systems on this connection that are nobody's vehicle."""
+    refused: dict[str, int] = field(default_factory=dict)
+    """Frames that were not believed, by the reason: unsigned, forged or replayed."""
+    strangers: dict[int, str] = field(default_factory=dict)
+    """Those systems, and where each was heard."""
 
 
 class OpenLink(Link, Protocol):
@@ -74,11 +78,25 @@ class LinkOrder:
     log: FrameLog | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Keyring:
+    """What frames are signed with."""
+
+    key: bytes = field(repr=False)
+    """32 bytes; nothing may show them."""
+    unix_s: Callable[[], float]
+    """Seconds since 1970 by a clock that does not go back."""
+
+
 class EventSink(Protocol):
     """Where events are written before they are applied."""
 
     def write(self, event: Event, now_s: float) -> None:
         """Append one event."""
+        ...
+
+    def sync(self) -> None:
+        """See that everything written outlives a power loss."""
         ...
 
 

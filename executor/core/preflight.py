@@ -10,7 +10,8 @@ from enum import Enum
 from executor.core import failsafes, firmware
 from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe, Parameters
-from executor.core.messages import GROUND_STATION, Heartbeat, Position, StationHeard, Version
+from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
+from executor.core.strangers import stranger_words
 from missions import Dialect, FlightPath, Pad, check_separation, estimate
 
 AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
@@ -49,6 +50,8 @@ class Facts:
     """Those of `failsafes.names` that were answered."""
     stations: tuple[StationHeard, ...] = ()
     """Other ground stations whose heartbeats came over its link."""
+    doubles: tuple[DoubleHeard, ...] = ()
+    """Other vehicles with its number."""
 
     @property
     def words(self) -> str:
@@ -76,6 +79,7 @@ def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> li
     if facts.heartbeat.autopilot != expected:
         text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({expected})"
         found.append(Check(Severity.STOP, facts.name, text))
+    found += [Check(Severity.STOP, facts.name, stranger_words(double)) for double in facts.doubles]
     if facts.heartbeat.armed:
         found.append(Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad"))
     away_m = math.hypot(*place_m)

@@ -117,7 +117,7 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     if not alone and not freed:
         return replace(state, ordered=False), ()
-    trigger = state.trigger if state.urgent or state.ordered else f"not proven to be inspected: {_listed(alone)}"
+    trigger = state.trigger if state.urgent or state.ordered else f"not proven to be inspected: {listed(alone)}"
     revision = state.revision + 1
     solve = Solve(revision, tuple(sorted((alone | freed) - set(state.inspected))), offers, trigger)
     begun_s = state.trigger_s if state.urgent or state.ordered else now_s
@@ -142,10 +142,13 @@ def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetStat
 
 
 def _nobody(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, tuple[Command, ...]]:
-    if state.on_mission() or not alone:
+    back = any(
+        one.stage is Stage.RETURNING and one.fault is None and not one.excluded for one in state.vehicles.values()
+    )
+    if state.on_mission() or back or not alone:
         return state, ()  # somebody is landing, or about to: it may fly again
     state = replace(state, given_up=state.given_up | alone, urgent=False)
-    return state, (Say(Level.WARNING, f"nobody is left to inspect {_listed(alone)}"),)
+    return state, (Say(Level.WARNING, f"nobody is left to inspect {listed(alone)}"),)
 
 
 def solved(
@@ -156,11 +159,11 @@ def solved(
     if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
         return state, ()  # made stale by a newer fault
     if event.routes is None:
-        state = replace(_wanted_again(state, plan), wait_until_s=now_s + RETRY_S)
+        state = replace(wanted_again(state, plan), wait_until_s=now_s + RETRY_S)
         return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
-    late = [offer.vehicle for offer in plan.solve.survivors if not _still_fits(state.vehicles[offer.vehicle], offer)]
+    late = [offer.vehicle for offer in plan.solve.survivors if not still_fits(state.vehicles[offer.vehicle], offer)]
     if late:
-        state = _wanted_again(state, plan)
+        state = wanted_again(state, plan)
         return state, (Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning anew"),)
     routes = {route.vehicle: route.visits for route in event.routes}
     commands: list[Command] = []
@@ -178,7 +181,7 @@ def solved(
     text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
     if event.uncovered:
-        what = f"the budgets that are left do not cover {_listed(event.uncovered)}"
+        what = f"the budgets that are left do not cover {listed(event.uncovered)}"
         lines.append(Say(Level.WARNING, what))
     plan = replace(
         plan,
@@ -194,13 +197,14 @@ def solved(
     return state, (*lines, *commands, *ended)
 
 
-def _wanted_again(state: FleetState, plan: Replan) -> FleetState:
+def wanted_again(state: FleetState, plan: Replan) -> FleetState:
     """Give a re-plan up; the next one has the same reason and is as old."""
     wanted = replace(state, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
     return replace(wanted, ordered=plan.ordered)
 
 
-def _still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
+def still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
+    """Return whether a vehicle has not flown past what it offered."""
     if vehicle.fault is not None or vehicle.excluded or vehicle.held_s is not None:
         return False
     if not offer.airborne:
@@ -243,6 +247,7 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
     return state, (Say(Level.INFO, text),)
 
 
-def _listed(segments: frozenset[int] | tuple[int, ...]) -> str:
+def listed(segments: frozenset[int] | tuple[int, ...]) -> str:
+    """Return segments in words."""
     names = ", ".join(str(segment) for segment in sorted(segments))
     return f"segment{'s' if len(segments) != 1 else ''} {names}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Scene
-from executor.core.state import FleetState
+from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Stage, VehicleState
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -16,6 +16,10 @@ ALL = 2
 """Of fewer vehicles nobody can tell the silence of all from the silence of one."""
 SWITCHED_OFF_S = 30.0
 """A vehicle on the ground that has been silent for longer is switched off."""
+BEAT_S = 1.0
+"""Our last heartbeat was sent up to a second before we stopped."""
+REACTS_S = 30.0
+"""PX4 holds before it returns, and reports the change of mode a second later."""
 NOTED_SLEEP_S = 5.0
 """A pause this long is worth a line."""
 
@@ -29,7 +33,18 @@ def own_sleep(state: FleetState, now_s: float) -> Stepped:
     state = _excused(state, slept_s, now_s)
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
+    state = changed(state, absences=(*state.absences, Absence(now_s, slept_s, restarted=False)))
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
+
+
+def ended_its_mission(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that is not on its mission any more has its failsafe act because we were not there."""
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s
+    if failsafe_s is None or not state.absences:
+        return False
+    away = state.absences[-1]
+    began_s = away.until_s - away.pause_s
+    return away.pause_s >= failsafe_s - BEAT_S and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:

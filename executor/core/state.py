@@ -81,6 +81,16 @@ class Separation:
 
 
 @dataclass(frozen=True, slots=True)
+class Absence:
+    """A time in which the ground station was not there: stopped, or started anew."""
+
+    until_s: float
+    pause_s: float
+    """By its own clock, or by those of the vehicles where they say more."""
+    restarted: bool
+
+
+@dataclass(frozen=True, slots=True)
 class SaidLine:
     """A line for the operator, kept for who looks later."""
 
@@ -127,6 +137,10 @@ class FleetState:
     separation: Separation | None = None
     told: Mapping[str, Told] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that was not well: what the operator was told."""
+    absences: tuple[Absence, ...] = ()
+    """When the ground station was not there for long enough to be worth a word, the last one last."""
+    inferred: frozenset[int] = frozenset()
+    """Segments of which the whole or a part was flown in such a time: nobody saw it, everything fits."""
     finished: bool = False
     said: tuple[SaidLine, ...] = ()
     """The last lines for the operator, the oldest first."""

@@ -15,6 +15,7 @@ from executor.core.coverage import Flown, Run, Sample, Track, follow
 from executor.core.linkquality import LinkQuality
 from executor.core.messages import (
     Battery,
+    DoubleHeard,
     FlightMessage,
     Heartbeat,
     LandedState,
@@ -22,6 +23,7 @@ from executor.core.messages import (
     OrderSeen,
     Position,
     Radio,
+    StationHeard,
     StatusText,
     SystemStatus,
     Traffic,
@@ -130,6 +132,17 @@ class OnBoard:
     """What each leg of the path should take."""
 
 
+@dataclass(frozen=True, slots=True)
+class Before:
+    """Where a vehicle on its mission was when it was last heard, before the ground station was away."""
+
+    fix: Fix
+    waypoint: int
+    run: Run | None
+    run_visit: int | None
+    remaining_pct: float | None
+
+
 @dataclass(frozen=True)  # without slots: `changed` copies it
 class VehicleState:
     """Everything known of one vehicle."""
@@ -188,6 +201,10 @@ class VehicleState:
     """Whether it was in mission mode in the air since its last start."""
     jump: tuple[float, float] = (0.0, float("-inf"))
     """How far its position lay from where its velocity leads, and when."""
+    strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
+    """Other ground stations on its link, and other vehicles with its number."""
+    before: Before | None = None
+    """Until it is known what it did while the ground station was away."""
     held_s: float | None = None
     """Since when it holds by the operator's order; None if it does not."""
     excluded: bool = False
@@ -293,15 +310,22 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
         case StatusText(_, said):
             alarm = (said, now_s) if _ALARM.search(said) else state.alarm
             return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
-        case Traffic() | Radio() | OrderSeen():
+        case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
             return Folded(_about(context, state, message, now_s))
         case _:
             return Folded(changed(state, heard_s=now_s))
 
 
-def _about(context: Scene, state: VehicleState, message: Traffic | Radio | OrderSeen, now_s: float) -> VehicleState:
+def _about(
+    context: Scene,
+    state: VehicleState,
+    message: Traffic | Radio | OrderSeen | StationHeard | DoubleHeard,
+    now_s: float,
+) -> VehicleState:
     """Take what others say about a vehicle, which does not mean that it was heard."""
     match message:
+        case StationHeard() | DoubleHeard():
+            return changed(state, strangers=state.strangers | {message})
         case Traffic():
             window_s = context.limits.loss_window_s
             return changed(state, quality=linkquality.counted(state.quality, message, now_s, window_s))

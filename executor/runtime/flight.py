@@ -14,7 +14,7 @@ from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.state import FleetState
-from executor.runtime import procedures
+from executor.runtime import procedures, reunion
 from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
@@ -95,18 +95,32 @@ class Flight:
         self._sink.write(event, now_s)
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
         self._observer.applied(event, self.state, now_s)
+        if any(isinstance(command, commands.ORDERS) for command in decided):
+            self._sink.sync()
         for command in decided:
             self._observer.decided(command, now_s)
             self._carry_out(command, now_s)
 
-    async def run(self) -> None:
-        """Fly until nothing is left to supervise; the missions are on board already."""
+    async def run(self, reopened: events.Reopened | None = None, patience_real_s: float = 0.0) -> None:
+        """Fly until nothing is left to supervise; the missions are on board already.
+
+        Args:
+            reopened: For a flight that is taken up again; without it, it is launched.
+            patience_real_s: How long to wait for the first answer then.
+
+        Raises:
+            ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+        """
         stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
         try:
             async with asyncio.TaskGroup() as tasks:
                 self._tasks = tasks
+                if reopened is not None:
+                    self.apply(reopened)
+                    self.apply(await self._reunion(patience_real_s))
                 tick = tasks.create_task(self._tick(), name="tick")
-                self.apply(events.LaunchOrdered())
+                if reopened is None:
+                    self.apply(events.LaunchOrdered())
                 await self._over.wait()
                 tick.cancel()
                 for job in self._jobs.values():
@@ -115,6 +129,9 @@ class Flight:
             self._tasks = None
             for stop in stops:
                 stop()
+
+    async def _reunion(self, patience_real_s: float) -> events.Resumed:
+        return await reunion.asked(self.context, lambda: self.state, self._links, self._clock, patience_real_s)
 
     def leave(self) -> None:
         """Stop supervising; the vehicles keep their missions."""

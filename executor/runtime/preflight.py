@@ -11,6 +11,7 @@ from executor.core import failsafes, prearm
 from executor.core.firmware import banner_version
 from executor.core.messages import (
     Battery,
+    DoubleHeard,
     Heartbeat,
     Message,
     Position,
@@ -19,7 +20,7 @@ from executor.core.messages import (
     SystemStatus,
     Version,
 )
-from executor.core.ports import Clock, Link
+from executor.core.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import Facts, ReturnHeight
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
@@ -55,6 +56,7 @@ class _Heard:
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own words, and when it said so last."""
     stations: set[StationHeard] = field(default_factory=set)
+    doubles: set[DoubleHeard] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def take(self, message: Message) -> None:
@@ -71,6 +73,8 @@ class _Heard:
                 self.version = message
             case StationHeard():
                 self.stations.add(message)
+            case DoubleHeard():
+                self.doubles.add(message)
             case StatusText(_, text):
                 self._read(text)
         self.changed.set()
@@ -105,7 +109,7 @@ class _Heard:
         return ""
 
 
-async def answer(name: str, connection: str, sysid: int, link: Link, timeout_real_s: float, clock: Clock) -> None:
+async def answer(name: str, connection: str, sysid: int, link: OpenLink, timeout_real_s: float, clock: Clock) -> None:
     """Wait for the first heartbeat.
 
     Raises:
@@ -116,9 +120,19 @@ async def answer(name: str, connection: str, sysid: int, link: Link, timeout_rea
     )
     if not seen:
         raise ConnectionFailed(
-            f"{name}: no heartbeat of system {sysid} on {connection} within {timeout_real_s:g} s; is it running, and "
-            "does it send there?"
+            f"{name}: no heartbeat of system {sysid} on {connection} within {timeout_real_s:g} s; "
+            f"{_who_else(link.counts) or 'is it running, and does it send there?'}"
         )
+
+
+def _who_else(counts: LinkCounts) -> str:
+    """Return what came instead of the one that was waited for; empty if nothing did."""
+    if counts.refused:
+        refused = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.refused.items()))
+        return f"frames came that were refused: {refused}; does it hold the same signing key?"
+    others = [f"system {system}" + (f" speaks from {place}" if place else " speaks") for system, place in sorted(
+        counts.strangers.items())]  # fmt: skip
+    return f"there {', '.join(others)}" if others else ""
 
 
 async def interview(
@@ -160,7 +174,16 @@ async def interview(
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
         raise PreflightFailed(f"{name}: fell silent while it was asked")
     stations = tuple(sorted(heard.stations, key=lambda station: (station.system, station.component)))
-    return Facts(name, heard.heartbeat, heard.position, heard.remaining, heard.version, parameters, stations)
+    return Facts(
+        name,
+        heard.heartbeat,
+        heard.position,
+        heard.remaining,
+        heard.version,
+        parameters,
+        stations,
+        tuple(heard.doubles),
+    )
 
 
 async def _steadily_ready(heard: _Heard, link: Link, clock: Clock, waits: Callable[[str], None]) -> None:

@@ -57,6 +57,16 @@ def vehicle_endpoint(connection: str) -> Endpoint:
 
 
 @dataclass(frozen=True, slots=True)
+class Signing:
+    """MAVLink 2 message signing as a vehicle was set up for it."""
+
+    key: bytes = field(repr=False)
+    """32 bytes."""
+    began_ticks: int
+    """Steps of 10 us since 2015 at the beginning of the simulation."""
+
+
+@dataclass(frozen=True, slots=True)
 class SimVehicle:
     """One simulated vehicle, standing on its pad with its autopilot just switched on."""
 
@@ -85,6 +95,8 @@ class SimVehicle:
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Autopilot parameters that differ from the defaults."""
     seed: int = 0
+    signing: Signing | None = None
+    """None: it neither signs nor asks others to."""
 
     def __post_init__(self) -> None:
         """Check the figures.

@@ -35,7 +35,9 @@ class SimulatedVehicle:
     def __init__(self, vehicle: SimVehicle, faults: Iterable[Fault] = ()) -> None:
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
-        self._codec = Codec(vehicle.sysid, every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT)
+        self._codec = Codec(
+            vehicle.sysid, every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT, signing=vehicle.signing
+        )
         self._pending = list(faults_of(faults, vehicle.name))
         self._condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}")
@@ -81,7 +83,7 @@ class SimulatedVehicle:
         messages = self.autopilot.voice.drain()
         if not self.autopilot.mute:
             for message in messages:
-                self._down.offer(self._codec.encode(message), self._now_s)
+                self._down.offer(self._codec.encode(message, self._now_s), self._now_s)
 
     def _inject(self) -> None:
         if not self._pending:

@@ -6,12 +6,14 @@ gained since (MISSION_CURRENT.mission_id, MISSION_ACK.opaque_id, MISSION_COUNT.o
 
 from __future__ import annotations
 
+import hashlib
 import math
 import struct
 from collections.abc import Callable, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from executor.simulator.config import Signing
 from executor.simulator.messages import (
     Body,
     Command,
@@ -50,6 +52,8 @@ EXTENSIONS: Mapping[str, tuple[str, ...]] = {
 """uint32 fields behind those that pymavlink knows."""
 HEADER = struct.Struct("<BBBBBBBHB")
 MAGIC = 0xFD
+TICKS_PER_S = 100_000
+"""Of a signature's time."""
 
 
 class _Fields:
@@ -137,18 +141,25 @@ READERS: Mapping[str, Callable[[_Fields], Body]] = {
 class Codec:
     """Packs and unpacks for one vehicle."""
 
-    def __init__(self, sysid: int, *, every_component: bool = False) -> None:
+    def __init__(self, sysid: int, *, every_component: bool = False, signing: Signing | None = None) -> None:
         self._sysid = sysid
         self._every_component = every_component
         """Whether it obeys what is for another component: ArduPilot does where it knows of none with that id."""
         self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=AUTOPILOT_COMPONENT)
+        self._began_ticks = 0
+        if signing is not None:
+            self._began_ticks = self._packer.signing.timestamp = signing.began_ticks
+            self._packer.signing.secret_key = signing.key
+            self._packer.signing.sign_outgoing = True
 
-    def encode(self, message: Outbound) -> bytes:
-        """Return a MAVLink 2 frame.
+    def encode(self, message: Outbound, now_s: float = 0.0) -> bytes:
+        """Return a MAVLink 2 frame; `now_s` since the beginning of the simulation dates its signature.
 
         Raises:
             AttributeError, TypeError, struct.error: MAVLink has no such message, field or value.
         """
+        signing = self._packer.signing
+        signing.timestamp = max(signing.timestamp, self._began_ticks + round(now_s * TICKS_PER_S))
         fields = dict(message.fields)
         tail = b"".join(struct.pack("<I", fields.pop(name, 0)) for name in EXTENSIONS.get(message.name, ()))
         packed = getattr(dialect, f"MAVLink_{message.name.lower()}_message")(**fields)
@@ -163,6 +174,7 @@ class Codec:
         # A parser for each datagram: a cut-off frame must not swallow the beginning of the next one.
         parser = dialect.MAVLink(None)
         parser.robust_parsing = True
+        parser.signing = self._packer.signing  # which streams were heard, and when
         received = []
         for message in parser.parse_buffer(datagram) or []:
             reader = READERS.get(message.get_type())
@@ -182,9 +194,22 @@ class Codec:
         """Return the frame with fields behind those that pymavlink knows."""
         payload = bytes(packed.get_payload()).ljust(struct.calcsize(packed.unpacker.format), b"\0") + tail
         payload = payload.rstrip(b"\0")
-        number = packed.get_msgId()
+        number, signing = packed.get_msgId(), self._packer.signing
         head = HEADER.pack(
-            MAGIC, len(payload), 0, 0, self._packer.seq, self._sysid, AUTOPILOT_COMPONENT, number & 0xFFFF, number >> 16
+            MAGIC,
+            len(payload),
+            int(signing.sign_outgoing),
+            0,
+            self._packer.seq,
+            self._sysid,
+            AUTOPILOT_COMPONENT,
+            number & 0xFFFF,
+            number >> 16,
         )
         checksum = dialect.x25crc(head[1:] + payload + bytes([packed.crc_extra])).crc
-        return head + payload + struct.pack("<H", checksum)
+        frame = head + payload + struct.pack("<H", checksum)
+        if not signing.sign_outgoing:
+            return frame
+        frame += struct.pack("<BQ", signing.link_id, signing.timestamp)[:7]
+        signing.timestamp += 1
+        return frame + hashlib.sha256(signing.secret_key + frame).digest()[:6]

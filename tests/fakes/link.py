@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from executor.core.messages import Message, Outgoing
-from executor.core.ports import Clock
+from executor.core.ports import Clock, LinkCounts
 
 
 class Responder(Protocol):
@@ -55,6 +55,7 @@ class FakeLink:
         """What was handed to the link, lost or not."""
         self.spoken_to = asyncio.Event()
         """Something was handed to the link."""
+        self.counts = LinkCounts()
         self.cut = False
         """Nothing passes any more."""
         self._clock = clock

@@ -14,6 +14,7 @@ from typing import Any
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.cutter import Cutter
+from executor.adapters.mavlink.signing import Refusal, Signing
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
     GROUND_STATION,
@@ -70,13 +71,16 @@ class Received:
     """None for a message that nobody here follows."""
     more: tuple[Message, ...] = ()
     """What else this frame brings to an end: a text whose last part never came."""
+    refused: Refusal | None = None
+    """Why it is not believed, where frames must be signed."""
 
 
 class Codec:
     """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
-    def __init__(self) -> None:
-        """Begin knowing nobody."""
+    def __init__(self, signing: Signing | None = None) -> None:
+        """Begin knowing nobody; with `signing`, frames are signed both ways."""
+        self._signing = signing
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         self._datagrams = Cutter(in_datagrams=True)
@@ -98,6 +102,12 @@ class Codec:
         """Yield what a `Cutter`'s frames say."""
         for frame in frames:
             source = (frame.get_srcSystem(), frame.get_srcComponent())
+            if self._signing is not None:
+                raw = bytes(frame.get_msgbuf())
+                refusal = self._signing.refused(raw, *source)
+                if refusal is not None:
+                    yield Received(*source, frame.get_seq(), raw, None, refused=refusal)
+                    continue
             more = self._texts.passed(source)
             message = self._message(frame)
             if isinstance(message, Heartbeat):
@@ -114,6 +124,8 @@ class Codec:
         """Return the frame of a message to one vehicle."""
         self._mav.seq = self._sent.get(sysid, 0)
         self._sent[sysid] = (self._mav.seq + 1) % 256
+        if self._signing is not None:
+            self._signing.prepare(self._mav)
         return bytes(_to_mavlink(message, sysid, compid, self.autopilots.get(sysid)).pack(self._mav))
 
     def read_fields(

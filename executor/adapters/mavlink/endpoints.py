@@ -17,8 +17,9 @@ from typing import cast
 from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.link import VehicleLink, Write, nowhere
+from executor.adapters.mavlink.signing import Signing
 from executor.core.connection import Connection, Scheme
-from executor.core.ports import LinkOrder
+from executor.core.ports import Keyring, LinkOrder
 from executor.errors import ConnectionFailed
 
 AGAIN_S = 0.5
@@ -41,16 +42,20 @@ class Router:
         self.codec = codec
         self._links = {link.sysid: link for link in links}
 
-    def take(self, frames: Iterable[Received], write: Write) -> None:
-        """Hand frames on; who sent them is answered with `write`."""
+    def take(self, frames: Iterable[Received], write: Write, source: str = "") -> None:
+        """Hand frames on; who sent them, from the address `source`, is answered with `write`."""
         for received in frames:
             link = self._links.get(received.sysid)
+            if received.refused is not None:
+                for one in self._links.values() if link is None else (link,):
+                    one.refuse(received.refused)
+                continue
             if link is None:
                 for other in self._links.values():
-                    other.take_foreign(received)
+                    other.take_foreign(received, source)
                 continue
             link.write = write
-            link.take(received)
+            link.take(received, source)
 
     def opened(self, write: Write) -> None:
         """Note that all vehicles are at the other end, before they have said anything."""
@@ -81,7 +86,8 @@ class _Datagrams(asyncio.DatagramProtocol):
             self._router.opened(partial(self._write, None))
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._router.take(self._router.codec.decode(data), self._peers.setdefault(addr, partial(self._write, addr)))
+        write = self._peers.setdefault(addr, partial(self._write, addr))
+        self._router.take(self._router.codec.decode(data), write, f"{addr[0]}:{addr[1]}")
 
     def error_received(self, exc: Exception) -> None:
         """A port where nobody listens yet answers with an error; the link-loss watchpoint covers it."""
@@ -187,16 +193,20 @@ class _SerialPort:
 
 
 @asynccontextmanager
-async def open_links(orders: Mapping[str, LinkOrder]) -> AsyncIterator[Mapping[str, VehicleLink]]:
+async def open_links(
+    orders: Mapping[str, LinkOrder], keyring: Keyring | None = None
+) -> AsyncIterator[Mapping[str, VehicleLink]]:
     """Open the links to vehicles by name; those with the same connection share one endpoint.
+
+    With a keyring, frames are signed, and those of others that are not are refused.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
     """
     links: dict[str, VehicleLink] = {}
     async with AsyncExitStack() as stack:
-        for connection in dict.fromkeys(order.connection for order in orders.values()):
-            codec = Codec()
+        for number, connection in enumerate(dict.fromkeys(order.connection for order in orders.values())):
+            codec = Codec(None if keyring is None else Signing(keyring.key, number, keyring.unix_s))
             behind = {
                 name: VehicleLink(order.sysid, codec, order.log)
                 for name, order in orders.items()

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import Codec, Received
-from executor.core.messages import Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
+from executor.adapters.mavlink.signing import Refusal
+from executor.core.messages import DoubleHeard, Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
 
 AUTOPILOT_COMPONENT = 1
+MOST_SOURCES = 8
+"""Addresses, or strange systems, that are remembered."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log."""
 
@@ -37,6 +40,10 @@ class VehicleLink:
         self._missing = 0
         self._told = (0, 0)
         """Received and missing frames when they were handed on last."""
+        self._source = ""
+        self._sources: set[str] = set()
+        """Every address that its frames came from."""
+        self._told_places: tuple[str, ...] = ()
         self._last_seq: int | None = None
         self._absent: set[int] = set()
         """Sequence numbers that were passed over, as long as they may still come."""
@@ -54,8 +61,10 @@ class VehicleLink:
         if self.write(frame) and self._log is not None:
             self._log.write(frame)
 
-    def take(self, received: Received) -> None:
-        """Take a frame of this vehicle."""
+    def take(self, received: Received, source: str = "") -> None:
+        """Take a frame of this vehicle; `source` is the address that it came from, where there is one."""
+        if source and source != self._source:
+            self._moved(source)
         if self._log is not None:
             self._log.write(received.frame)
         self._count(received)
@@ -72,9 +81,26 @@ class VehicleLink:
             self._told = (self.counts.received, self._missing)
             self._hand_on(Traffic(received, max(0, missing)), component)
 
-    def take_foreign(self, received: Received) -> None:
+    def refuse(self, refusal: Refusal) -> None:
+        """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
+        self.counts.refused[refusal.value] = self.counts.refused.get(refusal.value, 0) + 1
+
+    def _moved(self, source: str) -> None:
+        """Note another address; one that comes back to an earlier one is two vehicles, not one that moved."""
+        if source in self._sources:
+            places = tuple(sorted(self._sources))
+            if places != self._told_places:
+                self._told_places = places
+                self._hand_on(DoubleHeard(self.sysid, places), self.component)
+        elif len(self._sources) < MOST_SOURCES:
+            self._sources.add(source)
+        self._source = source
+
+    def take_foreign(self, received: Received, source: str = "") -> None:
         """Take a frame that came over this vehicle's connection, of a system that is nobody's vehicle."""
         self.counts.foreign += 1
+        if len(self.counts.strangers) < MOST_SOURCES:
+            self.counts.strangers.setdefault(received.sysid, source)
         # A SiK radio speaks as a system of its own (51), over the connection of the vehicle behind it.
         if isinstance(received.message, StationHeard | Radio):
             self._hand_on(received.message, received.compid)

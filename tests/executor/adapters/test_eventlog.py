@@ -19,6 +19,7 @@ from executor.core.messages import FlightMessage, Heartbeat
 from executor.errors import LogError
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import under_way
+from tests.fakes.disk import room_for
 from tests.fakes.flight import Story
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -195,3 +196,75 @@ def test_a_flight_resumed_from_its_log_decides_the_same(tmp_path: Path) -> None:
         state, _ = fleet.step(flight.context, state, event, now_s)
     log.close()
     assert state == flight.state
+
+
+def test_a_full_disk_is_said_once_and_what_happened_is_written_when_there_is_room(tmp_path: Path) -> None:
+    path, told = tmp_path / "events.jsonl", list[str]()
+    log = EventLog(path, began_unix_s=0.0, speedup=1.0, told=told.append)
+    events: list[tuple[float, Event]] = [
+        (float(second), Heard("uav1", Heartbeat(3, 3, True, 4))) for second in range(90)
+    ]
+    with room_for(2000):
+        for now_s, event in events[:60]:
+            log.write(event, now_s)
+        assert path.stat().st_size == 2000
+        assert len(told) == 1
+        assert "is the disk full" in told[0]
+    for now_s, event in events[60:]:
+        log.write(event, now_s)
+    log.close()
+    assert told[1:] == ["the event log is written again"]
+    assert log.lost == 0
+    assert list(read_events(path)) == events
+
+
+def test_on_a_disk_that_stays_full_what_was_decided_is_kept_and_the_gap_is_noted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executor.adapters.eventlog.MOST_WAITING", 5)
+    path, told = tmp_path / "events.jsonl", list[str]()
+    log = EventLog(path, began_unix_s=0.0, speedup=1.0, told=told.append)
+    ended = UploadEnded("uav1", 1, True, False, "")
+    with room_for(path.stat().st_size):
+        for second in range(20):
+            log.write(Tick(), float(second))
+        log.write(ended, 20.0)
+    log.write(Tick(), 21.0)
+    log.close()
+    damage: list[str] = []
+    back = list(read_events(path, damage.append))
+    assert back == [*((float(second), Tick()) for second in range(5)), (20.0, ended), (21.0, Tick())]
+    assert damage == ["line 7: 15 lines could not be written here"]
+    assert told[1] == "the event log is written again; 15 lines are lost"
+
+
+def test_a_log_goes_on_behind_its_last_whole_line(tmp_path: Path) -> None:
+    path = written(tmp_path / "events.jsonl", [(1.0, Tick()), (2.0, Tick())])
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"t_s":3.0,"event":{"ki')
+    damage: list[str] = []
+    assert list(read_events(path, damage.append)) == [(1.0, Tick()), (2.0, Tick())]
+    assert damage == ["line 4, the last one, is torn and was dropped"]
+    log = EventLog(path)
+    log.write(Tick(), 4.0)
+    log.close()
+    assert list(read_events(path)) == [(1.0, Tick()), (2.0, Tick()), (4.0, Tick())]
+
+
+def test_what_is_damaged_or_missing_in_the_midst_is_said(tmp_path: Path) -> None:
+    path = written(tmp_path / "events.jsonl", [(float(second), Tick()) for second in (1, 2, 3, 80)])
+    lines = path.read_bytes().splitlines(keepends=True)
+    lines[2] = b"\xff\x00 garbage\n"
+    path.write_bytes(b"".join(lines))
+    damage: list[str] = []
+    assert [now_s for now_s, _ in read_events(path, damage.append)] == [1.0, 3.0, 80.0]
+    assert damage == ["line 3 cannot be read and was passed over", "line 5: nothing is on record from 3 to 80 s"]
+
+
+def test_a_log_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    path.write_text('{"format":"faultline-events/2","began_unix_s":0,"speedup":1}\n')
+    with pytest.raises(
+        LogError, match="expected a log of format faultline-events/1, got faultline-events/2, written by"
+    ):
+        list(read_events(path, lambda _: None))

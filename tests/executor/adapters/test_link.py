@@ -13,6 +13,7 @@ from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core.messages import (
+    DoubleHeard,
     Heartbeat,
     Message,
     MissionCurrent,
@@ -216,3 +217,27 @@ def test_what_was_not_sent_is_not_logged() -> None:
     behind.feed(frame)
     link.send(SendHeartbeat())
     assert log.frames == [frame]
+
+
+def test_two_vehicles_with_one_number_are_named_with_both_addresses() -> None:
+    behind, link, heard = link_of()
+    first, second = frames([0, 1, 2]), frames([100, 101])
+    for frame, place in zip(
+        (first[0], second[0], first[1], second[1], first[2]), ("A", "B", "A", "B", "A"), strict=True
+    ):
+        behind.router.take(behind.codec.decode(frame), lambda _: True, place)
+    assert [one for one in heard if isinstance(one, DoubleHeard)] == [DoubleHeard(7, ("A", "B"))]
+    assert link.counts.received == 5
+
+
+def test_a_vehicle_that_moved_to_another_address_is_one_vehicle() -> None:
+    behind, _, heard = link_of()
+    for frame, place in zip(frames([0, 1, 2, 3]), ("A", "A", "B", "B"), strict=True):
+        behind.router.take(behind.codec.decode(frame), lambda _: True, place)
+    assert not any(isinstance(one, DoubleHeard) for one in heard)
+
+
+def test_strange_systems_are_remembered_with_where_they_are() -> None:
+    behind = Behind(9)
+    behind.router.take(behind.codec.decode(frames([0])[0]), lambda _: True, "10.0.0.7:14550")
+    assert behind.links[0].counts.strangers == {7: "10.0.0.7:14550"}

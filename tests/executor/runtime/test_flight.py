@@ -46,7 +46,7 @@ class Sky:
         }
         self.said: list[Say] = []
         self.written: list[Event] = []
-        self.applied = 0
+        self.applied = self.synced = 0
         self._news = asyncio.Event()
         self.flight = Flight(
             context, fleet.initial(dict(ready.boards)), self.links, self.clock, self, self.solver,
@@ -57,6 +57,10 @@ class Sky:
         """Note that an event is written before it is applied."""
         assert len(self.written) == self.applied, "an event is written when the one before it has been applied"
         self.written.append(event)
+
+    def sync(self) -> None:
+        """Note that what is written is kept before a vehicle is told anything."""
+        self.synced = len(self.written)
 
     def _applied(self, event: Event, state: FleetState, now_s: float) -> None:
         assert self.written[-1] is event

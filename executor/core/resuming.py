@@ -1,0 +1,239 @@
+"""A flight taken up again: what became of everything that was under way when the ground station went away.
+
+The log says what was decided; the vehicles say what they carry and where they are. Where the two do not agree, what is
+on board holds, as long as it is one of the missions that were decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from executor.core import replanning
+from executor.core.changed import changed
+from executor.core.commands import Command, Level, Say, Start, Upload
+from executor.core.context import Context
+from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
+from executor.core.linkquality import LinkQuality
+from executor.core.meanwhile import NOTHING, flown_meanwhile
+from executor.core.modes import is_mission_mode
+from executor.core.state import Absence, FleetState, Replan
+from executor.core.vehicle import Before, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.voltage import VoltageState
+from missions import MissionItem, alike, encode
+
+FLOWN_PCT = 3.0
+"""A vehicle on the ground that has used more than this since it was told to start has flown."""
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Resumption:
+    """What is to be done once everybody was asked."""
+
+    state: FleetState
+    commands: tuple[Command, ...]
+    ended: tuple[Event, ...]
+    """What came to its end while nobody listened, as if it were heard now."""
+    strange: tuple[tuple[str, str], ...]
+    """(vehicle, why) of those that cannot be left on what they carry."""
+
+
+def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
+    """Begin to listen again: nothing of the time in between is held against anybody."""
+    for vehicle in state.vehicles.values():
+        state = state.put(
+            changed(
+                vehicle,
+                before=vehicle.before or _before(vehicle),
+                heard_s=None if vehicle.heard_s is None else now_s,
+                heartbeat_s=None,
+                excused_s=now_s,
+                run=None,
+                anchor=None,
+                watches=(),
+                stale=False,
+                volts=VoltageState(highest_v=vehicle.volts.highest_v),
+                quality=LinkQuality(),
+            )
+        )
+    absences = (*state.absences, Absence(now_s, event.away_s, restarted=True))
+    state = changed(state, tick_s=None, silent_since_s=None, absences=absences)
+    said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
+    return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
+
+
+def _before(vehicle: VehicleState) -> Before | None:
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.fix is None or vehicle.board is None:
+        return None
+    return Before(vehicle.fix, vehicle.waypoint, vehicle.run, vehicle.run_visit, vehicle.battery.remaining_pct)
+
+
+def found_on(
+    context: Context, state: FleetState, name: str, items: Sequence[MissionItem] | None, seq: int | None
+) -> Found:
+    """Compare what was read from a vehicle that answers with every mission that it may have been given.
+
+    Args:
+        context: Of the flight.
+        state: By the log.
+        name: Of the vehicle.
+        items: What is on board; None if it could not be read.
+        seq: The item that it flies to.
+    """
+    vehicle, plan, dialect = state.vehicles[name], state.replan, context.vehicles[name].dialect
+    paths = {} if vehicle.board is None else {vehicle.board.revision: vehicle.board.path}
+    if plan is not None and name in plan.missions:
+        paths[plan.solve.revision] = plan.missions[name].path
+    matches = []
+    for revision, path in paths.items() if items is not None else ():
+        ours = encode(path, dialect).items
+        same = alike(ours, items or (), dialect)
+        matches.append(Match(revision, same, whole=same == len(ours) == len(items or ())))
+    return Found(name, True, seq, None if items is None else len(items), tuple(matches))
+
+
+def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
+    """Take up every vehicle where it is."""
+    state = _really_away(state, event)
+    plan = state.replan
+    if plan is not None and plan.solve_s is None:
+        state = replanning.wanted_again(state, plan)  # the solver died with the ground station
+    commands: list[Command] = []
+    ended: list[Event] = []
+    strange: list[tuple[str, str]] = []
+    for found in event.found:
+        if not found.heard:
+            commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
+            state = state.put(changed(state.vehicles[found.vehicle], before=None))
+            continue
+        state, one = _taken_up(context, state, found, now_s)
+        commands += one.commands
+        ended += one.ended
+        strange += one.strange
+    return Resumption(state, tuple(commands), tuple(ended), tuple(strange))
+
+
+def _really_away(state: FleetState, event: Resumed) -> FleetState:
+    """Take the vehicles' word for how long it was: their clocks ran on, ours may have been set."""
+    heard = {found.vehicle for found in event.found if found.heard}
+    gaps = [
+        vehicle.fix.boot_s - vehicle.before.fix.boot_s
+        for vehicle in state.vehicles.values()
+        if vehicle.name in heard and vehicle.fix is not None and vehicle.before is not None
+    ]
+    if not state.absences or not gaps:
+        return state
+    last = state.absences[-1]
+    return changed(state, absences=(*state.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps))))
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    commands: tuple[Command, ...] = ()
+    ended: tuple[Event, ...] = ()
+    strange: tuple[tuple[str, str], ...] = ()
+
+
+def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -> tuple[FleetState, _Taken]:
+    vehicle, plan = state.vehicles[found.vehicle], state.replan
+    if plan is not None and found.vehicle in plan.pending:
+        return _half_uploaded(context, state, plan, found, now_s)
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.board is None:
+        return state.put(changed(vehicle, before=None)), _Taken()
+    match = _match(found, vehicle.board.revision)
+    if match is not None and not match.whole and vehicle.armed:
+        why = f"carries another mission than the one that was put on board, from item {match.alike} on"
+        return state.put(changed(vehicle, before=None)), _Taken(strange=((found.vehicle, why),))
+    if vehicle.stage is Stage.STARTING:
+        return _started(context, state, vehicle, now_s)
+    state, said = _caught_up(context, state, vehicle, vehicle.board, found.seq)
+    return state, _Taken(said)
+
+
+def _match(found: Found, revision: int) -> Match | None:
+    return next((one for one in found.matches if one.revision == revision), None)
+
+
+def _half_uploaded(
+    context: Context, state: FleetState, plan: Replan, found: Found, now_s: float
+) -> tuple[FleetState, _Taken]:
+    """Bring an upload to its end that was under way, or about to begin, or over without our knowing."""
+    vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
+    revision = plan.solve.revision
+    new = _match(found, revision)
+    board = vehicle.board
+    said: tuple[Command, ...] = ()
+    if new is not None and new.whole:
+        ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason=""),)
+        if not mission.fresh:
+            board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
+            state, said = _caught_up(context, state, vehicle, board, found.seq)
+        return state, _Taken(said, ended)
+    old = None if board is None else _match(found, board.revision)
+    if not mission.fresh and board is not None and (old is None or old.whole):
+        state, said = _caught_up(context, state, vehicle, board, found.seq)
+        offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
+        if not replanning.still_fits(state.vehicles[found.vehicle], offer):
+            state, more = _given_up(state, plan, found.vehicle, now_s)
+            return state, _Taken((*said, *more))
+    elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
+        why = "its mission is a mixture of two, and it flies beyond what is new"
+        return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
+    state = state.put(changed(state.vehicles[found.vehicle], before=None))
+    text = f"{found.vehicle}: the new mission of re-plan {revision} is not whole on board; it is sent again"
+    again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
+    return state, _Taken((*said, Say(Level.WARNING, text), again))
+
+
+def _given_up(state: FleetState, plan: Replan, name: str, now_s: float) -> Stepped:
+    """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
+    plan = replace(plan, pending=plan.pending - {name})
+    state = state.put(changed(state.vehicles[name], pending=None))
+    trigger = f"{name}: flew on before its new mission came"
+    state = replace(state, replan=plan, urgent=True, trigger=trigger, trigger_s=now_s)
+    state, more = replanning.ended_if_done(state, now_s)
+    text = f"{name}: has flown beyond where its new mission of re-plan {plan.solve.revision} begins; planning anew"
+    return state, (Say(Level.INFO, text), *more)
+
+
+def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, _Taken]:
+    """Look what became of a vehicle that had been told to take off."""
+    name, heartbeat, fix = vehicle.name, vehicle.heartbeat, vehicle.fix
+    vehicle = changed(vehicle, before=None)
+    state = state.put(vehicle)
+    if vehicle.armed and heartbeat is not None and fix is not None:
+        dialect = context.vehicles[name].dialect
+        if is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m:
+            return state, _Taken(ended=(StartEnded(name, accepted=True, reason=""),))
+    had_pct, has_pct = vehicle.began_pct, vehicle.battery.remaining_pct
+    if not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT:
+        text = f"{name}: has flown and landed meanwhile"
+        return state.put(moved_to(vehicle, Stage.LANDED)), _Taken((Say(Level.INFO, text),))
+    state = state.put(changed(vehicle, ordered_mode_s=now_s))
+    return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+
+
+def _caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
+    """Take a vehicle on its mission for where it is now, with what it flew on its way there."""
+    waypoint = vehicle.waypoint
+    if seq is not None and 0 <= seq < len(board.waypoint_of):
+        waypoint = board.waypoint_of[seq] or waypoint
+    found = NOTHING if vehicle.before is None else flown_meanwhile(context, vehicle, board, waypoint)
+    took_off = vehicle.took_off or not vehicle.armed
+    run, visit = (vehicle.run, vehicle.run_visit) if found.joins is None else (found.run, found.joins)
+    vehicle = changed(vehicle, before=None, waypoint=waypoint, took_off=took_off, run=run, run_visit=visit)
+    state = state.put(vehicle)
+    new = [segment for segment in found.segments if segment not in state.inspected]
+    inspected = {**state.inspected, **dict.fromkeys(new, vehicle.name)}
+    marked = set(new) if found.joins is None else {*new, board.tracks[found.joins].segment}
+    state = changed(state, inspected=MappingProxyType(inspected), inferred=state.inferred | marked)
+    if found.why_not:
+        text = f"{vehicle.name}: what it flew meanwhile does not count: {found.why_not}"
+        return state, (Say(Level.WARNING, text),)
+    if not new:
+        return state, ()
+    listed = replanning.listed(tuple(new))
+    return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)

@@ -1,0 +1,48 @@
+"""The checklist alone: everybody is asked, nothing is changed on board, and nothing moves."""
+
+from __future__ import annotations
+
+import asyncio
+
+from executor import app
+from executor.adapters.clock import SystemClock
+from executor.app import Console, Order
+from executor.config import VehicleTable
+from executor.core import preflight
+from executor.core.ports import OpenLink
+from executor.core.preflight import Check, Facts, Severity
+from executor.errors import ExecutorError
+from missions import dialect_for
+
+
+async def examine(order: Order, console: Console) -> list[Check]:
+    """Ask every vehicle, and return what a flight would be told before its take-off.
+
+    A vehicle that does not answer, or is not ready, is a check that stops; the others are looked at all the same.
+
+    Raises:
+        ConnectionFailed: a connection cannot be opened.
+    """
+    clock = SystemClock(order.site.flight.speedup)
+
+    async def one(table: VehicleTable, link: OpenLink) -> Facts | Check:
+        try:
+            return await app.interview(order.site, table, link, clock, console)
+        except ExecutorError as error:
+            return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "))
+
+    async with app.open_links(order, clock, recorded=False) as links:
+        answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))
+    facts = {answer.name: answer for answer in answers if isinstance(answer, Facts)}
+    found = [answer for answer in answers if isinstance(answer, Check)]
+    if not found:
+        return app.examined(order, facts)[2]
+    # Without everybody's place there are no pads, and no paths to look at.
+    frame = order.ground.network.frame
+    for table in order.site.vehicle:
+        if table.name in facts:
+            fact, dialect = facts[table.name], dialect_for(table.autopilot)
+            found += preflight.identity(fact, dialect, frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg))
+            found += preflight.stations(fact, dialect)
+            found += preflight.battery(fact, dialect, None)
+    return found

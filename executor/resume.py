@@ -1,0 +1,190 @@
+"""A flight taken up again from its run directory, after the ground station died, or on another computer."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Mapping
+from contextlib import AsyncExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from executor import app
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import EventLog, Head, read_decisions, read_events, read_head, to_plain
+from executor.adapters.rundir import locked, write_json
+from executor.adapters.solver import SolverProcess, SolverSetup
+from executor.app import Cockpit, Console, Flown, Order
+from executor.begun import Beginning, beginning
+from executor.build import Ground, ground_of
+from executor.config import read_site
+from executor.core import fleet
+from executor.core.commands import Command, Level, Say
+from executor.core.events import LaunchOrdered, Reopened
+from executor.core.state import FleetState
+from executor.demo import happenings
+from executor.errors import LogError
+from executor.report import Said, report_of
+from missions import PlanFile, read_plan
+
+LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", "report.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """A run directory of a flight that was never launched: nothing has moved, so it begins from its beginning."""
+
+    ground: Ground
+    plan: PlanFile
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """A flight as its log ends."""
+
+    begun: Beginning
+    head: Head
+    state: FleetState
+    last_s: float
+    """The last time that is on record."""
+    notes: tuple[str, ...]
+    """What is wrong with the log."""
+    undone: tuple[Command, ...]
+    """What was decided last, and is not on record as carried out."""
+
+
+def read_left(run: Path) -> Ready | Left:
+    """Return how a flight was left.
+
+    Raises:
+        LogError: the directory holds no flight, or one of a newer version, or what it holds cannot be used.
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan, or the network, cannot be used.
+    """
+    if not (run / "site.toml").exists() or not (run / PLAN).exists():
+        raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
+    if not _launched(run):
+        return Ready(ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN))
+    path, begun, notes = run / LOG, beginning(run), list[str]()
+    state, last_s, replayed = begun.state, 0.0, 0
+    latest: tuple[Command, ...] = ()
+    for last_s, event in read_events(path, notes.append):
+        latest = ()
+        # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
+        with suppress(Exception):
+            state, latest = fleet.step(begun.context, state, event, last_s)
+            replayed += len(latest)
+    missing = replayed - sum(1 for _ in read_decisions(path))
+    undone = latest[-missing:] if 0 < missing <= len(latest) else ()
+    return Left(begun, read_head(path), state, last_s, tuple(notes), undone)
+
+
+def _launched(run: Path) -> bool:
+    """Return whether the log holds a launch; without one nothing was told to move."""
+    path = run / LOG
+    if not path.exists() or path.stat().st_size == 0:
+        return False
+    with suppress(LogError):
+        read_head(path)
+        return any(isinstance(event, LaunchOrdered) for _, event in read_events(path, lambda _: None))
+    with path.open("rb") as file:
+        torn = not file.readline().endswith(b"\n")
+    if not torn:
+        read_head(path)  # says what is wrong with it
+    return False
+
+
+def words(left: Left) -> list[str]:
+    """Return how a flight was left, for whoever must say yes."""
+    state = left.state
+    vehicles = [
+        f"{vehicle.name} {vehicle.stage.value}" if vehicle.fault is None else f"{vehicle.name} at fault"
+        for vehicle in state.vehicles.values()
+    ]
+    done = f"{len(state.inspected)} of {left.begun.context.segments} segments inspected"
+    plan = state.replan
+    under_way = [] if plan is None else [f"re-plan {plan.solve.revision} was under way: {plan.solve.trigger}"]
+    return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
+
+
+def over(run: Path, left: Left) -> Mapping[str, object] | None:
+    """Return the report of a flight that has ended; None if there is something left to supervise."""
+    if not left.state.finished:
+        return None
+    with suppress(OSError, ValueError):
+        report = json.loads((run / REPORT).read_text(encoding="utf-8"))
+        if isinstance(report, dict):
+            return report
+    # It died between the end of the flight and its report.
+    report = report_of(left.begun.context, left.state, left.last_s, said=_said(run))
+    write_json(run / REPORT, report)
+    return report
+
+
+def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
+    """Return the order to fly what a run directory describes."""
+    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock))
+
+
+async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
+    """Fly a flight that was never launched.
+
+    Raises:
+        ExecutorError: as `app.fly`.
+    """
+    (run / LOG).unlink(missing_ok=True)  # its head at most
+    console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
+    return await app.fly(order_of(run, ready.ground, ready.plan), console)
+
+
+async def take_up(run: Path, console: Console) -> Flown:
+    """Supervise a flight again that was left in the midst, to its end.
+
+    Raises:
+        ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
+    """
+    with locked(run):
+        left = read_left(run)  # now that nobody else writes to it
+        if isinstance(left, Ready):
+            raise LogError(f"{run}: expected a flight that was launched")
+        order = order_of(run, left.begun.ground, left.begun.plan)
+        clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s)
+        log = EventLog(run / LOG, told=app.telling(console))
+        for command in left.undone:
+            _note(log, command, left.last_s)
+        away_s = max(0.0, clock.now_s() - left.last_s)
+        reopened = Reopened(time.time(), away_s, left.notes)
+        setup = SolverSetup(
+            left.begun.ground.network,
+            left.begun.ground.travel,
+            order.site.flight.solve_s,
+            order.plan.solved.seed,
+        )
+        async with AsyncExitStack() as stack:
+            links = await stack.enter_async_context(app.open_links(order, clock))
+            # The planner's process starts while the vehicles are asked: they fly meanwhile.
+            solver = SolverProcess(setup)
+            starting = asyncio.ensure_future(stack.enter_async_context(solver))
+            try:
+                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run))
+                return await app.supervise(order, console, seat, reopened)
+            finally:
+                await starting
+
+
+def _note(log: EventLog, command: Command, at_s: float) -> None:
+    """Write down what was decided when the ground station died: the vehicles may not know of it."""
+    if isinstance(command, Say):
+        log.note(at_s, said=command.text, level=command.level.value, carried_out=False)
+    else:
+        log.note(at_s, command=to_plain(command), carried_out=False)
+
+
+def _said(run: Path) -> Said:
+    """Return what was known before the flight, as vehicles.json has it."""
+    with suppress(OSError, ValueError):
+        kept = json.loads((run / VEHICLES).read_text(encoding="utf-8"))
+        if isinstance(kept, dict):
+            return Said({}, (), kept)
+    return Said({}, ())

@@ -1,0 +1,121 @@
+"""After the ground station was away: who answers, what everybody carries, and which item everybody flies to."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from executor.core.context import Context
+from executor.core.events import Found, Resumed
+from executor.core.messages import Heartbeat, Message, MissionCurrent
+from executor.core.ports import Clock, Link
+from executor.core.resuming import found_on
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState
+from executor.errors import ConnectionFailed
+from executor.protocols import orders
+from executor.protocols.command import CommandDialogue
+from executor.protocols.download import Download
+from executor.protocols.machine import Accepted
+from executor.runtime import procedures
+from executor.runtime.dialogue import converse
+from executor.runtime.preflight import STREAMS_HZ
+from missions import MissionItem
+
+ONE_REAL_S = 5.0
+"""How long one vehicle that should be heard is waited for; supervision of the others waits meanwhile."""
+STREAMS_REAL_S = 3.0
+"""A vehicle keeps its streams; only one that was restarted needs to be asked again, and the link may be slow."""
+
+
+@dataclass(slots=True)
+class _Answer:
+    """What one vehicle says of itself; filled in while it speaks."""
+
+    heard: asyncio.Event = field(default_factory=asyncio.Event)
+    seq: int | None = None
+    items: tuple[MissionItem, ...] | None = None
+
+    def take(self, message: Message) -> None:
+        match message:
+            case Heartbeat():
+                self.heard.set()
+            case MissionCurrent(seq):
+                self.seq = seq
+
+
+async def asked(
+    context: Context, state: Callable[[], FleetState], links: Mapping[str, Link], clock: Clock, patience_real_s: float
+) -> Resumed:
+    """Ask every vehicle what it carries.
+
+    Args:
+        context: Of the flight.
+        state: The flight as it is known, asked at the end: it goes on while vehicles answer.
+        links: To the vehicles.
+        clock: The flight's.
+        patience_real_s: How long to wait for the first answer of anybody.
+
+    Raises:
+        ConnectionFailed: nobody answers.
+    """
+    answers = {name: _Answer() for name in links}
+    stops = [link.listen(answers[name].take) for name, link in links.items()]
+    try:
+        await _first(answers, patience_real_s)
+        expected = [name for name, vehicle in state().vehicles.items() if _expected(state(), vehicle)]
+        await _all(answers, expected)
+        async with asyncio.TaskGroup() as tasks:
+            for name, answer in answers.items():
+                if answer.heard.is_set():
+                    tasks.create_task(_read(links[name], clock, answer), name=name)
+        found = [
+            found_on(context, state(), name, answer.items, answer.seq)
+            if answer.heard.is_set()
+            else Found(name, heard=False, seq=None, items=None, matches=())
+            for name, answer in answers.items()
+        ]
+    finally:
+        for stop in stops:
+            stop()
+    return Resumed(tuple(found))
+
+
+def _expected(state: FleetState, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle matters so much that the others wait for it."""
+    pending = state.replan is not None and vehicle.name in state.replan.pending
+    return pending or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+
+
+async def _first(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
+    waits = [asyncio.ensure_future(answer.heard.wait()) for answer in answers.values()]
+    try:
+        done, _ = await asyncio.wait(waits, timeout=patience_real_s, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for one in waits:
+            one.cancel()
+    if not done:
+        raise ConnectionFailed(
+            f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer that "
+            "they send to?"
+        )
+
+
+async def _all(answers: Mapping[str, _Answer], expected: list[str]) -> None:
+    with suppress(TimeoutError):
+        async with asyncio.timeout(ONE_REAL_S):
+            for name in expected:
+                await answers[name].heard.wait()
+
+
+async def _read(link: Link, clock: Clock, answer: _Answer) -> None:
+    download = await converse(Download(), link, clock)
+    if isinstance(download.outcome, Accepted):
+        answer.items = download.items
+    with suppress(TimeoutError):
+        async with asyncio.timeout(STREAMS_REAL_S):
+            for message, rate_hz in STREAMS_HZ.items():
+                order = CommandDialogue(orders.message_interval(message, rate_hz), "stream")
+                await procedures.order(link, clock, order)

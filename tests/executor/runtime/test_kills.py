@@ -1,0 +1,27 @@
+"""Killed at a random instant: what is taken up again ends well, by a judge who saw everything."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.executor.runtime.kills import flown
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
+
+
+@pytest.mark.parametrize("seed", range(3))
+async def test_a_flight_that_was_killed_ends_well(seed: int) -> None:
+    outcome = await flown(seed)
+    assert outcome.moments
+    assert outcome.wrongs() == []
+    assert not outcome.twice() or outcome.explained()
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(1000, 1200))
+async def test_two_hundred_flights_that_were_killed_end_well(seed: int, record_property: pytest.FixtureRequest) -> None:
+    outcome = await flown(seed)
+    record_property("moments", "; ".join(outcome.moments))  # type: ignore[operator]
+    record_property("twice", str(outcome.twice()))  # type: ignore[operator]
+    assert outcome.wrongs() == []
+    assert not outcome.twice() or outcome.explained()
