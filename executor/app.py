@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -25,13 +25,15 @@ from executor.config import Site
 from executor.core import fleet, preflight
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
-from executor.core.events import Event, ReturnAllOrdered, SolveEnded
+from executor.core.events import Event, IntentReceived, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
 from executor.core.ports import LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
+from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
+from executor.publishing import Publication, Settings
 from executor.report import Happening, Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
@@ -94,6 +96,8 @@ class Order:
     run: Path
     truths: Callable[[SystemClock], Sequence[Happening]]
     """What really happened, asked for at the end; empty without a simulator."""
+    mqtt: Settings | None = None
+    """Where it is published."""
 
 
 async def fly(order: Order, console: Console) -> Flown:
@@ -104,13 +108,14 @@ async def fly(order: Order, console: Console) -> Flown:
     """
     ground = order.ground
     clock = SystemClock(order.site.flight.speedup)
+    publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
     solver = SolverProcess(
         SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
     )
     async with _links(order, clock) as links, solver, asyncio.TaskGroup() as tasks:
         beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")
         try:
-            return await _fly(order, console, clock, solver, links)
+            return await _fly(order, console, clock, solver, links, publication)
         finally:
             beat.cancel()
 
@@ -121,6 +126,7 @@ async def _fly(
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
+    publication: Publication | None,
 ) -> Flown:
     ground, run = order.ground, order.run
     facts = await _interviews(order, links, clock, console)
@@ -141,11 +147,12 @@ async def _fly(
     if not console.confirm("All missions are on board and read back. Take off?"):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
     log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup)
-    keeper = _Keeper(order, context, console, log, clock)
+    keeper = _Keeper(order, context, console, log, clock, publication)
     flight = Flight(context, fleet.initial(boards), links, clock, log, solver, keeper.observer())
     try:
-        with _Interrupts(flight, console) as left:
-            await flight.run()
+        async with _published(publication, flight, keeper, clock):
+            with _Interrupts(flight, console) as left:
+                await flight.run()
     finally:
         console.done()
         log.close()
@@ -155,12 +162,26 @@ async def _fly(
     return Flown(report, context, bool(left))
 
 
+def _published(
+    publication: Publication | None, flight: Flight, keeper: _Keeper, clock: SystemClock
+) -> AbstractAsyncContextManager[None]:
+    if publication is None:
+        return nullcontext()
+    return publication.running(
+        view=lambda: fleet_view(flight.context, flight.state, clock.now_s()),
+        accept=lambda intent: flight.apply(IntentReceived(intent)),
+        tell=lambda level, text: keeper.said(Say(level, text), clock.now_s()),
+    )
+
+
 def keep(order: Order) -> None:
     """Write the site and the first plan into the run directory."""
-    network = None
+    files = {}
     if order.site.network.file != build.DEFAULT_NETWORK:
-        network = order.base / order.site.network.file
-    keep_site(order.run, order.site.model_dump(exclude_none=True, mode="json"), network)
+        files["network", "file"] = order.base / order.site.network.file
+    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
+        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
+    keep_site(order.run, order.site.model_dump(exclude_none=True, mode="json"), files)
     write_plan(order.run / "plan-000.json", order.plan)
 
 
@@ -251,13 +272,24 @@ async def _load(
 class _Keeper:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
-    def __init__(self, order: Order, context: Context, console: Console, log: EventLog, clock: SystemClock) -> None:
+    def __init__(
+        self,
+        order: Order,
+        context: Context,
+        console: Console,
+        log: EventLog,
+        clock: SystemClock,
+        publication: Publication | None,
+    ) -> None:
         self._order = order
+        self._publication = publication
         self._context = context
         self._console = console
         self._log = log
         self._clock = clock
         self._solve: Solve | None = None
+        if publication is not None:
+            publication.plan(0, order.plan)
 
     def observer(self) -> Observer:
         return Observer(self.said, self.applied, self.decided)
@@ -269,6 +301,8 @@ class _Keeper:
     def said(self, line: Say, now_s: float) -> None:
         self._log.note(now_s, said=line.text, level=line.level.value)
         self._console.say(line.level, line.text, now_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s)
 
     def applied(self, event: Event, state: FleetState, now_s: float) -> None:
         if state.replan is not None:
@@ -276,6 +310,8 @@ class _Keeper:
         if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
             self._keep_plan(event, self._solve)
         self._console.show(self._context, state, now_s)
+        if self._publication is not None:
+            self._publication.applied(event, state)
 
     def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
         if solve.revision != event.revision:
@@ -288,6 +324,8 @@ class _Keeper:
         )
         with suppress(OSError):
             write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
+        if self._publication is not None:
+            self._publication.plan(event.revision, content)
 
 
 def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:

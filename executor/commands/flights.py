@@ -29,6 +29,7 @@ from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.planning import Wanted
+from executor.publishing import settings_of
 from missions import read_plan
 from planner import Cost
 
@@ -99,15 +100,15 @@ def fly(
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json, yes=yes)
-    for name in ("mqtt", "web"):
-        if getattr(content, name) is not None:
-            console.say(Level.WARNING, f"{site}: [{name}]: this version does not serve it; the flight goes on without")
+    mqtt = settings_of(content.mqtt, site.parent, str(site))
+    if content.web is not None:
+        console.say(Level.WARNING, f"{site}: [web]: this version does not serve it; the flight goes on without")
     if plan is None:
         routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True))
     else:
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
-    order = flying.Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: ())
+    order = flying.Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
     flying.keep(order)
     flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
