@@ -20,10 +20,14 @@ from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.link import VehicleLink
 from executor.adapters.mqtt.intake import Refusal, Rules, read_intent
+from executor.adapters.mqtt.outbox import Outbox
+from executor.adapters.mqtt.payloads import Topics
+from executor.adapters.mqtt.publisher import Publisher
 from executor.config import Site, read_site
 from executor.core import fleet
 from executor.core.events import Heard, Tick
 from executor.core.messages import FlightMessage, Message
+from executor.core.view import fleet_view
 from executor.errors import SiteError
 from tests.executor.builders import Fleet, fleet_of
 
@@ -105,6 +109,8 @@ def flight(data: bytes) -> None:
         heard.clear()
         state, _ = fleet.step(ready.context, state, Tick(), now_s)
         now_s += 0.2
+    view = fleet_view(ready.context, state, now_s)
+    Publisher(Topics("t"), Outbox(), "fuzz", lambda: NOW_UNIX_S).view(view)
 
 
 def _same(event: Heard) -> None:
@@ -162,3 +168,7 @@ def seeds(name: str) -> list[bytes]:
                 bytes((17, index, 255)) + b"\x00\x00\xc0\x7f" * 63 + b"abc" for index, _ in enumerate(rows)
             )
             return [whole, whole[:-1], crafted, floats]
+
+
+if __name__ == "__main__":
+    print(*TARGETS)
