@@ -38,6 +38,8 @@ class Settings:
     rules: Rules
     period_s: float
     """Of telemetry, in real seconds."""
+    exposed: bool
+    """Whether secrets leave this computer without TLS."""
 
 
 class Publication:
@@ -82,6 +84,10 @@ class Publication:
         client = Client(self._settings.broker, self._outbox, self._publisher.presence, subscriber, tell)
         if self._settings.rules.closed:
             tell(Level.INFO, f"mqtt: no intents are taken: {self._settings.rules.closed}")
+        if self._settings.exposed:
+            tell(
+                Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
+            )
         views = asyncio.create_task(self._views(view), name="mqtt views")
         carrier = asyncio.create_task(client.run(), name="mqtt")
         try:
@@ -136,8 +142,9 @@ def settings_of(
         read_secret(table.password_env, "mqtt.password_env", source, environment),
         _tls(table, base, source),
     )
-    token = environment.get(table.token_env) if table.token_env is not None else None
-    return Settings(Topics(table.prefix), broker, _rules(table, token or None), 1.0 / table.telemetry_rate_hz)
+    token = (environment.get(table.token_env) if table.token_env is not None else None) or None
+    exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
+    return Settings(Topics(table.prefix), broker, _rules(table, token), 1.0 / table.telemetry_rate_hz, exposed)
 
 
 def _rules(table: MqttTable, token: str | None) -> Rules:
