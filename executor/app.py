@@ -170,7 +170,7 @@ def _published(
     return publication.running(
         view=lambda: fleet_view(flight.context, flight.state, clock.now_s()),
         accept=lambda intent: flight.apply(IntentReceived(intent)),
-        tell=lambda level, text: keeper.said(Say(level, text), clock.now_s()),
+        tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
     )
 
 
@@ -300,6 +300,13 @@ class _Keeper:
 
     def said(self, line: Say, now_s: float) -> None:
         self._log.note(now_s, said=line.text, level=line.level.value)
+        self._console.say(line.level, line.text, now_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s)
+
+    def told(self, line: Say, now_s: float) -> None:
+        """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
+        self._log.note(now_s, told=line.text, level=line.level.value)
         self._console.say(line.level, line.text, now_s)
         if self._publication is not None:
             self._publication.said(line, now_s)

@@ -7,7 +7,6 @@ It needs atheris (`pip install atheris`). An input that takes more than five sec
 from __future__ import annotations
 
 import argparse
-import atexit
 import os
 import sys
 import tempfile
@@ -18,8 +17,8 @@ from pathlib import Path
 PACKAGES = ["executor", "missions"]
 HANG_S = 5
 MOST_MB = 2048
-STEADY = 0.25
-"""The part of a run after which its memory is looked at first: caches are filled by then."""
+LOOKED_AT = (0.25, 0.5, 0.75, 0.97)
+"""The parts of a run after which its memory is looked at."""
 
 
 class Watched:
@@ -28,21 +27,19 @@ class Watched:
     def __init__(self, name: str, target: Callable[[bytes], None], seconds: float) -> None:
         self.name, self.target = name, target
         self.began_s = time.monotonic()
-        self.steady_s = self.began_s + STEADY * seconds
+        self.marks = [(self.began_s + part * seconds, part) for part in LOOKED_AT]
         self.inputs = 0
-        self.steady_mb: float | None = None
 
     def __call__(self, data: bytes) -> None:
         self.inputs += 1
-        if self.steady_mb is None and self.inputs % 1000 == 0 and time.monotonic() > self.steady_s:
-            self.steady_mb = memory_mb()
+        if self.marks and self.inputs % 100 == 0 and time.monotonic() > self.marks[0][0]:
+            self.tell(self.marks.pop(0)[1])
         self.target(bytes(data))
 
-    def tell(self) -> None:
-        """Say how far it came."""
+    def tell(self, part: float) -> None:
+        """Say how far it came: libFuzzer ends the process itself."""
         took_s = time.monotonic() - self.began_s
-        grew = "" if self.steady_mb is None else f", from {self.steady_mb:.0f} MB after {STEADY:.0%} of the time"
-        print(f"{self.name}: {self.inputs} inputs in {took_s:.0f} s; {memory_mb():.0f} MB{grew}", flush=True)
+        print(f"{self.name}: {part:4.0%}, {self.inputs} inputs in {took_s:.0f} s, {memory_mb():.0f} MB", flush=True)
 
 
 def memory_mb() -> float:
@@ -73,9 +70,8 @@ def main() -> None:
     for number, seed in enumerate(seeds(given.target)):
         (corpus / f"seed-{number}").write_bytes(seed)
     watched = Watched(given.target, TARGETS[given.target], given.seconds)
-    atexit.register(watched.tell)
     options = [f"-max_total_time={given.seconds}", f"-timeout={HANG_S}", f"-rss_limit_mb={MOST_MB}", "-max_len=8192"]
-    options += ["-verbosity=0", "-print_final_stats=0", f"-artifact_prefix={given.target}-"]
+    options += ["-verbosity=0", "-print_final_stats=1", f"-artifact_prefix={given.target}-"]
     atheris.Setup([sys.argv[0], *options, str(corpus)], watched)
     atheris.Fuzz()
 
