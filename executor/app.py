@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from executor import build
+from executor import build, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, to_plain
 from executor.adapters.mavlink import endpoints
@@ -37,6 +37,7 @@ from executor.publishing import Publication, Settings
 from executor.report import Happening, Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.outlook import keep_judging
 from missions import FlightSetup, PlanFile, Solved, Task, dialect_for, encode, make_plan_file, open_task, write_plan
 from planner import Plan, Route, Vehicle
 
@@ -106,6 +107,7 @@ async def fly(order: Order, console: Console) -> Flown:
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
+    serving.check(order.site.web)
     ground = order.ground
     clock = SystemClock(order.site.flight.speedup)
     publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
@@ -150,8 +152,8 @@ async def _fly(
     keeper = _Keeper(order, context, console, log, clock, publication)
     flight = Flight(context, fleet.initial(boards), links, clock, log, solver, keeper.observer())
     try:
-        async with _published(publication, flight, keeper, clock):
-            with _Interrupts(flight, console) as left:
+        with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
+            async with _published(publication, flight, keeper, clock), _beside(keep_judging(flight, solver)):
                 await flight.run()
     finally:
         console.done()
@@ -172,6 +174,17 @@ def _published(
         accept=lambda intent: flight.apply(IntentReceived(intent)),
         tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
     )
+
+
+@asynccontextmanager
+async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
+    """Do something for as long as something else goes on."""
+    task = asyncio.create_task(work)
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
 
 
 def keep(order: Order) -> None:

@@ -5,10 +5,10 @@ Every refusal is one line that names the file, the key and what was expected.
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import tomllib
 from collections.abc import Mapping
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -177,9 +177,36 @@ class MqttTable(_Table):
     def is_here(self) -> bool:
         """Whether the broker is reached from this computer alone, as far as its name tells."""
         try:
-            return self.host == "localhost" or ip_address(self.host).is_loopback
+            return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
         except ValueError:
             return False
+
+
+class WebTable(_Table):
+    """The page to fly by."""
+
+    enabled: bool = True
+    host: str = "127.0.0.1"
+    """An address of this computer: 0.0.0.0 lets phones in the field look, too."""
+    port: Annotated[int, Field(ge=0, le=65535)] = 0
+    """0 takes a free one; the address is printed."""
+    token_env: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")] | None = None
+    """The environment variable that holds the token which has to be shown."""
+    names: tuple[str, ...] = ()
+    """Host names under which it is called, beside its own."""
+
+    @model_validator(mode="after")
+    def _guarded(self) -> WebTable:
+        try:
+            address = ipaddress.ip_address(self.host)
+        except ValueError:
+            raise ValueError(f"host: expected an address such as 127.0.0.1 or 0.0.0.0, got '{self.host}'") from None
+        if not address.is_loopback and self.token_env is None:
+            raise ValueError(
+                f"token_env: expected the name of an environment variable with a token, because host {self.host} can "
+                "be reached by others"
+            )
+        return self
 
 
 class Site(_Table):
@@ -193,7 +220,7 @@ class Site(_Table):
     flight: FlightTable = FlightTable()
     faults: FaultsTable = FaultsTable()
     mqtt: MqttTable | None = None
-    web: dict[str, Any] | None = None
+    web: WebTable = WebTable()
 
     @model_validator(mode="after")
     def _distinct(self) -> Site:

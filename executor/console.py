@@ -47,6 +47,8 @@ class TerminalConsole:
         """Show one line; the mark in front says what the colour says."""
         if self._quiet:
             return
+        if level is Level.FAULT and self._terminal.is_terminal:
+            self._terminal.bell()
         when = "       " if at_s is None else f"{at_s:6.1f} "
         self._terminal.print(Text(f"{when}{_MARKS[level]} {text}", style=_STYLES[level]))
 

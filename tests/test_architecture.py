@@ -96,8 +96,8 @@ def test_the_numbers_of_items_are_mavlinks(member: Command | Frame, prefix: str)
     assert getattr(mav, prefix + member.name) == member.value
 
 
-COMMANDS = ("DO_SET_MODE", "DO_CHANGE_SPEED", "MISSION_START", "COMPONENT_ARM_DISARM", "RUN_PREARM_CHECKS", "SET_MESSAGE_INTERVAL",
-            "REQUEST_MESSAGE")  # fmt: skip
+COMMANDS = ("DO_SET_MODE", "DO_CHANGE_SPEED", "MISSION_START", "COMPONENT_ARM_DISARM", "RUN_PREARM_CHECKS",
+            "SET_MESSAGE_INTERVAL", "REQUEST_MESSAGE")  # fmt: skip
 MESSAGES = ("GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT", "BATTERY_STATUS", "AUTOPILOT_VERSION",
             "EXTENDED_SYS_STATE")  # fmt: skip
 

@@ -26,7 +26,6 @@ from executor.commands.options import (
 from executor.commands.planned import first_plan
 from executor.config import check_site, read_site
 from executor.console import TerminalConsole
-from executor.core.commands import Level
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.planning import Wanted
 from executor.publishing import settings_of
@@ -101,8 +100,6 @@ def fly(
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json, yes=yes)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
-    if content.web is not None:
-        console.say(Level.WARNING, f"{site}: [web]: this version does not serve it; the flight goes on without")
     if plan is None:
         routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True))
     else:

@@ -10,7 +10,7 @@ from executor.core import commands, events, fleet
 from executor.core.commands import Command
 from executor.core.context import Context
 from executor.core.events import Event
-from executor.core.intents import Action
+from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.state import FleetState
@@ -74,6 +74,22 @@ class Flight:
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 self._observer.said(commands.Say(commands.Level.FAULT, text), now_s)
+
+    def now_s(self) -> float:
+        """Return the time on the flight's clock."""
+        return self._clock.now_s()
+
+    def ask(self, intent: Intent) -> IntentRecord:
+        """Take an operator's intent, once; returns what became of it so far.
+
+        Raises:
+            RuntimeError: a mistake of ours kept it from being decided; nothing has changed.
+        """
+        self.apply(events.IntentReceived(intent))
+        record = self.state.intents.get(intent.id)
+        if record is None:
+            raise RuntimeError(f"intent {intent.id} could not be decided")
+        return record
 
     def _apply(self, event: Event, now_s: float) -> None:
         self._sink.write(event, now_s)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 
 from executor.core.messages import Battery, Message, MissionCurrent, Position
-from missions import Command, Dialect, LocalFrame
+from missions import Command, Dialect, LocalFrame, ModeNumber
 from tests.fakes.vehicle import FakeAutopilot
 
 STEP_S = 0.25
 CLIMB_M_S = 2.5
 SINK_M_S = 1.0
 TRANSIT_M_S = 8.0
+OWN_M_S = 10.0
+"""What it flies on a mission until an item says otherwise."""
 
 
 class Flyer(FakeAutopilot):
@@ -47,6 +49,16 @@ class Flyer(FakeAutopilot):
             if self._fly_s == math.floor(self._fly_s):
                 said.append(Battery(0, float(round(self.percent)), 16.0, None, None, 1, 0))
         return said
+
+    def change_mode(self, mode: ModeNumber) -> None:
+        """Take on a mode; the mission's speed is forgotten with it."""
+        if mode != self.mode:
+            self.speed_m_s = OWN_M_S
+        super().change_mode(mode)
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Take on a speed over ground."""
+        self.speed_m_s = speed_m_s
 
     def _fly(self) -> None:
         self._velocity_m_s = (0.0, 0.0, 0.0)

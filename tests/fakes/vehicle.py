@@ -238,4 +238,13 @@ class FakeAutopilot:
             case orders.DO_SET_MODE:
                 known: tuple[ModeNumber, ...] = (modes.mission, modes.hold, modes.guided, modes.return_home, modes.land)
                 wanted = (message.params[1], message.params[2])
-                self.mode = next(mode for mode in known if (mode.param2, mode.param3) == wanted)
+                self.change_mode(next(mode for mode in known if (mode.param2, mode.param3) == wanted))
+            case orders.DO_CHANGE_SPEED:
+                self.change_speed(message.params[1])
+
+    def change_mode(self, mode: ModeNumber) -> None:
+        """Take on a mode."""
+        self.mode = mode
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Take on a speed over ground."""

@@ -11,7 +11,8 @@ import pytest
 
 from executor.core import fleet
 from executor.core.commands import Level, Say
-from executor.core.events import Event, Heard, ReturnAllOrdered
+from executor.core.events import Event, Heard, IntentReceived, ReturnAllOrdered
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Heartbeat, SendHeartbeat, SendMissionCount
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
@@ -196,3 +197,31 @@ async def test_our_heartbeat_keeps_the_vehicles_time(speedup: float) -> None:
             await keep_heartbeat({"uav1": link}, clock)
     link.close()
     assert len(link.of_kind(SendHeartbeat)) == 11
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+async def test_a_vehicle_holds_and_goes_on_at_the_speed_of_its_leg(autopilot: str) -> None:
+    async with flying(fleet_of(autopilot=autopilot)) as (sky, _):
+
+        def ask(action: Action) -> IntentRecord:
+            intent = Intent(action.value, action, "uav2", "terminal")
+            sky.flight.apply(IntentReceived(intent))
+            return sky.state.intents[intent.id]
+
+        def halfway() -> bool:
+            run = sky.state.vehicles["uav2"].run
+            return run is not None and run.furthest_m > 30.0
+
+        await sky.until(halfway)
+        assert ask(Action.HOLD).outcome is Outcome.ACCEPTED
+        await sky.until(lambda: sky.state.intents["hold"].outcome is Outcome.DONE)
+        assert sky.flyers["uav2"].mode == sky.flyers["uav2"].dialect.modes.hold
+        place_m = sky.flyers["uav2"].place_m
+        await asyncio.sleep(60.0)
+        assert sky.flyers["uav2"].place_m == place_m
+        ask(Action.RESUME)
+        await sky.until(lambda: sky.state.intents["resume"].outcome is Outcome.DONE)
+    assert set(sky.state.inspected) == set(range(6))
+    assert sky.faults() == []
+    assert sky.state.vehicles["uav2"].runs_broken == ()
+    assert sky.state.records == ()

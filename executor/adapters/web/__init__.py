@@ -1,0 +1,5 @@
+"""The page to fly by: a small server in a thread of its own, and the files that a browser is given."""
+
+from executor.adapters.web.server import WebServer, WebSettings
+
+__all__ = ["WebServer", "WebSettings"]

@@ -1,0 +1,116 @@
+"""What a browser is told: the flight's present, and the map that changes seldom.
+
+The flight's states are immutable values, so they are read here, beside the flight, while it goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+
+from executor.core.context import Context
+from executor.core.state import FleetState
+from executor.core.view import FleetView, fleet_view
+from missions import Phase
+
+Now = Callable[[], tuple[FleetState, float]]
+"""The newest state, and the time on the flight's clock; asked from another thread."""
+
+STEP_M = 3.0
+"""A track's next point is this far from the last one."""
+MOST_POINTS = 1500
+"""Of one track; when there are more, every second one is dropped."""
+
+Place = tuple[float, float]
+"""East and north of the depot, in metres."""
+
+
+@dataclass(slots=True)
+class _Track:
+    """Where a vehicle was, thinned."""
+
+    step_m: float = STEP_M
+    places: list[Place] = field(default_factory=list)
+
+    def add(self, place: Place) -> None:
+        if self.places and math.dist(self.places[-1], place) < self.step_m:
+            return
+        self.places.append((round(place[0], 1), round(place[1], 1)))
+        if len(self.places) > MOST_POINTS:
+            self.places = self.places[::2]
+            self.step_m *= 2
+
+
+class Present:
+    """Reads the flight for everybody who looks; used by one thread."""
+
+    def __init__(self, context: Context, now: Now) -> None:
+        """Look at a flight.
+
+        Args:
+            context: The flight's.
+            now: Returns its newest state.
+        """
+        self._context = context
+        self._now = now
+        self._tracks = {name: _Track() for name in context.vehicles}
+
+    def view(self) -> FleetView:
+        """Return what is known now."""
+        return fleet_view(self._context, *self._now())
+
+    def state(self) -> bytes:
+        """Return the present as JSON, and remember where everybody is."""
+        state, now_s = self._now()
+        content = asdict(fleet_view(self._context, state, now_s))
+        for vehicle in content["vehicles"]:
+            fix = state.vehicles[vehicle["name"]].fix
+            place = None if fix is None else (round(fix.place_m[0], 1), round(fix.place_m[1], 1))
+            vehicle["place_m"] = place
+            vehicle["waypoint"] = state.vehicles[vehicle["name"]].waypoint
+            if place is not None and state.vehicles[vehicle["name"]].armed:
+                self._tracks[vehicle["name"]].add(place)
+        content["chart"] = _stamp(state)
+        return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+
+    def chart(self) -> bytes:
+        """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
+        state, _ = self._now()
+        setup = self._context.setup
+        content = {
+            "chart": _stamp(state),
+            "segments_m": [[_rounded(a), _rounded(b)] for a, b in setup.network.ends_m.tolist()],
+            "vehicles": [
+                {
+                    "name": name,
+                    "pad_m": _rounded(self._context.vehicles[name].pad_m),
+                    "route": _route(state, name),
+                    "track_m": self._tracks[name].places,
+                }
+                for name in self._context.vehicles
+            ],
+        }
+        return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _stamp(state: FleetState) -> list[int]:
+    """Return what changes whenever a route does."""
+    return [-1 if one.board is None else one.board.revision for one in state.vehicles.values()]
+
+
+def _route(state: FleetState, name: str) -> dict[str, object] | None:
+    board = state.vehicles[name].board
+    if board is None:
+        return None
+    return {
+        "revision": board.revision,
+        "places_m": [_rounded(place) for place in board.places_m],
+        "inspect": [waypoint.phase is Phase.INSPECT for waypoint in board.path.waypoints],
+        "segments": [track.segment for track in board.tracks],
+    }
+
+
+def _rounded(place: tuple[float, float] | list[float]) -> list[float]:
+    return [round(place[0], 1), round(place[1], 1)]

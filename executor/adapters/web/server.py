@@ -1,0 +1,216 @@
+"""The server: a thread with an event loop of its own, so that no request and no slow browser delays the flight.
+
+The flight hands over nothing but its newest state, which is a value. An intent goes the other way, by a callable that
+hands it to the flight's own loop and returns what became of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from importlib import resources
+from types import TracebackType
+from typing import Annotated, Literal, Self
+
+import uvicorn
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from executor.adapters.web.guard import Guard
+from executor.adapters.web.present import Now, Present
+from executor.adapters.web.stream import MOST_CLIENTS, EventStream, Newest
+from executor.core.context import Context
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.errors import ConnectionFailed
+
+PERIOD_S = 0.4
+"""Real seconds between two states: at most half of the second that a state may be old."""
+ANSWER_S = 5.0
+"""How long the flight may take to decide about an intent."""
+START_S = 10.0
+FILES: Mapping[str, str] = {
+    "page.css": "text/css; charset=utf-8",
+    "page.js": "text/javascript; charset=utf-8",
+    "map.js": "text/javascript; charset=utf-8",
+    "strips.js": "text/javascript; charset=utf-8",
+    "intents.js": "text/javascript; charset=utf-8",
+    "icon.svg": "image/svg+xml",
+}
+STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
+
+Submit = Callable[[Intent], "Future[IntentRecord]"]
+"""Hands an intent to the flight; called from another thread."""
+
+
+@dataclass(frozen=True, slots=True)
+class WebSettings:
+    """Where the server listens."""
+
+    host: str
+    port: int
+    """0 for a free one."""
+    token: str | None
+    """What has to be shown; None where only this computer can connect."""
+    names: frozenset[str] = frozenset()
+    """Host names that it answers to, beside its own."""
+
+
+class _Wish(BaseModel):
+    """The body of an intent."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
+    action: Literal["hold", "resume", "return", "land", "exclude", "include", "replan", "abort"]
+    vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
+
+
+class WebServer:
+    """Serves one flight; a context manager."""
+
+    def __init__(self, settings: WebSettings, context: Context, now: Now, submit: Submit) -> None:
+        """Prepare a server; entering it makes it listen."""
+        self._settings = settings
+        self._present = Present(context, now)
+        self._submit = submit
+        self._newest = Newest()
+        self._started = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._server: uvicorn.Server | None = None
+        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+        self._socket: socket.socket | None = None
+        self.address = ""
+        """Where the page is, once it listens."""
+
+    def app(self) -> ASGIApp:
+        """Return the application."""
+        routes = [
+            Route("/", self._page),
+            Route("/files/{name}", self._file),
+            Route("/state", self._state),
+            Route("/chart", self._chart),
+            Route("/events", self._events),
+            Route("/intents", self._intents, methods=["POST"]),
+        ]
+        names = frozenset({"localhost", "127.0.0.1", "[::1]", socket.gethostname().lower()}) | self._settings.names
+        return Guard(Starlette(routes=routes), names=names, token=self._settings.token)
+
+    def __enter__(self) -> Self:
+        """Listen.
+
+        Raises:
+            ConnectionFailed: the address cannot be listened on.
+        """
+        host, port = self._settings.host, self._settings.port
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            self._socket = socket.create_server((host, port), family=family, backlog=64)
+        except OSError as error:
+            raise ConnectionFailed(f"web: cannot listen on {host} port {port}: {error.strerror}") from error
+        port = self._socket.getsockname()[1]
+        shown = _own_address() if ipaddress.ip_address(host).is_unspecified else host
+        self.address = f"http://[{shown}]:{port}/" if ":" in shown else f"http://{shown}:{port}/"
+        self._thread.start()
+        self._started.wait(START_S)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop; browsers that still look are let go."""
+        loop, server = self._loop, self._server
+        if loop is not None and server is not None:
+            with suppress(RuntimeError):  # it has ended by itself
+                loop.call_soon_threadsafe(setattr, server, "should_exit", True)
+        self._thread.join(ANSWER_S)
+        if self._socket is not None:
+            self._socket.close()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        config = uvicorn.Config(
+            self.app(), log_config=None, access_log=False, server_header=False, ws="none", lifespan="off",
+            limit_concurrency=4 * MOST_CLIENTS, timeout_keep_alive=5, timeout_graceful_shutdown=1, http="h11",
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        telling = asyncio.create_task(self._tell())
+        self._started.set()
+        try:
+            await self._server.serve(sockets=[self._socket] if self._socket is not None else None)
+        finally:
+            telling.cancel()
+
+    async def _tell(self) -> None:
+        """Make one state for everybody, a few times a second."""
+        while True:
+            await self._newest.put(self._present.state())
+            await asyncio.sleep(PERIOD_S)
+
+    async def _page(self, request: Request) -> Response:  # noqa: ARG002
+        return Response(_read("page.html"), media_type="text/html; charset=utf-8")
+
+    async def _file(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in FILES:
+            return PlainTextResponse("there is no such file", 404)
+        return Response(_read(name), media_type=FILES[name])
+
+    async def _state(self, request: Request) -> Response:  # noqa: ARG002
+        return Response(self._present.state(), media_type="application/json")
+
+    async def _chart(self, request: Request) -> Response:  # noqa: ARG002
+        return Response(self._present.chart(), media_type="application/json")
+
+    async def _events(self, request: Request) -> ASGIApp | Response:  # noqa: ARG002
+        if self._newest.clients >= MOST_CLIENTS:
+            return PlainTextResponse(f"{MOST_CLIENTS} browsers look already", 503)
+        return EventStream(self._newest)
+
+    async def _intents(self, request: Request) -> Response:
+        kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+        if kind != "application/json":
+            return PlainTextResponse("expected content-type application/json", 415)
+        try:
+            wish = _Wish.model_validate_json(await request.body())
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            key = ".".join(str(part) for part in first["loc"]) or "body"
+            return PlainTextResponse(f"{key}: {first['msg']}", 422)
+        intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page")
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                record = await asyncio.wrap_future(self._submit(intent))
+        except TimeoutError:
+            return PlainTextResponse("the flight does not answer", 503)
+        return JSONResponse(_plain(record), STATUS[record.outcome])
+
+
+def _own_address() -> str:
+    """Return the address under which others in the field reach this computer; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        try:
+            one.connect(("10.255.255.255", 9))
+        except OSError:
+            return socket.gethostname()
+        return str(one.getsockname()[0])
+
+
+def _read(name: str) -> bytes:
+    return resources.files("executor.adapters.web").joinpath("static", name).read_bytes()
+
+
+def _plain(record: IntentRecord) -> dict[str, object]:
+    intent = asdict(record.intent) | {"action": record.intent.action.value}
+    return intent | {"outcome": record.outcome.value, "text": record.text, "at_s": round(record.at_s, 2)}

@@ -1,0 +1,310 @@
+// The map: a canvas in local metres, north up.
+const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
+const PAD_PX = 46;
+
+export const hueOf = (index) => HUES[index % HUES.length];
+const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export class Chart {
+  constructor(canvas, choose) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.choose_ = choose;
+    this.chart = null;
+    this.state = null;
+    this.chosen = null;
+    this.tracks = new Map();
+    this.scale = 1;
+    this.middle = [0, 0];
+    this.fitted = true;
+    this.due = false;
+    this.pointers = new Map();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.later());
+    this.listen();
+    this.resize();
+  }
+
+  load(chart) {
+    const first = this.chart === null;
+    this.chart = chart;
+    for (const vehicle of chart.vehicles) {
+      const known = this.tracks.get(vehicle.name);
+      if (!known || known.length < vehicle.track_m.length) this.tracks.set(vehicle.name, vehicle.track_m);
+    }
+    if (first) this.fit();
+    this.later();
+  }
+
+  show(state) {
+    this.state = state;
+    for (const vehicle of state.vehicles) {
+      if (!vehicle.place_m || !vehicle.armed) continue;
+      const track = this.tracks.get(vehicle.name) ?? [];
+      const last = track.at(-1);
+      if (!last || Math.hypot(last[0] - vehicle.place_m[0], last[1] - vehicle.place_m[1]) > 3) track.push(vehicle.place_m);
+      this.tracks.set(vehicle.name, track);
+    }
+    this.later();
+  }
+
+  choose(name) {
+    this.chosen = name;
+    this.later();
+  }
+
+  fit() {
+    if (!this.chart) return;
+    const places = [...this.chart.segments_m.flat(), ...this.chart.vehicles.map((one) => one.pad_m)];
+    const [easts, norths] = [places.map((place) => place[0]), places.map((place) => place[1])];
+    const [west, east, south, north] = [Math.min(...easts), Math.max(...easts), Math.min(...norths), Math.max(...norths)];
+    this.middle = [(west + east) / 2, (south + north) / 2];
+    const [width, height] = [this.width - 2 * PAD_PX, this.height - 2 * PAD_PX];
+    this.scale = Math.min(width / Math.max(east - west, 20), height / Math.max(north - south, 20));
+    this.fitted = true;
+    this.later();
+  }
+
+  zoom(factor, at = [this.width / 2, this.height / 2]) {
+    const before = this.metres(at);
+    this.scale = Math.min(20, Math.max(0.005, this.scale * factor));
+    const after = this.metres(at);
+    this.middle = [this.middle[0] + before[0] - after[0], this.middle[1] + before[1] - after[1]];
+    this.fitted = false;
+    this.later();
+  }
+
+  move(right, down) {
+    this.middle = [this.middle[0] - right / this.scale, this.middle[1] + down / this.scale];
+    this.fitted = false;
+    this.later();
+  }
+
+  pixels([east, north]) {
+    return [this.width / 2 + (east - this.middle[0]) * this.scale, this.height / 2 - (north - this.middle[1]) * this.scale];
+  }
+
+  metres([x, y]) {
+    return [this.middle[0] + (x - this.width / 2) / this.scale, this.middle[1] - (y - this.height / 2) / this.scale];
+  }
+
+  resize() {
+    const ratio = devicePixelRatio || 1;
+    this.width = this.canvas.clientWidth;
+    this.height = this.canvas.clientHeight;
+    this.canvas.width = this.width * ratio;
+    this.canvas.height = this.height * ratio;
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (this.fitted) this.fit();
+    this.later();
+  }
+
+  later() {
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame(() => {
+      this.due = false;
+      this.draw();
+    });
+  }
+
+  listen() {
+    const at = (event) => [event.offsetX, event.offsetY];
+    this.canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(-event.deltaY / 400), at(event));
+    }, { passive: false });
+    this.canvas.addEventListener("pointerdown", (event) => {
+      this.canvas.setPointerCapture(event.pointerId);
+      this.pointers.set(event.pointerId, at(event));
+      this.pressed = at(event);
+    });
+    this.canvas.addEventListener("pointermove", (event) => {
+      const before = this.pointers.get(event.pointerId);
+      if (!before) return;
+      const now = at(event);
+      const other = [...this.pointers].find(([id]) => id !== event.pointerId)?.[1];
+      if (other) {
+        const apart = (one) => Math.max(10, Math.hypot(one[0] - other[0], one[1] - other[1]));
+        this.zoom(apart(now) / apart(before), [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2]);
+      } else {
+        this.move(now[0] - before[0], now[1] - before[1]);
+      }
+      this.pointers.set(event.pointerId, now);
+    });
+    const end = (event) => {
+      const now = at(event);
+      if (this.pressed && Math.hypot(now[0] - this.pressed[0], now[1] - this.pressed[1]) < 6) this.pick(now);
+      this.pointers.delete(event.pointerId);
+      this.pressed = null;
+    };
+    this.canvas.addEventListener("pointerup", end);
+    this.canvas.addEventListener("pointercancel", (event) => this.pointers.delete(event.pointerId));
+  }
+
+  pick([x, y]) {
+    for (const vehicle of this.state?.vehicles ?? []) {
+      if (!vehicle.place_m) continue;
+      const [px, py] = this.pixels(vehicle.place_m);
+      if (Math.hypot(px - x, py - y) < 24) this.choose_(vehicle.name);
+    }
+  }
+
+  line(places, { colour, width, dash = [], alpha = 1 }) {
+    if (places.length < 2) return;
+    const context = this.context;
+    context.save();
+    context.globalAlpha = alpha;
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.lineJoin = context.lineCap = "round";
+    if (dash.length) context.lineCap = "butt";
+    context.setLineDash(dash);
+    context.beginPath();
+    places.forEach((place, index) => context[index ? "lineTo" : "moveTo"](...this.pixels(place)));
+    context.stroke();
+    context.restore();
+  }
+
+  draw() {
+    const context = this.context;
+    context.clearRect(0, 0, this.width, this.height);
+    if (!this.chart) return;
+    this.drawNetwork();
+    const vehicles = this.state?.vehicles ?? [];
+    this.chart.vehicles.forEach((chart, index) => this.drawWays(chart, vehicles[index], index));
+    this.chart.vehicles.forEach((chart, index) => this.drawPad(chart, index));
+    const taken = [];
+    vehicles.forEach((vehicle, index) => this.drawVehicle(vehicle, index, taken));
+    this.drawRuler();
+  }
+
+  drawNetwork() {
+    const inspected = new Set(this.state?.inspected ?? []);
+    const left = new Set(this.state?.uncovered ?? []);
+    const current = new Map((this.state?.vehicles ?? []).map((one, index) => [one.progress.segment, index]));
+    this.chart.segments_m.forEach((ends, segment) => {
+      if (current.has(segment)) this.line(ends, { colour: hueOf(current.get(segment)), width: 15, alpha: 0.33 });
+      if (inspected.has(segment)) this.line(ends, { colour: style("--done"), width: 7 });
+      else if (left.has(segment)) this.line(ends, { colour: style("--left"), width: 5, dash: [4, 4] });
+      this.line(ends, { colour: style("--open"), width: 1.8 });
+      for (const place of ends) {
+        const [x, y] = this.pixels(place);
+        this.context.fillStyle = style("--open");
+        this.context.fillRect(x - 3, y - 3, 6, 6);
+      }
+    });
+  }
+
+  drawWays(chart, vehicle, index) {
+    const chosen = this.chosen === null || this.chosen === chart.name;
+    const colour = hueOf(index);
+    this.line(this.tracks.get(chart.name) ?? [], { colour, width: chosen ? 3 : 2, alpha: chosen ? 0.9 : 0.45 });
+    const flying = vehicle && ["flying", "holding", "starting"].includes(vehicle.state);
+    if (!chart.route || !flying || !vehicle.place_m) return;
+    this.line([vehicle.place_m, ...chart.route.places_m.slice(vehicle.waypoint)], {
+      colour, width: 2, dash: [7, 5], alpha: chosen ? 1 : 0.5,
+    });
+  }
+
+  drawPad(chart, index) {
+    const [x, y] = this.pixels(chart.pad_m);
+    this.context.strokeStyle = hueOf(index);
+    this.context.lineWidth = 2;
+    this.context.setLineDash([]);
+    this.context.strokeRect(x - 5, y - 5, 10, 10);
+  }
+
+  drawVehicle(vehicle, index, taken) {
+    if (!vehicle.place_m) return;
+    const context = this.context;
+    const [x, y] = this.pixels(vehicle.place_m);
+    const on = ["flying", "holding", "starting", "returning", "landing"].includes(vehicle.state);
+    const size = on ? 13 : 8;
+    if (vehicle.loss && !vehicle.loss.inside_window) this.ring(x, y, 21, style("--bad"), [4, 3]);
+    if (this.chosen === vehicle.name) this.ring(x, y, 17, style("--ink"), []);
+    context.save();
+    context.translate(x, y);
+    context.rotate(((vehicle.position?.heading_deg ?? 0) * Math.PI) / 180);
+    context.beginPath();
+    context.moveTo(0, -size);
+    context.lineTo(size * 0.72, size * 0.8);
+    context.lineTo(0, size * 0.42);
+    context.lineTo(-size * 0.72, size * 0.8);
+    context.closePath();
+    context.fillStyle = vehicle.stale || vehicle.state === "lost" ? style("--map") : hueOf(index);
+    context.fill();
+    context.lineWidth = 2.2;
+    context.strokeStyle = vehicle.stale || vehicle.state === "lost" ? hueOf(index) : style("--map");
+    context.stroke();
+    context.restore();
+    if (vehicle.fault) this.cross(x, y);
+    if (vehicle.state === "holding") this.pause(x, y);
+    if (on || vehicle.fault) this.label(vehicle, x, y, taken);
+  }
+
+  ring(x, y, radius, colour, dash) {
+    const context = this.context;
+    context.setLineDash(dash);
+    context.strokeStyle = colour;
+    context.lineWidth = 2.5;
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  cross(x, y) {
+    const context = this.context;
+    context.strokeStyle = style("--bad");
+    context.lineWidth = 3.5;
+    context.beginPath();
+    for (const [dx, dy] of [[-9, -9], [-9, 9]]) {
+      context.moveTo(x + dx, y + dy);
+      context.lineTo(x - dx, y - dy);
+    }
+    context.stroke();
+  }
+
+  pause(x, y) {
+    this.context.fillStyle = style("--ink");
+    for (const dx of [-20, -13]) this.context.fillRect(x + dx - 3, y - 20, 4, 12);
+  }
+
+  label(vehicle, x, y, taken) {
+    const context = this.context;
+    const height = vehicle.position ? ` ${vehicle.position.relative_alt_m.toFixed(0)} m` : "";
+    const text = `${vehicle.name} L${vehicle.layer + 1}${height}`;
+    context.font = "600 13px system-ui, sans-serif";
+    const width = context.measureText(text).width + 8;
+    let top = y - 9;
+    const left = x + 18 + width > this.width ? x - 18 - width : x + 18;
+    while (taken.some((one) => Math.abs(one[1] - top) < 18 && left < one[0] + one[2] && one[0] < left + width)) top += 18;
+    taken.push([left, top, width]);
+    context.globalAlpha = 0.86;
+    context.fillStyle = style("--map");
+    context.fillRect(left, top, width, 18);
+    context.globalAlpha = 1;
+    context.fillStyle = style("--ink");
+    context.fillText(text, left + 4, top + 13.5);
+  }
+
+  drawRuler() {
+    const wanted = 110 / this.scale;
+    const power = 10 ** Math.floor(Math.log10(wanted));
+    const metres = [5, 2, 1].map((step) => step * power).find((one) => one <= wanted) ?? power;
+    const [x, y] = [14, 22];
+    const context = this.context;
+    context.strokeStyle = context.fillStyle = style("--ink");
+    context.lineWidth = 2;
+    context.beginPath();
+    context.moveTo(x, y - 5);
+    context.lineTo(x, y);
+    context.lineTo(x + metres * this.scale, y);
+    context.lineTo(x + metres * this.scale, y - 5);
+    context.stroke();
+    context.font = "600 12px system-ui, sans-serif";
+    context.fillText(metres >= 1000 ? `${metres / 1000} km` : `${metres} m`, x + 5, y - 4);
+    context.fillText("N ↑", x + metres * this.scale + 12, y);
+  }
+}
