@@ -25,6 +25,7 @@ from executor.core.events import LaunchOrdered, Reopened
 from executor.core.state import FleetState
 from executor.demo import happenings
 from executor.errors import LogError
+from executor.publishing import settings_of
 from executor.report import Said, report_of
 from missions import PlanFile, read_plan
 
@@ -124,7 +125,8 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
 
 def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
     """Return the order to fly what a run directory describes."""
-    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock))
+    mqtt = settings_of(ground.site.mqtt, run, str(run / "site.toml"))
+    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), mqtt)
 
 
 async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
