@@ -132,13 +132,17 @@ def _outcome(site: Site, flight: Flight, first: tuple[float, FaultKind, str] | N
     name, fault = site.drones[flight.vehicle], flight.injected
     reserve = site.context.vehicles[name].reserve_pct
     timeout_s = site.context.vehicles[name].link_timeout_s
-    lands_low = flight.remaining_pct[-1] < reserve
+    breaks_it = flight.remaining_pct[-1] < reserve
+    # Nobody knows better than the autopilot's own percentage, by which its failsafes act too.
+    lands_low = breaks_it or flight.reported_pct < reserve
     wanted = fault.kind is FaultKind.BATTERY or (fault.kind is FaultKind.LINK and fault.size > timeout_s + MARGIN_S)
     if fault.kind is FaultKind.LINK and flight.lasted_s - fault.at_s < timeout_s + MARGIN_S:
         wanted = False  # it lands before
     onset = min(len(flight.remaining_pct) - 1, int(fault.at_s)) if fault.kind is not None else 0
-    could = flight.remaining_pct[onset] > flight.home_pct[onset]
-    breaks = fault.kind is FaultKind.BATTERY and fault.what != "cell" and lands_low and could
+    # With what it uses from then on, which the second after shows.
+    after = min(len(flight.home_pct) - 1, onset + 1)
+    could = flight.remaining_pct[after] > flight.home_pct[after]
+    breaks = fault.kind is FaultKind.BATTERY and fault.what != "cell" and breaks_it and could
     if first is None:
         return Outcome(fault, flight.autopilot, flight.lasted_s, None, "", None, False, wanted, breaks, False, 0.0)
     at_s, kind, reason = first

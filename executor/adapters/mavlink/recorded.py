@@ -53,7 +53,7 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
-GCS_TYPE, NO_AUTOPILOT = 6, 8
+GCS_TYPE, NO_AUTOPILOT, PX4 = 6, 8, 12
 DO_SET_MODE = 176
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})
 """MAV_CMD that a ground station changes a mode with, or what the vehicle does in it."""
@@ -194,6 +194,8 @@ class _Source:
     received: int = 1
     missing: int = 0
     vehicle: bool = False
+    rounds_twice: bool = False
+    """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
 
     def passed(self, seq: int) -> None:
         """Count a frame, and those that its sequence number says are missing."""
@@ -285,7 +287,9 @@ class TelemetryFile:
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
-                every = kind.every_usec if number != SYSTEM else self._stands_in_usec(key, stamp)
+                every = kind.every_usec
+                if number == SYSTEM and not source.rounds_twice:
+                    every = self._stands_in_usec(key, stamp)
                 if not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
                     newest[key] = stamp
                     if not _whole(buffer, at):
@@ -333,7 +337,7 @@ class TelemetryFile:
             if command in MODE_COMMANDS:
                 yield stamp, target, OrderSeen(command)
         elif isinstance(message, Heartbeat):
-            source.vehicle = True
+            source.vehicle, source.rounds_twice = True, message.autopilot == PX4
             if source.received + source.missing >= ENOUGH_FRAMES:
                 yield stamp, system, Traffic(source.received, source.missing)
                 source.received = source.missing = 0
