@@ -248,7 +248,7 @@ class TelemetryFile:
         stop = size if last else size - 2 * LONGEST
         sources, kinds, newest, head = self._sources, KINDS, self._newest, _HEAD.unpack_from
         heard = self.heard
-        in_garbage = False
+        known, in_garbage = self._stamp, False
         while at < stop:
             if at + HEAD_SIZE > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
@@ -265,7 +265,7 @@ class TelemetryFile:
                 end + STAMP < size
                 and buffer[end + STAMP] in MARKS
                 and mark in MARKS
-                and -STAMP_TOLERANCE_USEC < stamp - (self._stamp or stamp) < STAMP_TOLERANCE_USEC
+                and -STAMP_TOLERANCE_USEC < stamp - (known or stamp) < STAMP_TOLERANCE_USEC
                 and (mark == V1 or flags < 2)
             ) and not self._begins(buffer, at, end, size):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
@@ -274,7 +274,7 @@ class TelemetryFile:
                 continue
             in_garbage = False
             self.frames += 1
-            self._stamp = stamp
+            self._stamp = known = stamp
             if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
                 yield stamp, 0, None
             heard[system] = stamp
@@ -282,6 +282,9 @@ class TelemetryFile:
             source = sources.get(key)
             if source is None:
                 sources[key] = source = _Source(seq)
+            elif seq == (source.seq + 1) & 255:  # as `passed` has it, without a call
+                source.received += 1
+                source.seq = seq
             else:
                 source.passed(seq)
             kind = kinds.get(number)
@@ -290,7 +293,7 @@ class TelemetryFile:
                 every = kind.every_usec
                 if number == SYSTEM and not source.rounds_twice:
                     every = self._stands_in_usec(key, stamp)
-                if not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
+                if every == 0 or not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
                     newest[key] = stamp
                     if not _whole(buffer, at):
                         self.skipped.bad_checksums += 1
