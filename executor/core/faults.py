@@ -166,11 +166,12 @@ def battery_stepped(view: View) -> Finding:
     """Much was lost at once."""
     if not _battery_fresh(view):
         return STALE
-    limits = view.context.limits
-    excess, expected = battery.excess_pct(view.state.battery, limits.battery_step_window_s)
-    # While it fails the window moves on, so the loss is looked for in the time since.
-    if view.failing:
-        excess, expected = battery.excess_pct(view.state.battery, 4 * limits.battery_step_window_s)
+    limits, known = view.context.limits, view.state.battery
+    window_s = limits.battery_step_window_s
+    long_s = 4 * window_s
+    # While it fails the window moves on; and nobody may have looked while a step was in it.
+    fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
+    excess, expected = battery.excess_pct(known, long_s if view.failing or fell else window_s)
     if excess >= limits.battery_step_pct:
         used = excess + expected
         return Finding(Verdict.FAIL, f"lost {used:.0f} % at once where the flight costs {expected:.1f} %")
