@@ -73,8 +73,8 @@ def _vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour
             if axis is not battery:  # above what is drawn, as it is below it there
                 bottom, top = axis.get_ylim()
                 axis.set_ylim(bottom, top + HEADROOM * (top - bottom))
-            place = "lower left" if axis is battery else "upper left"
-            axis.legend(loc=place, fontsize=7, frameon=False, ncols=3, borderaxespad=0.1)
+            corner = (0.0, 0.0) if axis is battery else (0.0, 1.0 - HEADROOM / (1.0 + HEADROOM))
+            axis.legend(loc=corner, fontsize=7, frameon=False, ncols=3, borderaxespad=0.1)
     for one in vehicle.degraded:
         row = link if one.kind is FaultKind.LINK else battery if one.kind is FaultKind.BATTERY else progress
         since, until = ((usec - replay.began_usec) / 1e6 for usec in (one.from_usec, one.to_usec))
