@@ -18,7 +18,7 @@ from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.estimator import Prior
 from executor.core.events import Heard, Tick
 from executor.core.limits import Limits
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
+from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, SystemStatus
 from executor.core.passive import Declared, Degraded, Finding
 from executor.core.recording import Record, RecordedFile
 from executor.core.replayed import Declaration, Impaired, LogReplay, Sample, Trace, VehicleReplay
@@ -189,7 +189,9 @@ class _Player:
             self._scene = replace(self._scene, frame=frame)
         self._state, found = passive.step(self._scene, self._state, Heard(name, message), now_s)
         self._findings += found
-        if isinstance(message, Heartbeat):
+        if isinstance(message, (Battery, SystemStatus)) and _drains(self._state.fleet.vehicles[name]):
+            self._next_s = min(self._next_s, now_s + TICK_S)
+        elif isinstance(message, Heartbeat):
             if message != before.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
@@ -298,9 +300,13 @@ def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
     if vehicle.stage is Stage.LOST:
         return True
     silent = vehicle.heard_s is not None and at_s - vehicle.heard_s > CALM_S
+    return not (silent or vehicle.watches or _drains(vehicle))
+
+
+def _drains(vehicle: VehicleState) -> bool:
+    """Return whether more is used than usual."""
     known = vehicle.battery
-    drains = max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
-    return not (silent or vehicle.watches or drains)
+    return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
 
 
 def _empty_scene(rules: Rules) -> Scene:

@@ -21,6 +21,10 @@ from executor.truths import read_truths, truth_for
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
+LOOK_USEC = 500_000
+"""How often the few lines look, at least."""
+LONGEST_USEC = 120_000_000
+"""In a longer pause nothing is said any more that was not said before."""
 THRESHOLDS = (LINK, "battery_excess_pct", "charge_excess_pct", "drain_slack", "voltage_step", "voltage_step_blind")
 
 
@@ -83,15 +87,16 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     declared: list[tuple[int, FaultKind]] = []
     began, flown_usec, last = 0, 0, 0
     for usec, system, message in opened.file.records():
-        began = began or usec
+        began, last = began or usec, last or usec
+        for at_usec in (*range(last + LOOK_USEC, min(usec, last + LONGEST_USEC), LOOK_USEC), usec):
+            for number, one in systems.items():
+                kind = one.says((at_usec - began) / 1e6)
+                if kind is not None and (number, kind) not in said and not (opened.on_board and kind is FaultKind.LINK):
+                    said.add((number, kind))
+                    declared.append((at_usec, kind))
+        flown_usec += (usec - last) * sum(one.armed for one in systems.values())
         if message is not None and system:
             systems.setdefault(system, FewLines(PERCENT)).take(message, (usec - began) / 1e6)
-        for number, one in systems.items():
-            flown_usec += (usec - last) if one.armed else 0
-            kind = one.says((usec - began) / 1e6)
-            if kind is not None and (number, kind) not in said and not (opened.on_board and kind is FaultKind.LINK):
-                said.add((number, kind))
-                declared.append((usec, kind))
         last = usec
     return declared, flown_usec / 1e6
 

@@ -244,27 +244,40 @@ def detection(
     faulty: Annotated[int, typer.Option(min=1, help="Flights with each kind of fault.")] = 120,
     seed: SeedOption = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one per processor if not given.")] = None,
+    logs: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Recorded flights with truths; by default ../shared/logs, if it is there."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write detection.md and detection.json there.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Measure the watchpoints on modelled flights: how many faults they find, how late, and how many false alarms.
 
     Healthy flights have wind, gusts, worn packs, noisy sensors, rounded and re-estimated percentages and lossy links;
     faulty ones have steps, drains of 1.3 to 4 times the normal, failing cells and silent links of 2 to 200 s. A
-    detector of a few lines is measured on the same flights. The same seed gives the same figures, however many
-    processes fly.
+    detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the same
+    figures, however many processes fly.
     """
-    from executor.bench.detection import campaign, print_summary, summary
+    from executor.bench.detection import campaign, summary
+    from executor.bench.detectionpage import document, keep, logs_directory, print_recorded, print_summary, recorded
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
 
-    found = {}
+    folder = logs_directory(logs)
     with ShownProgress() as shown:
-        for name, few_lines in (("watchpoints", False), ("few lines", True)):
-            told = partial(shown.told, name)
-            outcomes = campaign(healthy, faulty, seed, jobs or cores(), told, few_lines=few_lines)
-            found[name.replace(" ", "_")] = summary(outcomes)
+        pairs = campaign(healthy, faulty, seed, jobs or cores(), partial(shown.told, "flights"))
+    figures = {
+        "watchpoints": summary([pair.watchpoints for pair in pairs]),
+        "few_lines": summary([pair.few_lines for pair in pairs]),
+    }
+    content = document(seed, figures, [] if folder is None else recorded(folder))
+    if out is not None:
+        keep(content, out)
     if as_json:
-        print(json.dumps({"seed": seed, **found}))
+        print(json.dumps(content))
         return
-    for name, figures in found.items():
-        print_summary(name.replace("_", " "), figures)
+    for name, found in figures.items():
+        print_summary(name.replace("_", " "), found)
+    print_recorded(content)

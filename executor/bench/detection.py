@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,8 @@ from executor.fewlines import FewLines
 TICK_S = 0.5
 KINDS = ("step", "drain", "cell", "silent")
 AUTOPILOTS = ("ardupilot", "px4")
+DRAINS = ((1.3, 1.7), (1.7, 2.5), (2.5, 4.0))
+"""Times the normal rate, from mild to severe."""
 MARGIN_S = 1.0
 """A silence within this of the time-out may be declared or not."""
 Z95 = 1.959964
@@ -132,13 +133,17 @@ def _outcome(site: Site, flight: Flight, first: tuple[float, FaultKind, str] | N
     name, fault = site.drones[flight.vehicle], flight.injected
     reserve = site.context.vehicles[name].reserve_pct
     timeout_s = site.context.vehicles[name].link_timeout_s
-    lands_low = flight.remaining_pct[-1] < reserve
+    breaks_it = flight.remaining_pct[-1] < reserve
+    # Nobody knows better than the autopilot's own percentage, by which its failsafes act too.
+    lands_low = breaks_it or flight.reported_pct < reserve
     wanted = fault.kind is FaultKind.BATTERY or (fault.kind is FaultKind.LINK and fault.size > timeout_s + MARGIN_S)
     if fault.kind is FaultKind.LINK and flight.lasted_s - fault.at_s < timeout_s + MARGIN_S:
         wanted = False  # it lands before
     onset = min(len(flight.remaining_pct) - 1, int(fault.at_s)) if fault.kind is not None else 0
-    could = flight.remaining_pct[onset] > flight.home_pct[onset]
-    breaks = fault.kind is FaultKind.BATTERY and fault.what != "cell" and lands_low and could
+    # With what it uses from then on, which the second after shows.
+    after = min(len(flight.home_pct) - 1, onset + 1)
+    could = flight.remaining_pct[after] > flight.home_pct[after]
+    breaks = fault.kind is FaultKind.BATTERY and fault.what != "cell" and breaks_it and could
     if first is None:
         return Outcome(fault, flight.autopilot, flight.lasted_s, None, "", None, False, wanted, breaks, False, 0.0)
     at_s, kind, reason = first
@@ -161,32 +166,39 @@ class Job:
     what: str
     numbers: tuple[int, ...]
     seed: int
-    few_lines: bool
 
 
-def fly_job(job: Job) -> list[Outcome]:
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """One flight, judged by either detector."""
+
+    watchpoints: Outcome
+    few_lines: Outcome
+
+
+def fly_job(job: Job) -> list[Pair]:
     """Fly and judge them; the same seed and number give the same flight whoever flies it."""
     found = []
     for number in job.numbers:
         rng = np.random.default_rng([job.seed, number, ("healthy", *KINDS).index(job.what)])
         autopilot = AUTOPILOTS[number % len(AUTOPILOTS)]
         site = _site(autopilot)
-        found.append(judged(site, fly(site, autopilot, job.what, rng), few_lines=job.few_lines))
+        flight = fly(site, autopilot, job.what, rng)
+        found.append(Pair(judged(site, flight), judged(site, flight, few_lines=True)))
     return found
 
 
 def campaign(
-    healthy: int, faulty: int, seed: int, jobs: int, told: Callable[[int, int], None] = lambda *_: None,
-    *, few_lines: bool = False,
-) -> list[Outcome]:  # fmt: skip
+    healthy: int, faulty: int, seed: int, jobs: int, told: Callable[[int, int], None] = lambda *_: None
+) -> list[Pair]:
     """Fly a campaign: so many healthy flights, and so many with each kind of fault."""
     share = 10
     work = [
-        Job(what, tuple(range(begin, min(begin + share, count))), seed, few_lines)
+        Job(what, tuple(range(begin, min(begin + share, count))), seed)
         for what, count in (("healthy", healthy), *((what, faulty) for what in KINDS))
         for begin in range(0, count, share)
     ]
-    found: list[Outcome] = []
+    found: list[Pair] = []
     if jobs <= 1:
         for number, job in enumerate(work):
             found += fly_job(job)
@@ -215,32 +227,13 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, object]:
         "false_reasons": sorted({f"{_name(one)} ({one.injected.what}, {one.autopilot})" for one in false}),
         "would_break_reserve": {"of": in_time.of, "in_time": in_time.hits, **_rate(in_time)},
         "kinds": {what: _kind([one for one in outcomes if one.injected.what == what]) for what in KINDS},
+        "drains": {
+            f"{low:g} to {high:g}": _kind(
+                [one for one in outcomes if one.injected.what == "drain" and low <= one.injected.size < high]
+            )
+            for low, high in DRAINS
+        },
     }
-
-
-def print_summary(name: str, figures: Mapping[str, Any]) -> None:
-    """Print the figures of a campaign."""
-    low, high = figures["false_alarms_per_50_h_95"] or (0.0, 0.0)
-    print(f"{name}: {figures['flights']} flights, {figures['flight_hours']:.0f} flight hours")
-    print(
-        f"  false alarms: {figures['false_alarms']}, {figures['false_alarms_per_50_h']:.2f} in 50 flight hours "
-        f"(95 %: {low:.2f} to {high:.2f})"
-    )
-    for reason in figures["false_reasons"]:
-        print(f"    {reason}")
-    breaking = figures["would_break_reserve"]
-    low, high = (100 * bound for bound in breaking["rate_95"])
-    print(
-        f"  would break the reserve: {breaking['in_time']} of {breaking['of']} declared while it could come home, "
-        f"{100 * breaking['rate']:.1f} % ({low:.1f} to {high:.1f})"
-    )
-    print("  fault     due  declared  rate (95 %)               delay median, 95 %   extra battery 95 %")
-    for what, row in figures["kinds"].items():
-        low, high = (100 * bound for bound in row["rate_95"])
-        rate = f"{100 * row['rate']:.1f} % ({low:.1f} to {high:.1f})"
-        delay = "" if row["delay_s_median"] is None else f"{row['delay_s_median']:.1f} s, {row['delay_s_95']:.1f} s"
-        extra = f"{row['extra_pct_95']:.1f} %" if row["extra_pct_95"] else ""
-        print(f"  {what:<8}  {row['due']:>3}  {row['declared']:>8}  {rate:<24}  {delay:<19}  {extra}")
 
 
 def _name(outcome: Outcome) -> str:
@@ -259,8 +252,11 @@ def _kind(outcomes: Sequence[Outcome]) -> dict[str, object]:
     delays = [one.at_s - one.injected.at_s for one in found if one.at_s is not None]
     extra = [one.extra_pct for one in found]
     reasons = sorted({_name(one) for one in found})
+    breaking = [one for one in outcomes if one.breaks]
     return {
         "due": len(due),
+        "would_break_reserve": len(breaking),
+        "in_time": sum(one.in_time for one in breaking),
         "declared": len(found),
         **_rate(Share(len(found), len(due))),
         "delay_s_median": round(float(np.median(delays)), 2) if delays else None,

@@ -91,6 +91,8 @@ class Flight:
     """What the way home would have taken then."""
     rate_pct_s: list[float] = field(default_factory=list)
     lasted_s: float = 0.0
+    reported_pct: float = 100.0
+    """The last that it said of itself."""
 
 
 def injected(what: str, rng: np.random.Generator, mission_s: float) -> Injected:
@@ -209,7 +211,9 @@ def fly(site: Site, autopilot: str, what: str, rng: np.random.Generator) -> Flig
         flight.home_pct.append(rate * (math.dist(place, pad) / HOME_M_S + height_m / DOWN_M_S))
         said = _said(site, autopilot, t_s, (waypoint, seq_of), (place, height_m, velocity))
         if autopilot == "ardupilot" or int(t_s) % 2 == 0:
-            said.append((t_s + 0.5, gauge.report(lost_pct, climbs=velocity[2] > 0.3)))
+            report = gauge.report(lost_pct, climbs=velocity[2] > 0.3)
+            flight.reported_pct = report.remaining_pct or 0.0
+            said.append((t_s + 0.5, report))
         for at_s, message in said:
             if rng.random() >= loss and not any(begin <= at_s < end for begin, end in gaps):
                 flight.heard.append((at_s, message))

@@ -93,6 +93,10 @@ class BatteryState:
     """How far the percentage was seen to rise lately: a charge does not, an estimate of it wavers."""
     drift: Drift = field(default_factory=Drift)
     """Of the percentage."""
+    usual_long: float = 1.0
+    """The factor over the whole flight: a mild drain is not usual before minutes have passed."""
+    slow: Drift = field(default_factory=Drift)
+    """Of the percentage against `usual_long`: mild drains show only over minutes."""
     charge: Charge = field(default_factory=Charge)
 
     @property
@@ -133,6 +137,7 @@ def reported(
             history=(sample,),
             estimate=estimator.begun(remaining_pct, prior),
             usual=prior.factor,
+            usual_long=prior.factor,
         )
     modelled = state.modelled_pct - state.history[-1].modelled_pct
     elapsed_s = max(0.0, now_s - state.reported_s)
@@ -140,10 +145,16 @@ def reported(
     fades = max(0.0, 1.0 - elapsed_s / ROUGH_S)
     roughness = max(state.roughness_pct * fades, -used)
     ahead = estimator.flown(state.estimate, modelled, elapsed_s)
-    expected = _usual(state) * max(modelled, _unseen_pct(state, elapsed_s))
+    modelled = max(modelled, _unseen_pct(state, elapsed_s))
+    expected = _usual(state) * modelled
+    slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
     drift = followed(
-        state.drift, used, expected, slack=_slack(state, limits), elapsed_s=elapsed_s, now_s=now_s,
+        state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
+    )  # fmt: skip
+    slow = followed(
+        state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
+        elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
     fine = _counted_pct(state, remaining_pct)
     if fine is None:
@@ -166,6 +177,8 @@ def reported(
         began_s=now_s if state.began_s is None and state.modelled_pct > 0 else state.began_s,
         roughness_pct=roughness,
         drift=drift,
+        usual_long=_followed_long(state, estimate, elapsed_s, now_s),
+        slow=slow,
     )
 
 
@@ -183,8 +196,8 @@ def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limit
         elapsed_s = max(0.0, now_s - charge.at_s)
         expected = _usual(state) * max(state.modelled_pct - charge.modelled_pct, _unseen_pct(state, elapsed_s))
         drift = followed(
-            drift, used, expected, slack=_slack(state, limits, COUNTED), elapsed_s=elapsed_s, now_s=now_s,
-            memory_s=limits.battery_window_s,
+            drift, used, expected, slack_pct=_slack(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
+            now_s=now_s, memory_s=limits.battery_window_s,
         )  # fmt: skip
     capacity = charge.capacity_ah
     given_pct = charge.began_pct - state.remaining_pct
@@ -215,12 +228,18 @@ def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
     return left if abs(left - reported_pct) <= AGREES_PCT else None
 
 
+def is_blind(state: BatteryState) -> bool:
+    """Return whether no counter of charge stands behind the percentage."""
+    charge = state.charge
+    return charge.consumed_ah is None or charge.consumed_ah <= charge.began_ah
+
+
 def blindness_pct(state: BatteryState) -> float:
     """Return the standard deviation of a percentage that no counter of charge stands behind.
 
     It is read off the voltage, which moves with load and temperature.
     """
-    return 0.0 if state.charge.consumed_ah is not None else BLIND_PCT
+    return BLIND_PCT if is_blind(state) else 0.0
 
 
 def factor(state: BatteryState) -> float:
@@ -248,6 +267,13 @@ def _unseen_pct(state: BatteryState, elapsed_s: float) -> float:
     first, last = state.history[0], state.history[-1]
     span_s = last.at_s - first.at_s
     return (last.modelled_pct - first.modelled_pct) / span_s * elapsed_s if span_s > 0 else 0.0
+
+
+def _followed_long(state: BatteryState, estimate: Estimate, elapsed_s: float, now_s: float) -> float:
+    """Return the mean factor of the flight so far."""
+    flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
+    share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
+    return state.usual_long + (max(0.0, estimate.factor) - state.usual_long) * share
 
 
 def _usual(state: BatteryState) -> float:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
 from executor.core import battery, drift, energy
 from executor.core.context import Scene, VehicleSetup
+from executor.core.limits import Limits
 from executor.core.modes import is_home_mode, is_mission_mode, mode_name
 from executor.core.vehicle import FaultKind, Stage, VehicleState, Watch
 from missions import Phase
@@ -167,11 +168,12 @@ def battery_stepped(view: View) -> Finding:
     """Much was lost at once."""
     if not _battery_fresh(view):
         return STALE
-    limits = view.context.limits
-    excess, expected = battery.excess_pct(view.state.battery, limits.battery_step_window_s)
-    # While it fails the window moves on, so the loss is looked for in the time since.
-    if view.failing:
-        excess, expected = battery.excess_pct(view.state.battery, 4 * limits.battery_step_window_s)
+    limits, known = view.context.limits, view.state.battery
+    window_s = limits.battery_step_window_s
+    long_s = 4 * window_s
+    # While it fails the window moves on; and nobody may have looked while a step was in it.
+    fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
+    excess, expected = battery.excess_pct(known, long_s if view.failing or fell else window_s)
     if excess >= limits.battery_step_pct:
         used = excess + expected
         return Finding(Verdict.FAIL, f"lost {used:.0f} % at once where the flight costs {expected:.1f} %")
@@ -180,29 +182,41 @@ def battery_stepped(view: View) -> Finding:
 
 def battery_drains(view: View) -> Finding:
     """More is used than the flight should cost, by more than a climb or a gust explains."""
-    return _drains(view, 1.0)
+    return _drains(view, hurried=False)
 
 
 def battery_plunges(view: View) -> Finding:
     """So much more is used that there is no time to wait for one more report."""
-    return _drains(view, PLUNGE)
+    return _drains(view, hurried=True)
 
 
-def _drains(view: View, share: float) -> Finding:
+def _drains(view: View, *, hurried: bool) -> Finding:
     if not _battery_fresh(view):
         return STALE
     limits, known = view.context.limits, view.state.battery
-    looked_at = ((known.drift, limits.battery_excess_pct + known.roughness_pct, ""),
-                 (known.charge.drift, limits.charge_excess_pct, " by its counter of charge"))  # fmt: skip
-    for found, threshold, which in looked_at:
-        threshold *= share * (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
-        if drift.exceeds(found, threshold, limits.battery_step_pct):
-            took_s = view.now_s - (found.since_s if found.since_s is not None else view.now_s)
+    eased = (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
+    for found, threshold, which in _excesses(known, limits, hurried=hurried):
+        if drift.exceeds(found, eased * threshold, limits.battery_step_pct):
             return Finding(
                 Verdict.FAIL,
-                f"used {found.used_pct:.1f} % in {took_s:.0f} s where {found.expected_pct:.1f} % is usual{which}",
+                f"used {found.used_pct:.1f} % in {found.lasted_s(view.now_s):.0f} s where {found.expected_pct:.1f} % "
+                f"is usual{which}",
             )
     return OK
+
+
+def _excesses(
+    known: battery.BatteryState, limits: Limits, *, hurried: bool
+) -> Iterator[tuple[drift.Drift, float, str]]:
+    """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
+    share = PLUNGE if hurried else 1.0
+    yield known.charge.drift, share * limits.charge_excess_pct, " by its counter of charge"
+    if not battery.is_blind(known):
+        yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
+    else:
+        yield known.drift, limits.blind_excess_pct, ""
+    if not hurried:
+        yield known.slow, limits.slow_blind_pct if battery.is_blind(known) else limits.slow_excess_pct, " over minutes"
 
 
 def voltage_stepped(view: View) -> Finding:

@@ -19,11 +19,23 @@ class Limits:
     """A loss of this much beyond what explains itself is a fast drain: whole percents err by one."""
     battery_window_s: float = 90.0
     """In this time an excess is forgotten but for a third: it is the rate that makes a fault."""
+    blind_excess_pct: float = 2.4
+    """The same where no counter of charge stands behind the percentage, and beyond `blind_swing_pct_s`."""
+    blind_swing_pct_s: float = 0.06
+    """A percentage that is read off the voltage sinks with the load and swings by 2 % in half a minute: so much in a
+    second is no excess. A fast drain takes more, a mild one is found over minutes."""
+    slow_excess_pct: float = 4.0
+    """A loss of this much in `slow_window_s`, beyond what the flight so far lets expect, is a drain, however mild."""
+    slow_blind_pct: float = 5.5
+    """The same where no counter of charge stands behind the percentage."""
+    slow_slack: float = 0.2
+    """The same as `drain_slack` over minutes, in which climbs, gusts and legs against the wind even out."""
+    slow_window_s: float = 400.0
     charge_excess_pct: float = 1.0
     """The same for the consumed charge, which is counted in mAh."""
     drain_slack: float = 0.25
     """Share of the usual consumption that a climb, a gust or a turn of the wind explains."""
-    reserve_chance: float = 0.97
+    reserve_chance: float = 0.93
     """A landing below the reserve that is this probable is a fault: it is asked all the time, and once is enough."""
     reserve_clear_chance: float = 0.8
     reserve_warn_chance: float = 0.5
@@ -50,7 +62,7 @@ class Limits:
     """A vehicle that disarms higher than this over its pad did not land: autopilots disarm within 2 m of the ground."""
     at_rest_m_s: float = 1.0
     """A vehicle that disarms faster than this did not land."""
-    climbs_m_s: float = 0.5
+    climbs_m_s: float = 0.3
     """A climb this fast costs more than level flight, which the energy model does not know."""
     alarm_s: float = 15.0
     """A text of a failsafe explains what the vehicle does in this time after it: PX4 holds for 5 s before it acts."""

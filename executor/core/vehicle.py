@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from executor.core import battery, linkquality
@@ -29,6 +29,7 @@ from executor.core.messages import (
     Traffic,
 )
 from executor.core.modes import is_mission_mode
+from executor.core.roundings import Roundings
 from executor.core.voltage import Report, Thresholds, VoltageState, measured
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
 from planner import segment_of
@@ -162,6 +163,8 @@ class VehicleState:
     battery: BatteryState = field(default_factory=BatteryState)
     packs: tuple[tuple[int, float], ...] = ()
     """What each battery reported last, in percent, by its id."""
+    roundings: Roundings = field(default_factory=Roundings)
+    """PX4's two ways to say its percentage."""
     board: OnBoard | None = None
     waypoint: int = 0
     """The waypoint at the end of the leg under way, by the vehicle's own word."""
@@ -346,7 +349,11 @@ def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float
         state = changed(state, battery=counted)
     charge = state.battery
     if message.remaining_pct is not None:
-        charge = _charged(context, state, min(dict(packs).values()), message.charge_state, now_s)
+        percent = min(dict(packs).values())
+        if single and _rounds_twice(context, state):
+            state = changed(state, roundings=replace(state.roundings, rounded=percent, rounded_s=now_s))
+            percent = state.roundings.percent
+        charge = _charged(context, state, percent, message.charge_state, now_s)
     volts = state.volts
     if message.voltage_v and single:
         report = Report(message.voltage_v, message.current_a, message.cells_v)
@@ -358,6 +365,9 @@ def _status(context: Scene, state: VehicleState, message: SystemStatus, now_s: f
     charge, volts = state.battery, state.volts
     if message.remaining_pct is not None and _unreported(context, state, now_s):
         charge = _charged(context, state, message.remaining_pct, 0, now_s)
+    elif message.remaining_pct is not None and len(state.packs) == 1 and _rounds_twice(context, state):
+        state = changed(state, roundings=replace(state.roundings, ceiled=message.remaining_pct, ceiled_s=now_s))
+        charge = _charged(context, state, state.roundings.percent, charge.charge_state, now_s)
     if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
         volts = _measured(context, state, Report(message.voltage_v), now_s)
     return changed(state, heard_s=now_s, battery=charge, volts=volts, unhealthy=message.unhealthy)
@@ -374,6 +384,15 @@ def _measured(context: Scene, state: VehicleState, report: Report, now_s: float)
 def _unreported(context: Scene, state: VehicleState, now_s: float) -> bool:
     # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
     return now_s - state.battery.reported_s > context.limits.battery_stale_s
+
+
+def _rounds_twice(context: Scene, state: VehicleState) -> bool:
+    """Return whether it is PX4 with nothing finer than its percentage."""
+    return (
+        battery.is_blind(state.battery)
+        and state.name in context.vehicles
+        and context.vehicles[state.name].dialect.name == "px4"
+    )
 
 
 def _charged(

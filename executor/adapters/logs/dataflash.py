@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import struct
+import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pymavlink import DFReader
 
+from executor.adapters.logs.plausible import is_plausible
 from executor.core.messages import (
     Battery,
     FlightMessage,
@@ -38,6 +42,8 @@ EV_ARMED, EV_DISARMED = frozenset({10, 15, 28}), 11
 ARMS = "Arming motors"
 WANTED = ("MODE", "ARM", "EV", "BAT", "CURR", "POS", "GPS", "XKF1", "MSG", "CMD", "PARM", "MISE")
 SYSTEM_PARAMETERS = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
+STDERR = 2
+"""The descriptor, which C writes to."""
 FAILURE = 2
 """MAV_SEVERITY of a text that a .BIN keeps without one."""
 
@@ -70,7 +76,10 @@ class DataFlashFile:
         if self.path.stat().st_size == 0:
             return  # pymavlink maps the file into memory, which an empty one cannot be
         try:
-            with warnings.catch_warnings(), redirect_stderr(self._noise), redirect_stdout(self._noise):
+            with (
+                warnings.catch_warnings(), redirect_stdout(self._noise), redirect_stderr(self._noise),
+                _passed_over(self.skipped),
+            ):  # fmt: skip
                 warnings.simplefilter("ignore")
                 log = DFReader.DFReader_binary(str(self.path), zero_time_base=True)
         except (OSError, ValueError, IndexError, KeyError, struct.error, TypeError) as error:
@@ -123,7 +132,9 @@ class DataFlashFile:
         if self._heartbeat and t_usec - self._beat_usec >= BEAT_USEC:
             self._beat_usec = t_usec
             yield t_usec, self.system, self._beat()
-        if told is not None and self._heartbeat:
+        if told is not None and not is_plausible(told):
+            self.skipped.impossible += 1
+        elif told is not None and self._heartbeat:
             yield t_usec, self.system, told
 
     def _beat(self) -> Heartbeat:
@@ -195,6 +206,28 @@ class DataFlashFile:
     def _item(self, message: Any) -> MissionCurrent:  # noqa: ANN401
         self._items = int(message.CTot)
         return MissionCurrent(int(message.CNum), max(0, self._items - 1) or None)
+
+
+@contextmanager
+def _passed_over(skipped: Skipped) -> Iterator[None]:
+    """Count the stretches that pymavlink's indexer passes over; it is C, and tells the standard error of each byte."""
+    sys.stderr.flush()
+    kept = os.dup(STDERR)
+    with tempfile.TemporaryFile() as told:
+        os.dup2(told.fileno(), STDERR)
+        try:
+            yield
+        finally:
+            sys.stderr.flush()
+            os.dup2(kept, STDERR)
+            os.close(kept)
+        told.seek(0)
+        last = -2
+        for line in told:
+            if line.startswith((b"bad header", b"unknown msg type")):
+                at = int(line.rpartition(b" ")[2])
+                skipped.garbage_runs += at != last + 1
+                last = at
 
 
 MOST_UNREADABLE = 100_000

@@ -16,6 +16,7 @@ from typing import Any
 
 from pyulog import ULog
 
+from executor.adapters.logs.plausible import is_plausible
 from executor.core.messages import Battery, FlightMessage, Heartbeat, LandedState, MissionCurrent, Position, StatusText
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
@@ -64,8 +65,8 @@ class UlogFile:
         """
         try:
             # pyulog prints what it does not understand, which is no output of ours.
-            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                log = ULog(str(self.path), list(TOPICS))
+            with self.path.open("rb") as file, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                log = ULog(file, list(TOPICS))
         except Exception as error:
             raise LogError(f"{self.path}: expected a ULog of PX4: {error}") from error
         self.skipped.unreadable += bool(log.file_corruption)
@@ -79,7 +80,9 @@ class UlogFile:
             except (KeyError, ValueError, TypeError):
                 self.skipped.unreadable += 1
                 continue
-            if told is not None:
+            if told is not None and not is_plausible(told):
+                self.skipped.impossible += 1
+            elif told is not None:
                 yield t_usec, system, told
 
     def _system(self, log: ULog) -> int:

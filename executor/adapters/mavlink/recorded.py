@@ -53,7 +53,7 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
-GCS_TYPE, NO_AUTOPILOT = 6, 8
+GCS_TYPE, NO_AUTOPILOT, PX4 = 6, 8, 12
 DO_SET_MODE = 176
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})
 """MAV_CMD that a ground station changes a mode with, or what the vehicle does in it."""
@@ -194,6 +194,8 @@ class _Source:
     received: int = 1
     missing: int = 0
     vehicle: bool = False
+    rounds_twice: bool = False
+    """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
 
     def passed(self, seq: int) -> None:
         """Count a frame, and those that its sequence number says are missing."""
@@ -246,7 +248,7 @@ class TelemetryFile:
         stop = size if last else size - 2 * LONGEST
         sources, kinds, newest, head = self._sources, KINDS, self._newest, _HEAD.unpack_from
         heard = self.heard
-        in_garbage = False
+        known, in_garbage = self._stamp, False
         while at < stop:
             if at + HEAD_SIZE > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
@@ -263,7 +265,7 @@ class TelemetryFile:
                 end + STAMP < size
                 and buffer[end + STAMP] in MARKS
                 and mark in MARKS
-                and -STAMP_TOLERANCE_USEC < stamp - (self._stamp or stamp) < STAMP_TOLERANCE_USEC
+                and -STAMP_TOLERANCE_USEC < stamp - (known or stamp) < STAMP_TOLERANCE_USEC
                 and (mark == V1 or flags < 2)
             ) and not self._begins(buffer, at, end, size):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
@@ -272,7 +274,7 @@ class TelemetryFile:
                 continue
             in_garbage = False
             self.frames += 1
-            self._stamp = stamp
+            self._stamp = known = stamp
             if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
                 yield stamp, 0, None
             heard[system] = stamp
@@ -280,13 +282,18 @@ class TelemetryFile:
             source = sources.get(key)
             if source is None:
                 sources[key] = source = _Source(seq)
+            elif seq == (source.seq + 1) & 255:  # as `passed` has it, without a call
+                source.received += 1
+                source.seq = seq
             else:
                 source.passed(seq)
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
-                every = kind.every_usec if number != SYSTEM else self._stands_in_usec(key, stamp)
-                if not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
+                every = kind.every_usec
+                if number == SYSTEM and not source.rounds_twice:
+                    every = self._stands_in_usec(key, stamp)
+                if every == 0 or not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
                     newest[key] = stamp
                     if not _whole(buffer, at):
                         self.skipped.bad_checksums += 1
@@ -333,7 +340,7 @@ class TelemetryFile:
             if command in MODE_COMMANDS:
                 yield stamp, target, OrderSeen(command)
         elif isinstance(message, Heartbeat):
-            source.vehicle = True
+            source.vehicle, source.rounds_twice = True, message.autopilot == PX4
             if source.received + source.missing >= ENOUGH_FRAMES:
                 yield stamp, system, Traffic(source.received, source.missing)
                 source.received = source.missing = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,10 @@ BAND_SD = 2.0
 KIND_COLOURS = {FaultKind.LINK: "#1f3fa8", FaultKind.BATTERY: "#e8a010", FaultKind.INTERRUPTION: "#00806b",
                 FaultKind.OPERATOR: "#5a5a5a"}  # fmt: skip
 ROWS = ("battery (%)", "voltage (V)", "link age (s)", "progress")
-MOST_WORDS = 70
+MOST_LETTERS = 50
+LEGEND_PCT, DECLARED_PCT = -32.0, -16.0
+"""Below the battery's curves there is room for the legend, and above that for what was declared."""
+HEADROOM = 0.25
 
 
 def draw_replay(replay: LogReplay, truth: Truth | None, path: Path) -> None:
@@ -57,7 +61,8 @@ def _vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour
     battery.plot(at_s, estimate, color=colour, linewidth=1.4, label="estimated, with two standard deviations")
     battery.plot(at_s, series("remaining_pct"), ".", color=INK, markersize=2.5, label="reported")
     battery.plot(at_s, series("landing_pct"), "--", color=colour, linewidth=1.0, label="at the landing, or at home")
-    battery.set_ylim(-5.0, 105.0)
+    battery.set_ylim(LEGEND_PCT - 8.0, 105.0)
+    battery.set_yticks(range(0, 101, 25))
     voltage.plot(at_s, series("voltage_v"), color=colour, linewidth=1.2)
     link.plot(at_s, series("link_age_s"), color=colour, linewidth=1.2, label="any message")
     link.plot(at_s, series("heartbeat_age_s"), ":", color=INK, linewidth=1.0, label="HEARTBEAT")
@@ -66,7 +71,11 @@ def _vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour
     for axis, words in zip(rows, ROWS, strict=True):
         axis.set_ylabel(f"{vehicle.name}\n{words}", color=INK, fontsize=8)
         if axis is not voltage and len(at_s):
-            axis.legend(loc="lower left", fontsize=7, frameon=False, ncols=3)
+            if axis is not battery:  # above what is drawn, as it is below it there
+                bottom, top = axis.get_ylim()
+                axis.set_ylim(bottom, top + HEADROOM * (top - bottom))
+            corner = (0.0, 0.0) if axis is battery else (0.0, 1.0 - HEADROOM / (1.0 + HEADROOM))
+            axis.legend(loc=corner, fontsize=7, frameon=False, ncols=3, borderaxespad=0.1)
     for one in vehicle.degraded:
         row = link if one.kind is FaultKind.LINK else battery if one.kind is FaultKind.BATTERY else progress
         since, until = ((usec - replay.began_usec) / 1e6 for usec in (one.from_usec, one.to_usec))
@@ -79,9 +88,15 @@ def _moments(replay: LogReplay, vehicle: VehicleReplay, truth: Truth | None, axi
         at_s = (happened.t_usec - replay.began_usec) / 1e6
         axis.axvline(at_s, color=INK, linewidth=0.8, linestyle=":")
         if named:
-            axis.text(at_s, 103.0, happened.what[:MOST_WORDS], color=INK, fontsize=6, rotation=12, va="bottom")
+            words = shorten(happened.what, MOST_LETTERS, placeholder=" ...")
+            axis.text(at_s, 105.0, words, color=INK, fontsize=6, rotation=12, va="bottom")
     for one in vehicle.declarations:
         at_s = (one.t_usec - replay.began_usec) / 1e6
         axis.axvline(at_s, color=LOSS, linewidth=1.4)
         if named:
-            axis.text(at_s, 4.0, f" {one.kind.value}: {one.evidence}"[:MOST_WORDS], color=LOSS, fontsize=7)
+            late = at_s > replay.lasted_s / 2
+            words = shorten(f"{one.kind.value}: {one.evidence}", 2 * MOST_LETTERS, placeholder=" ...")
+            axis.text(
+                at_s, DECLARED_PCT, f"{words} " if late else f" {words}", color=LOSS, fontsize=7,
+                ha="right" if late else "left",
+            )  # fmt: skip

@@ -65,7 +65,7 @@ def followed_by(*used: float, expected: float = 0.1) -> Drift:
     drift = Drift()
     for number, one in enumerate(used):
         drift = followed(
-            drift, one, expected, slack=0.25, elapsed_s=1.0, now_s=float(number), memory_s=90.0
+            drift, one, expected, slack_pct=0.25 * expected, elapsed_s=1.0, now_s=float(number), memory_s=90.0
         )  # fmt: skip
     return drift
 
