@@ -12,21 +12,19 @@ import multiprocessing
 import os
 import resource
 import signal
-import struct
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import cast
 
-from pymavlink.dialects.v20 import common as mavlink
-
 from executor import app as flying
 from executor import build
 from executor.adapters.eventlog import read_head
+from executor.adapters.mavlink.bare import bare_codec_s
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import number, page, table
@@ -43,7 +41,6 @@ COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
 WATCH_S = 0.005
 """Pause of the watch on the event loop: what it is late beyond that, the loop was blocked."""
-STAMP = struct.Struct(">Q")
 LOOKS = 12
 """How often memory is looked at, spread over a flight."""
 
@@ -125,7 +122,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
             events=events,
             faults=len(cast("list[object]", flown.report["faults"])),
             cpu_s=watch.cpu_s,
-            codec_s=_codec_s(sorted(run.glob("*.tlog")), began_usec),
+            codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.blocked_ms(),
             memory_mib=tuple(watch.memory_mib),
         )
@@ -208,28 +205,6 @@ def _resident_mib() -> float:
     except OSError:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return pages * resource.getpagesize() / 2**20
-
-
-def _codec_s(logs: Sequence[Path], launched_usec: float) -> float:
-    """Return the processor time that pymavlink alone needs for the frames since the launch, log by log."""
-    spent_s = 0.0
-    for path in logs:
-        content, codec = path.read_bytes(), mavlink.MAVLink(None)
-        began_s = time.process_time()
-        for usec, frame in _frames(content):
-            if usec >= launched_usec:
-                codec.decode(bytearray(frame))
-        spent_s += time.process_time() - began_s
-    return spent_s
-
-
-def _frames(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the frames of a log of our own, each with its time; all are MAVLink 2 and whole."""
-    at = 0
-    while at + STAMP.size + 12 <= len(content):
-        size = 12 + content[at + 9] + 13 * (content[at + 10] & 1)
-        yield STAMP.unpack_from(content, at)[0], content[at + 8 : at + 8 + size]
-        at += STAMP.size + size
 
 
 def _launched(log: Path) -> tuple[float, int]:
