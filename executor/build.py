@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -86,10 +86,21 @@ def drone_of(site: Site) -> Drone:
     return replace(PRESETS[site.energy.drone], **changes)
 
 
-def task_of(ground: Ground) -> Task:
-    """Return the problem of the first plan: everything, from the depot, with the budgets of the site file."""
-    vehicles = [Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct) for vehicle in ground.site.vehicle]
-    return open_task(ground.network, range(len(ground.network.segments)), vehicles, ground.travel)
+def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
+    """Return the problem of a first plan, from the depot, with the budgets of the site file.
+
+    Args:
+        ground: What is known before any vehicle answers.
+        segments: What is to be inspected; everything if not given.
+        without: Vehicles that do not fly.
+    """
+    vehicles = [
+        Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct)
+        for vehicle in ground.site.vehicle
+        if vehicle.name not in without
+    ]
+    wanted = range(len(ground.network.segments)) if segments is None else segments
+    return open_task(ground.network, wanted, vehicles, ground.travel)
 
 
 def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
@@ -220,7 +231,7 @@ def context_of(
         prior=Prior(),
         wind_m_s=site.inspection.wind_m_s,
         travel=ground.travel,
-        segments=len(ground.network.segments),
+        wanted=frozenset(task.segment_ids),
         corridor_m=site.inspection.corridor_m,
         inspection_speed_m_s=site.inspection.speed_m_s,
         overhead=overhead.factor,

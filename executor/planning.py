@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+
 from executor import build
 from executor.build import Ground
 from missions import PlanFile, PlanFileError, Solved, Task, Window, make_plan_file
@@ -32,6 +34,8 @@ from planner import (
     solve_window,
 )
 
+SAME_PLACE_M = 1.0
+"""A plan's segment that lies farther from the site's of the same number is another one."""
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
@@ -76,13 +80,18 @@ class Wanted:
         return self.starts or os.cpu_count() or 1
 
 
-def first_plan(ground: Ground, wanted: Wanted, on_progress: Callable[[Progress], None] | None = None) -> PlanFile:
-    """Plan a whole site.
+def first_plan(
+    ground: Ground,
+    wanted: Wanted,
+    on_progress: Callable[[Progress], None] | None = None,
+    task: Task | None = None,
+) -> PlanFile:
+    """Plan a whole site, or one task of it.
 
     Raises:
         planner.PlannerError: the solver cannot take this problem.
     """
-    task = build.task_of(ground)
+    task = build.task_of(ground) if task is None else task
     window: Window | None
     if wanted.cost is None:
         found = solve_window(
@@ -163,15 +172,30 @@ def fits(plan: PlanFile, ground: Ground, source: str) -> None:
     """Check that a plan file is one for a site.
 
     Raises:
-        PlanFileError: it has other vehicles, or other segments.
+        PlanFileError: it has other vehicles, or segments that are not the site's.
     """
     names = tuple(vehicle.name for vehicle in plan.vehicles)
     if names != ground.names:
         raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(names)}")
-    if len(plan.segments) != len(ground.network.segments):
-        raise PlanFileError(
-            f"{source}: segments: expected the site's {len(ground.network.segments)}, got {len(plan.segments)}"
-        )
+    same_segments(plan, ground, source)
+
+
+def same_segments(plan: PlanFile, ground: Ground, source: str) -> None:
+    """Check that a plan's segments, all of a site's or some of them, are where the site's are.
+
+    Raises:
+        PlanFileError: one is not.
+    """
+    ends_m = ground.network.ends_m
+    for segment in plan.segments:
+        place = f"{source}: segment {segment.id}"
+        if segment.id >= len(ends_m):
+            raise PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
+        off_m = np.abs(ends_m[segment.id] - np.array([segment.a_enu_m[:2], segment.b_enu_m[:2]])).max()
+        if off_m > SAME_PLACE_M:
+            raise PlanFileError(
+                f"{place}: expected where the site's segment {segment.id} is, got {off_m:.1f} m beside it"
+            )
 
 
 @dataclass(frozen=True, slots=True)

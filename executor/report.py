@@ -115,7 +115,7 @@ def report_of(
         said: What the vehicles said before the flight, and what was found then.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
-    uncovered = sorted(set(range(context.segments)) - set(state.inspected))
+    uncovered = sorted(context.wanted - set(state.inspected))
     return {
         "format": "faultline-report/1",
         "segments_total": context.segments,

@@ -16,6 +16,7 @@ from executor import build, planning
 from executor.adapters.rundir import new_run_directory
 from executor.commands import OUR_ERRORS
 from executor.commands.options import (
+    AfterOption,
     AutopilotName,
     FaultOption,
     JsonOption,
@@ -30,11 +31,12 @@ from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
-from executor.errors import PreflightFailed
+from executor.errors import PreflightFailed, SiteError
 from executor.planning import Wanted
 from executor.publishing import settings_of
 from executor.report import checked
-from missions import read_plan
+from executor.sortie import left_over, next_sortie, sortie_words
+from missions import read_plan, write_plan
 from planner import Cost
 
 
@@ -99,6 +101,7 @@ def simulate(
 def fly(
     site: SiteArgument,
     plan: Annotated[Path | None, typer.Option(metavar="PLAN", help="Fly this plan; otherwise one is made.")] = None,
+    after: AfterOption = None,
     run: RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
     quiet: QuietOption = False,
@@ -109,8 +112,11 @@ def fly(
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
+    if plan is not None and after is not None:
+        raise SiteError("--after: expected either --plan or --after")
     if plan is None:
-        routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True))
+        left = None if after is None else left_over(after, ground)
+        routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True), left)
     else:
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
@@ -185,9 +191,24 @@ def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -
         print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
         if report["segments_uncovered"]:
             print(f"not inspected: {report['segments_uncovered']}")
+    _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report["finished"]:
         raise typer.Exit(1)
+
+
+def _keep_next_sortie(order: flying.Order, report: Mapping[str, object], *, quiet: bool) -> None:
+    path = order.run / "next-sortie.json"
+    try:
+        plan = next_sortie(order.ground, report, order.plan.solved.seed)
+        if plan is None:
+            return
+        write_plan(path, plan)
+    except (OSError, *OUR_ERRORS) as error:
+        print(f"faultline: the next sortie could not be planned: {error}", file=sys.stderr)
+        return
+    if not quiet:
+        print(sortie_words(plan, path))
 
 
 def _show_flight(run: Path, report: Mapping[str, object]) -> None:

@@ -64,4 +64,10 @@ FaultOption = Annotated[
         "duplicate=0.1, reorder=0.1; 'all' names every vehicle.",
     ),
 ]
+AfterOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--after", metavar="DIR", help="Only what the flight of that run directory left over: the next sortie."
+    ),
+]
 RunOption = Annotated[Path | None, typer.Option("--run", metavar="DIR", help="Where the record goes; new or empty.")]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from executor import build, planning
@@ -14,24 +14,29 @@ from missions import PlanFile, check_plan
 from planner import Progress
 
 
-def first_plan(ground: build.Ground, console: TerminalConsole, wanted: Wanted) -> PlanFile:
-    """Plan a site and say how it goes.
+def first_plan(
+    ground: build.Ground, console: TerminalConsole, wanted: Wanted, segments: Sequence[int] | None = None
+) -> PlanFile:
+    """Plan a site, or some of its segments, and say how it goes.
 
     Raises:
         SiteError: the plan does not hold what it must.
         planner.PlannerError: the solver cannot take this problem.
     """
-    progressed = announced(ground, console, wanted)
-    content = planning.first_plan(ground, wanted, progressed)
+    task = build.task_of(ground, segments)
+    progressed = announced(ground, console, wanted, len(task.segment_ids))
+    content = planning.first_plan(ground, wanted, progressed, task)
     console.progress("")
     for line in check_plan(content, search_window=False):
         raise SiteError(f"the plan of --solver {wanted.solver.value} does not hold: {line}")
     return content
 
 
-def announced(ground: build.Ground, console: TerminalConsole, wanted: Wanted) -> Callable[[Progress], None]:
+def announced(
+    ground: build.Ground, console: TerminalConsole, wanted: Wanted, segments: int
+) -> Callable[[Progress], None]:
     """Say what is planned, and return how to say how far it is."""
-    segments, vehicles = len(ground.network.segments), len(ground.names)
+    vehicles = len(ground.names)
     name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
     console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {wanted.seconds:g} s)")
 

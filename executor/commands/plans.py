@@ -11,6 +11,7 @@ import typer
 
 from executor import build, planning
 from executor.commands.options import (
+    AfterOption,
     AutopilotName,
     CostName,
     CostOption,
@@ -28,6 +29,7 @@ from executor.config import read_site
 from executor.console import TerminalConsole
 from executor.errors import SiteError
 from executor.planning import Solver, Wanted
+from executor.sortie import left_over
 from missions import (
     PlanFile,
     check_plan,
@@ -87,6 +89,7 @@ def plan(
     seed: SeedOption = 1,
     starts: StartsOption = 0,
     front: FrontOption = False,
+    after: AfterOption = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan there.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
@@ -108,7 +111,7 @@ def plan(
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    content = first_plan(ground, console, wanted)
+    content = first_plan(ground, console, wanted, left_over(after, ground) if after is not None else None)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
     if picture is not None:
@@ -127,7 +130,7 @@ def _plan_front(
     *,
     as_json: bool,
 ) -> None:
-    plans = planning.front_plans(ground, wanted, announced(ground, console, wanted))
+    plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
     console.progress("")
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")

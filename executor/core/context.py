@@ -75,7 +75,8 @@ class Context(Scene):
 
     setup: FlightSetup
     travel: Travel
-    segments: int
+    wanted: frozenset[int]
+    """The network's segments that this flight is for: those of its first plan."""
     overhead: float
     """What a real flight path costs relative to the planning model, for holds and ramps; at least 1."""
     fixed_pct: float
@@ -85,6 +86,11 @@ class Context(Scene):
     fly_again: bool
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
+
+    @property
+    def segments(self) -> int:
+        """How many segments this flight is for."""
+        return len(self.wanted)
 
     def return_height_m(self, name: str) -> float:
         """Return the height over its own home at which a vehicle must come home by itself, straight and level.

@@ -25,7 +25,7 @@ RETRY_S = 5.0
 
 def orphans(context: Context, state: FleetState) -> frozenset[int]:
     """Return the segments that are not inspected, not given up, and on nobody's way."""
-    wanted = set(range(context.segments)) - set(state.inspected) - state.given_up
+    wanted = context.wanted - set(state.inspected) - state.given_up
     for vehicle in state.on_mission():
         wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()}
     return frozenset(wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -114,6 +115,7 @@ OPTIONS = {
         "--seed",
         "--starts",
         "--front",
+        "--after",
         "--output",
         "--picture",
         "--json",
@@ -125,8 +127,21 @@ OPTIONS = {
     "replan": ["--lost", "--at", "--cost", "--seconds", "--seed", "--output", "--json"],
     "export": ["--output", "--format", "--autopilot"],
     "simulate": ["--speedup", "--fault", "--seed", "--wind", "--truth", "--failsafe"],
-    "fly": ["--plan", "--run", "--yes", "--json"],
+    "fly": ["--plan", "--after", "--run", "--yes", "--json"],
 }
+
+
+def test_what_a_flight_left_over_is_planned(place: Place) -> None:
+    shutil.copyfile(place.planned(), place.folder / "plan-000.json")
+    (place.folder / "report.json").write_text('{"segments_uncovered": [1, 3]}')
+    code, out, _ = place.run(
+        "plan", place.path("site.toml"), "--after", str(place.folder), "--seconds", "0.2", "--json"
+    )
+    assert code == 0
+    assert [segment["id"] for segment in json.loads(out)["segments"]] == [1, 3]
+    assert place.refused("fly", place.path("site.toml"), "--plan", "x", "--after", "y") == (
+        "--after: expected either --plan or --after"
+    )
 
 
 @pytest.mark.parametrize(("command", "options"), OPTIONS.items(), ids=OPTIONS)

@@ -1,0 +1,76 @@
+"""The next sortie: what a flight left over, planned anew for vehicles with full batteries."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from executor import build, planning
+from executor.build import Ground
+from executor.errors import LogError
+from executor.planning import Wanted
+from missions import PlanFile, read_plan
+from planner import Cost
+
+PLAN_S = 2.0
+"""Of the solver; the crew can have more with `faultline plan --after`."""
+
+
+class _Report(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+    segments_uncovered: tuple[int, ...]
+
+
+def left_over(run: Path, ground: Ground) -> tuple[int, ...]:
+    """Return the segments that a flight over a site's network left, by its report.
+
+    Raises:
+        LogError: there is no report yet, or nothing is left over.
+        MissionsError: the flight's network is not the site's.
+    """
+    path = run / "report.json"
+    try:
+        report = _Report.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise LogError(
+            f"{path}: cannot be read: {error.strerror}; expected the report of a flight that is over"
+        ) from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise LogError(f"{path}: {key}: expected the report of a flight: {first['msg']}") from error
+    if not report.segments_uncovered:
+        raise LogError(f"{path}: segments_uncovered: nothing is left over")
+    plan = run / "plan-000.json"
+    planning.same_segments(read_plan(plan), ground, str(plan))
+    return report.segments_uncovered
+
+
+def next_sortie(ground: Ground, report: Mapping[str, object], seed: int) -> PlanFile | None:
+    """Return a plan for what a flight left over, by the vehicles that are not at fault; None if nothing, or nobody, is.
+
+    Args:
+        ground: Of the flight.
+        report: Of the flight.
+        seed: Of the solver.
+    """
+    uncovered = cast("list[int]", report["segments_uncovered"])
+    faults = cast("list[dict[str, str]]", report["faults"])
+    lost = {fault["vehicle"] for fault in faults}
+    if not uncovered or lost >= set(ground.names):
+        return None
+    wanted = Wanted(Cost.MINMAX, PLAN_S, seed)
+    return planning.first_plan(ground, wanted, task=build.task_of(ground, uncovered, lost))
+
+
+def sortie_words(plan: PlanFile, file: Path) -> str:
+    """Return what the crew can do with the next sortie."""
+    left = [plan.segments[number].id for number in plan.plan.uncovered]
+    names = ", ".join(vehicle.name for vehicle in plan.vehicles)
+    beyond = f"; segments {json.dumps(left)} are beyond the budgets" if left else ""
+    return f"the next sortie is planned in {file} for {names} with full batteries{beyond}"
