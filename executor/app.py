@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +35,7 @@ from executor.errors import PreflightFailed
 from executor.report import Happening, Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.outlook import keep_judging
 from missions import FlightSetup, PlanFile, Solved, Task, dialect_for, encode, make_plan_file, open_task, write_plan
 from planner import Plan, Route, Vehicle
 
@@ -161,7 +162,8 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
         with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
-            await flight.run(reopened, order.site.flight.connect_timeout_s)
+            async with _beside(keep_judging(flight, seat.solver)):
+                await flight.run(reopened, order.site.flight.connect_timeout_s)
     finally:
         console.done()
         seat.log.close()
@@ -174,6 +176,17 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
 def telling(console: Console) -> Callable[[str], None]:
     """Return how a log tells the operator of its troubles."""
     return lambda text: console.say(Level.WARNING, text)
+
+
+@asynccontextmanager
+async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
+    """Do something for as long as something else goes on."""
+    task = asyncio.create_task(work)
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
 
 
 def keep(order: Order) -> None:

@@ -37,6 +37,11 @@ SETTLED = 4000
 """Iterations without an improvement after which a re-plan is good enough: every second is flown meanwhile."""
 
 
+JUDGE_S = 0.4
+"""Real seconds for the question what a loss would mean."""
+JUDGE_SETTLED = 1000
+
+
 REPLAN_COST = Cost.MINMAX
 """Everybody should be home soon: a sum would leave the whole rest to one vehicle as long as its battery lasts."""
 
@@ -52,12 +57,12 @@ class SolverSetup:
     seed: int
 
 
-_worker: tuple[SolverSetup, Synchronized[int]] | None = None
+_worker: tuple[SolverSetup, Synchronized[int], Synchronized[int]] | None = None
 
 
-def _prepare(setup: SolverSetup, cancelled: Synchronized[int]) -> None:
+def _prepare(setup: SolverSetup, cancelled: Synchronized[int], wanted: Synchronized[int]) -> None:
     global _worker  # noqa: PLW0603 - a worker process holds exactly one setup, given when it starts
-    _worker = (setup, cancelled)
+    _worker = (setup, cancelled, wanted)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     warm_up()
 
@@ -77,12 +82,34 @@ def _ready() -> bool:
 def _work(problem: Solve) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
-    setup, cancelled = _worker
+    setup, cancelled, _ = _worker
     return solve(setup, problem, lambda: cancelled.value >= problem.revision)
 
 
-def solve(setup: SolverSetup, problem: Solve, cancelled: Callable[[], bool]) -> SolveEnded:
-    """Plan the open segments for the survivors; this runs in the worker."""
+def _judge(problem: Solve) -> SolveEnded:
+    if _worker is None:
+        raise RuntimeError("the worker was not prepared")
+    setup, _, wanted = _worker
+    return solve(setup, problem, lambda: wanted.value > 0, limit_s=JUDGE_S, settled=JUDGE_SETTLED)
+
+
+def solve(
+    setup: SolverSetup,
+    problem: Solve,
+    cancelled: Callable[[], bool],
+    *,
+    limit_s: float | None = None,
+    settled: int = SETTLED,
+) -> SolveEnded:
+    """Plan the open segments for the survivors; this runs in the worker.
+
+    Args:
+        setup: What the worker knows.
+        problem: Who can take over what.
+        cancelled: Whether the answer is of no use any more.
+        limit_s: Real seconds; by default the setup's.
+        settled: Iterations without an improvement that are enough.
+    """
     vehicles = [
         Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
         for offer in problem.survivors
@@ -90,7 +117,7 @@ def solve(setup: SolverSetup, problem: Solve, cancelled: Callable[[], bool]) -> 
     task = open_task(setup.network, problem.open_segments, vehicles, setup.travel)
     still_open = set(problem.open_segments)
     tails = [task.from_network(v for v in offer.tail if v >> 1 in still_open) for offer in problem.survivors]
-    stop = any_of(Seconds(setup.limit_s), NoImprovement(SETTLED), Cancelled(cancelled))
+    stop = any_of(Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled))
     try:
         result = replan(
             task.instance, warm=warm_start(task.instance, tails), cost=REPLAN_COST, stop=stop, seed=setup.seed
@@ -112,6 +139,8 @@ class SolverProcess:
         self._setup = setup
         self._context = multiprocessing.get_context("spawn")
         self._cancelled: Synchronized[int] = self._context.Value("q", -1)
+        self._wanted: Synchronized[int] = self._context.Value("q", 0)
+        """How many re-plans are asked for: a judgement gives way to them."""
         self._pool: ProcessPoolExecutor | None = None
 
     async def __aenter__(self) -> Self:
@@ -129,6 +158,7 @@ class SolverProcess:
 
     async def solve(self, problem: Solve) -> SolveEnded:
         """Return the best routes found within the limit; without routes if the worker died or was cancelled."""
+        self._wanted.value += 1
         try:
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
                 return await asyncio.wrap_future(self._running().submit(_work, problem))
@@ -138,6 +168,19 @@ class SolverProcess:
         except TimeoutError:
             self._discard()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver did not answer")
+        finally:
+            self._wanted.value -= 1
+
+    async def judge(self, problem: Solve) -> tuple[int, ...] | None:
+        """Return the segments that a re-plan would leave over; None if one that is needed came, or the worker died."""
+        if self._wanted.value > 0:
+            return None
+        try:
+            async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
+                ended = await asyncio.wrap_future(self._running().submit(_judge, problem))
+        except (BrokenProcessPool, TimeoutError):
+            return None  # the next re-plan finds out, and makes the worker anew
+        return None if ended.routes is None else ended.uncovered
 
     def cancel(self, revision: int) -> None:
         """Make whatever works on this or an older revision stop at its next look."""
@@ -146,7 +189,7 @@ class SolverProcess:
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
-                1, mp_context=self._context, initializer=_prepare, initargs=(self._setup, self._cancelled)
+                1, mp_context=self._context, initializer=_prepare, initargs=(self._setup, self._cancelled, self._wanted)
             )
         return self._pool
 

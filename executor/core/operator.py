@@ -22,8 +22,8 @@ KEPT_INTENTS = 500
 """Older ones that have come to their end are forgotten."""
 ANSWER_S = 90.0
 """A vehicle that has not answered an order by then did not hear it."""
-OTHERS_MODE_S = 5.0
-"""A held vehicle that flies its mission for longer than this was sent on by somebody else."""
+OTHERS_MODE_S = 20.0
+"""A held vehicle that flies its mission for longer than this was sent on by somebody else, or never heard the order."""
 _RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
 _ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
 
@@ -53,7 +53,7 @@ def step(
         case IntentReceived(intent):
             return _received(context, state, intent, now_s)
         case OrderEnded():
-            return _answered(context, state, event, now_s)
+            return _answered(state, event, now_s)
         case ReturnEnded():
             return _return_answered(state, event, now_s)
         case ReturnAllOrdered():
@@ -216,14 +216,13 @@ _HANDLERS: Mapping[Action, _Handler] = {
 }
 
 
-def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
+def _answered(state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to an order to hold, to go on or to land."""
     vehicle = state.vehicles[event.vehicle]
     state = _closed(state, event.vehicle, frozenset({event.action}), event.reason, now_s, accepted=event.accepted)
     if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
-        # The order may have been obeyed and its acknowledgement lost: what it says of its mode decides.
-        held_s = None if on_mission(context, vehicle) else vehicle.held_s
-        state = state.put(replace(vehicle, held_s=held_s, ordered_mode_s=now_s))
+        # It may still obey, or have obeyed unheard: that is no change of mode by itself. `settled` forgets it later.
+        state = state.put(replace(vehicle, ordered_mode_s=now_s))
     if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
         state = state.put(replace(vehicle, held_s=None, ordered_mode_s=now_s, anchor=None))
     if not event.accepted:

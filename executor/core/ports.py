@@ -110,3 +110,11 @@ class Solver(Protocol):
     def cancel(self, revision: int) -> None:
         """Make whatever works on this revision stop soon."""
         ...
+
+
+class Judge(Protocol):
+    """The planner, asked what would be, when nothing else is asked."""
+
+    async def judge(self, problem: Solve) -> tuple[int, ...] | None:
+        """Return the segments that could not be covered; None if something more urgent came."""
+        ...

@@ -204,7 +204,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     return VehicleView(
         name=vehicle.name,
         sysid=setup.sysid,
-        state=state_word(vehicle),
+        state=state_word(context, vehicle),
         mode=None if vehicle.heartbeat is None else mode_name(setup.dialect, vehicle.heartbeat.custom_mode),
         armed=vehicle.armed,
         layer=layers.vehicles.index(vehicle.name),
@@ -224,9 +224,11 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     )
 
 
-def state_word(vehicle: VehicleState) -> str:
-    """Return what a vehicle does, in one word."""
-    if vehicle.stage is Stage.FLYING and vehicle.held_s is not None:
+def state_word(context: Context, vehicle: VehicleState) -> str:
+    """Return what a vehicle does, in one word; it holds once it says so itself."""
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    shown = vehicle.heartbeat is not None and vehicle.heartbeat.custom_mode == hold
+    if vehicle.stage is Stage.FLYING and vehicle.held_s is not None and shown:
         return "holding"
     if vehicle.stage is Stage.RETURNING and vehicle.lands:
         return "landing"
@@ -257,11 +259,13 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
     setup = context.vehicles[vehicle.name]
     ahead = energy.at_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
-    if vehicle.board is not None and vehicle.began_pct is not None and vehicle.airborne:
+    # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
+    began_pct = vehicle.battery.first_pct if vehicle.began_pct is None else vehicle.began_pct
+    if vehicle.board is not None and began_pct is not None and vehicle.airborne:
         spent_pct = sum(leg.energy_pct for leg in vehicle.board.legs) - energy.modelled_to_reach_pct(
             vehicle, len(vehicle.board.legs) - 1
         )
-        predicted_pct = round(vehicle.began_pct - spent_pct, 1)
+        predicted_pct = round(began_pct - spent_pct, 1)
         band_pct = round(math.hypot(context.prior.sd * spent_pct, WHOLE_PCT), 1)
     return BatteryView(
         measured_pct=vehicle.battery.remaining_pct,
@@ -283,7 +287,9 @@ def _progress(vehicle: VehicleState) -> ProgressView:
         done = 0 if vehicle.stage in {Stage.GROUND, Stage.STARTING} else total - len(vehicle.remaining_visits())
         return ProgressView(done, total, None, None, None)
     done = total - len(vehicle.remaining_visits())
-    if leg is None or leg.visit is None or vehicle.stage is Stage.RETURNING:
+    if vehicle.stage is Stage.RETURNING:
+        return ProgressView(done, total, None, (Phase.LAND if vehicle.lands else Phase.RETURN).value, None)
+    if leg is None or leg.visit is None:
         return ProgressView(done, total, None, None if leg is None else leg.phase.value, None)
     track = board.tracks[leg.visit]
     share = _share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0

@@ -75,6 +75,10 @@ class Flight:
                 self._mistakes.add(text)
                 self._observer.said(commands.Say(commands.Level.FAULT, text), now_s)
 
+    def now_s(self) -> float:
+        """Return the time on the flight's clock."""
+        return self._clock.now_s()
+
     def ask(self, intent: Intent) -> IntentRecord:
         """Take an operator's intent, once; returns what became of it so far.
 

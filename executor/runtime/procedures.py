@@ -175,13 +175,18 @@ async def land(link: Link, clock: Clock, dialect: Dialect) -> Done:
 async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> Done:
     """Let a vehicle that holds go on to the waypoint that it was flying to, at the speed of that leg.
 
-    Both autopilots keep the index and forget the speed when the mode changes (measured). It is set at once, before the
-    vehicle has gathered more, and once more when the heartbeat shows the mode: PX4 acknowledges before it changes.
+    Both autopilots keep the index and forget the speed when the mode changes (measured), and gather more within a
+    second or two. So mode and speed go out together, before anybody waits for an answer; what got lost is made good
+    by the dialogues that follow, as both orders may be given again. The last one is for PX4, which acknowledges a mode
+    before it changes.
     """
-    done = await order(link, clock, CommandDialogue(orders.set_mode(dialect.modes.mission), "change of mode"))
+    mode_order, speed_order = orders.set_mode(dialect.modes.mission), orders.change_speed(speed_m_s)
+    link.send(mode_order)
+    link.send(speed_order)
+    done = await order(link, clock, CommandDialogue(mode_order, "change of mode"))
     if not done.accepted:
         return done
-    speed = CommandDialogue(orders.change_speed(speed_m_s), "speed of the leg")
+    speed = CommandDialogue(speed_order, "speed of the leg")
     await order(link, clock, speed)
     mode = dialect.modes.mission.custom_mode
     done = await _confirmed(link, clock, lambda heard: heard.custom_mode == mode, "is not in mission mode")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.simulator.physics import Body, Limits, Place, Velocity
 
@@ -250,6 +250,12 @@ class Pilot:
         """Drop what was under way and begin anew."""
         self._goals = deque(goals)
         self._age_s = 0.0
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Fly the line under way at another speed from now on."""
+        goal = self.goal
+        if isinstance(goal, Leg):
+            self._goals[0] = replace(goal, speed_m_s=speed_m_s, entry_m_s=None)
 
     def hold(self) -> None:
         """Brake and stay."""

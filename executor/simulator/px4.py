@@ -197,6 +197,7 @@ class Px4(Autopilot):
         if command.params[1] <= 0:
             return Result.DENIED
         self.mission.speed_m_s = command.params[1]
+        self.frame.pilot.change_speed(command.params[1])
         return Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:

@@ -50,6 +50,8 @@ class Story:
     radius_m: float = 320.0
     """About the depot: seven segments; 400 m are thirteen."""
     speedup: float = SPEEDUP
+    page: int = 0
+    """The port of the page; 0 for a free one."""
 
 
 class WatchfulConsole:
@@ -153,6 +155,7 @@ def _site(autopilot: Autopilot, story: Story) -> Site:
             "network": {"file": "default", "radius_m": story.radius_m},
             "flight": {"speedup": story.speedup, "connect_timeout_s": 90.0, "ready_timeout_s": 240.0},
             "faults": dict(story.faults),
+            "web": {"port": story.page},
             "vehicle": [
                 {
                     "name": name,

@@ -6,16 +6,18 @@ Every flight is judged by its telemetry logs, whatever the program itself says o
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from executor.core.record import SegmentRecord
 from executor.record import read_run
 from missions import dialect_for
-from tests.e2e.flights import demo
+from tests.e2e.flights import demo, free_ports
 from tests.e2e.judge import wrongly_counted
 from tests.sitl.flights import NAMES, VICTIM, Flown, Story, flown
 from tests.sitl.real import ARDUPILOT, PX4, Autopilot, RealVehicle
@@ -90,6 +92,33 @@ def drain(vehicle: RealVehicle) -> None:
         vehicle.set("SIM_BAT_DRAIN", 300.0)
     else:
         vehicle.set("BATT_AMP_PERVLT", 170.0)
+
+
+def asks(port: int, action: str) -> Callable[[RealVehicle], None]:
+    """Return how an operator asks something of uav2 on the page."""
+    body = {"id": f"story-{action}", "action": action, "vehicle": VICTIM}
+
+    def ask(_: RealVehicle) -> None:
+        # The flight's loop answers, so it must not wait here.
+        threading.Thread(target=httpx.post, args=(f"http://127.0.0.1:{port}/intents",), kwargs={"json": body}).start()
+
+    return ask
+
+
+@BOTH
+def test_one_holds_and_goes_on(autopilot: Autopilot, tmp_path: Path) -> None:
+    """What it was inspecting counts: it neither repeats nor skips a part, and flies on no faster than before."""
+    [port] = free_ports(1)
+    story = Story(asks(port, "hold"), asks(port, "resume"), lasts_s=30.0, page=port)
+    flight = flown(autopilot, story, tmp_path)
+    ended_well(flight, [])
+    assert flight.says(f"{VICTIM}: holds") is not None, flight.said
+    assert flight.says(f"{VICTIM}: flies on") is not None, flight.said
+    hold = dialect_for(autopilot.name).modes.hold.custom_mode
+    held_s = [at_s for at_s, armed, mode in flight.heartbeats(VICTIM) if armed and mode == hold]
+    assert held_s[-1] - held_s[0] >= 20.0 / story.speedup
+    assert flight.report["not_counted"] == [], flight.said
+    assert flight.report["replans"] == [], flight.said
 
 
 @BOTH

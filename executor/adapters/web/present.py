@@ -69,6 +69,7 @@ class Present:
             fix = state.vehicles[vehicle["name"]].fix
             place = None if fix is None else (round(fix.place_m[0], 1), round(fix.place_m[1], 1))
             vehicle["place_m"] = place
+            vehicle["waypoint"] = state.vehicles[vehicle["name"]].waypoint
             if place is not None and state.vehicles[vehicle["name"]].armed:
                 self._tracks[vehicle["name"]].add(place)
         content["chart"] = _stamp(state)

@@ -202,32 +202,9 @@ export class Chart {
     this.line(this.tracks.get(chart.name) ?? [], { colour, width: chosen ? 3 : 2, alpha: chosen ? 0.9 : 0.45 });
     const flying = vehicle && ["flying", "holding", "starting"].includes(vehicle.state);
     if (!chart.route || !flying || !vehicle.place_m) return;
-    // The route ahead begins at the waypoint that ends the leg under way.
-    const passed = this.ahead(chart.route, vehicle);
-    this.line([vehicle.place_m, ...chart.route.places_m.slice(passed)], { colour, width: 2, dash: [7, 5], alpha: chosen ? 1 : 0.5 });
-  }
-
-  ahead(route, vehicle) {
-    const { done, phase } = vehicle.progress;
-    let visits = 0;
-    for (let index = 0; index < route.inspect.length; index += 1) {
-      if (visits === done && (phase !== "inspect" || route.inspect[index]) && (phase !== "takeoff" || index === 0)) {
-        if (phase === "takeoff" || index > 0 || done > 0) return this.nearest(route, vehicle, index);
-      }
-      if (route.inspect[index]) visits += 1;
-    }
-    return Math.max(0, route.places_m.length - 1);
-  }
-
-  nearest(route, vehicle, from) {
-    // Several corners may lead to one segment: the way goes on from the end of the leg that passes nearest.
-    let [best, least] = [from, Infinity];
-    for (let index = Math.max(1, from); index < route.places_m.length; index += 1) {
-      const away = distance(vehicle.place_m, route.places_m[index - 1], route.places_m[index]);
-      if (away < least - 0.5) [best, least] = [index, away];
-      if (route.inspect[index]) break;
-    }
-    return best;
+    this.line([vehicle.place_m, ...chart.route.places_m.slice(vehicle.waypoint)], {
+      colour, width: 2, dash: [7, 5], alpha: chosen ? 1 : 0.5,
+    });
   }
 
   drawPad(chart, index) {
@@ -330,12 +307,4 @@ export class Chart {
     context.fillText(metres >= 1000 ? `${metres / 1000} km` : `${metres} m`, x + 5, y - 4);
     context.fillText("N ↑", x + metres * this.scale + 12, y);
   }
-}
-
-function distance(place, from, to) {
-  const [east, north] = [to[0] - from[0], to[1] - from[1]];
-  const square = east * east + north * north;
-  const along = square ? ((place[0] - from[0]) * east + (place[1] - from[1]) * north) / square : 0;
-  const share = Math.min(1, Math.max(0, along));
-  return Math.hypot(place[0] - from[0] - share * east, place[1] - from[1] - share * north);
 }

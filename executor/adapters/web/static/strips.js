@@ -23,13 +23,12 @@ const TEMPLATE = `
   <div class="row"><span></span><span class="note figures"></span></div>
   <div class="row"><span>Route</span><div class="gauge steps"><i class="level"></i><i class="part"></i></div></div>
   <div class="row"><span></span><span class="note route"></span></div>
-  <div class="row"><span>Link</span><span class="note link"></span></div>
-  <div class="row"><span>If lost</span><span class="note loss"></span></div>
+  <div class="row"><span>Link</span><span class="note"><span class="link"></span><span class="if"> · <span class="quiet">lost now:</span> <span class="loss"></span></span></span></div>
   <p class="told"></p>
   <div class="actions"></div>`;
 
 const number = (value, digits = 0) => (value === null || value === undefined ? "?" : value.toFixed(digits));
-const spread = (value, band) => (value === null ? "?" : `${number(value)} ± ${number(band, 1)} %`);
+const spread = (value, band) => (value === null ? "?" : `${number(value)}±${number(band, 1)} %`);
 
 export class Strips {
   constructor(place, choose, ask) {
@@ -93,8 +92,9 @@ export class Strips {
     find(".why").textContent = out;
     this.battery(strip, vehicle.battery);
     this.route(strip, vehicle);
-    const age = vehicle.link_age_s === null ? "never heard" : `heard ${number(vehicle.link_age_s, 1)} s ago`;
+    const age = vehicle.link_age_s === null ? "never heard" : `${number(vehicle.link_age_s, 1)} s old`;
     find(".link").textContent = vehicle.link_loss === null ? age : `${age} · ${number(100 * vehicle.link_loss)} % lost`;
+    find(".if").hidden = !["flying", "holding", "starting"].includes(vehicle.state) || vehicle.fault !== null;
     this.loss(find(".loss"), vehicle);
     this.told(find(".told"), vehicle, state);
     const may = vehicle.excluded || vehicle.fault ? MAY[vehicle.state].filter((one) => one !== "exclude") : MAY[vehicle.state];
@@ -119,11 +119,11 @@ export class Strips {
       find(".band").style.width = `${2 * band}%`;
     }
     const parts = [`<b>${number(battery.measured_pct)} %</b>`];
-    if (known) parts.push(`planned ${spread(battery.predicted_pct, battery.predicted_band_pct)}`);
+    if (known) parts.push(`plan ${spread(battery.predicted_pct, battery.predicted_band_pct)}`);
     if (battery.landing_pct !== null) {
       parts.push(`needs ${number(battery.to_finish_pct)} %`, `lands with ${spread(battery.landing_pct, battery.landing_band_pct)}`);
     }
-    const text = parts.join(" · ");
+    const text = parts.map((part) => `<span>${part}</span>`).join(" · ");
     const place = strip.querySelector(".figures");
     if (place.innerHTML !== text) place.innerHTML = text;
   }
@@ -143,10 +143,10 @@ export class Strips {
 
   loss(place, vehicle) {
     const loss = vehicle.loss;
-    place.className = `note loss ${loss === null ? "" : loss.inside_window ? "in" : "out"}`;
-    if (loss === null) place.textContent = "–";
-    else if (loss.inside_window) place.textContent = "✓ the others can finish everything";
-    else place.textContent = `✗ ${loss.uncovered.length} segments would be left over`;
+    place.className = `loss ${loss === null ? "" : loss.inside_window ? "in" : "out"}`;
+    if (loss === null) place.textContent = "not known";
+    else if (loss.inside_window) place.textContent = "✓ others finish all";
+    else place.textContent = `✗ ${loss.uncovered.length} left over`;
   }
 
   told(place, vehicle, state) {

@@ -1,0 +1,42 @@
+"""Asks, seldom and beside the flight, what the loss of each vehicle would mean."""
+
+from __future__ import annotations
+
+import asyncio
+
+from executor.core import outlook
+from executor.core.events import LossJudged
+from executor.core.ports import Judge
+from executor.runtime.flight import Flight
+
+REST_S = 5.0
+"""Real seconds between two rounds, at least."""
+SHARE = 8.0
+"""Times as long as a round took the next one is waited for: the computer is there for the flight."""
+
+
+async def keep_judging(flight: Flight, judge: Judge) -> None:
+    """Judge every vehicle's loss, whenever a plan has come or a visit has ended, for ever."""
+    loop = asyncio.get_running_loop()
+    judged: tuple[object, ...] | None = None
+    while True:
+        began_s = loop.time()
+        moment = outlook.moment(flight.state)
+        if moment != judged and await _round(flight, judge):
+            judged = moment
+        await asyncio.sleep(max(REST_S, SHARE * (loop.time() - began_s)))
+
+
+async def _round(flight: Flight, judge: Judge) -> bool:
+    """Judge everybody once; returns whether that came to its end."""
+    names = outlook.worth_judging(flight.state)
+    for name in names:
+        revision = flight.state.revision
+        if name not in outlook.worth_judging(flight.state):
+            return False
+        problem = outlook.if_lost(flight.context, flight.state, name, flight.now_s())
+        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem)
+        if uncovered is None or revision != flight.state.revision:
+            return False
+        flight.apply(LossJudged(name, revision, uncovered))
+    return bool(names)

@@ -1,0 +1,293 @@
+"""The server beside a flight: what it shows, whom it lets in, and that nobody delays the flight."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager
+
+import httpx
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from executor.adapters.web import WebServer, WebSettings
+from executor.adapters.web.server import FILES, _read
+from executor.adapters.web.stream import EventStream, Newest
+from executor.core.events import IntentReceived
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.errors import ConnectionFailed
+from tests.executor.core.stories import under_way
+from tests.fakes.flight import Story
+
+TOKEN = "field-laptop-42-of-north"  # noqa: S105 - shown to the server of these tests alone
+HOLD = {"id": "wish-1", "action": "hold", "vehicle": "uav2"}
+
+
+class Beside:
+    """A flight with its server."""
+
+    def __init__(self, token: str | None = None, *, port: int = 0, decides: bool = True) -> None:
+        self.flight: Story = under_way()
+        self.asked: list[Intent] = []
+        self.decides = decides
+        settings = WebSettings("127.0.0.1", port, token)
+        self.server = WebServer(
+            settings, self.flight.context, lambda: (self.flight.state, self.flight.now_s), self.submit
+        )
+
+    def submit(self, intent: Intent) -> Future[IntentRecord]:
+        done: Future[IntentRecord] = Future()
+        if not self.decides:
+            return done
+        self.asked.append(intent)
+        self.flight.happen(IntentReceived(intent))
+        done.set_result(self.flight.state.intents[intent.id])
+        return done
+
+    def client(self, **headers: str) -> httpx.Client:
+        return httpx.Client(base_url=self.server.address, headers=headers, timeout=10.0)
+
+    @property
+    def port(self) -> int:
+        return int(self.server.address.rstrip("/").rpartition(":")[2])
+
+
+@contextmanager
+def serving(token: str | None = None) -> Iterator[Beside]:
+    beside = Beside(token)
+    with beside.server:
+        yield beside
+
+
+@pytest.fixture(scope="module")
+def open_one() -> Iterator[Beside]:
+    """A server that only this computer can reach."""
+    with serving() as beside:
+        yield beside
+
+
+@pytest.fixture(scope="module")
+def guarded() -> Iterator[Beside]:
+    """A server that asks for a token."""
+    with serving(TOKEN) as beside:
+        yield beside
+
+
+def test_the_page_and_its_files(open_one: Beside) -> None:
+    with open_one.client() as client:
+        page = client.get("/")
+        assert page.status_code == 200
+        assert "default-src 'none'" in page.headers["content-security-policy"]
+        for name, kind in FILES.items():
+            answer = client.get(f"/files/{name}")
+            assert (answer.status_code, answer.headers["content-type"]) == (200, kind)
+        assert client.get("/files/server.py").status_code == 404
+        assert client.get("/files/..%2fserver.py").status_code == 404
+    named = [_read(name).decode() for name in (*FILES, "page.html")]
+    assert not any("http://" in text.replace("http://www.w3.org/2000/svg", "") or "https://" in text for text in named)
+
+
+def test_the_present_at_once(open_one: Beside) -> None:
+    with open_one.client() as client:
+        state, chart = client.get("/state").json(), client.get("/chart").json()
+    assert [vehicle["name"] for vehicle in state["vehicles"]] == ["uav1", "uav2", "uav3"]
+    assert state["segments_total"] == len(chart["segments_m"]) == 6
+    [_, second, _] = chart["vehicles"]
+    assert second["route"]["segments"] == [2, 3]
+    assert len(second["route"]["inspect"]) == len(second["route"]["places_m"])
+
+
+def test_states_follow_each_other_within_a_second(open_one: Beside) -> None:
+    with open_one.client() as client, client.stream("GET", "/events") as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        lines = (line for line in stream.iter_lines() if line.startswith("data: "))
+        first = json.loads(next(lines).removeprefix("data: "))
+        open_one.flight.pass_s(1.2)
+        for line in lines:
+            later = json.loads(line.removeprefix("data: "))
+            if later["now_s"] > first["now_s"]:
+                break
+    assert later["now_s"] == pytest.approx(first["now_s"] + 1.2, abs=0.01)
+
+
+def test_an_intent_and_its_answer() -> None:
+    with serving() as beside, beside.client() as client:
+        first = client.post("/intents", json=HOLD)
+        assert (first.status_code, first.json()["outcome"]) == (202, "accepted")
+        again = client.post("/intents", json=HOLD)
+        assert again.json() == first.json()
+        assert beside.asked[0] == Intent("wish-1", Action.HOLD, "uav2", "page")
+        beside.flight.run(lambda: beside.flight.state.intents["wish-1"].outcome is Outcome.DONE)
+        assert client.get("/state").json()["intents"][-1]["text"] == "it holds"
+        refused = client.post("/intents", json={"id": "wish-2", "action": "hold", "vehicle": "uav2"})
+        assert (refused.status_code, refused.json()["outcome"]) == (409, "refused")
+        assert refused.json()["text"] == "it holds already"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"", b"[]", b"{", b"null", b"\xff\xfe", b'{"id":"a","action":"explode"}', b'{"id":"a","action":"hold","x":1}',
+        b'{"id":"","action":"abort"}', b'{"id":7,"action":"abort"}', b'{"id":"a b","action":"abort"}',
+        b'{"id":"a","action":"hold","vehicle":["uav1"]}', b'{"id":"a","action":"hold","vehicle":NaN}',
+        b"[" * 2000,
+    ],
+)  # fmt: skip
+def test_what_is_no_intent_is_named_and_changes_nothing(open_one: Beside, body: bytes) -> None:
+    before = len(open_one.asked)
+    with open_one.client() as client:
+        answer = client.post("/intents", content=body, headers={"content-type": "application/json"})
+    assert answer.status_code == 422
+    assert len(open_one.asked) == before
+
+
+@given(body=st.binary(max_size=200) | st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=8), lambda inner: st.dictionaries(
+        st.sampled_from(["id", "action", "vehicle", "x"]), inner | st.sampled_from(["hold", "abort", "uav1"]),
+        max_size=4,
+    ), max_leaves=6,
+).map(lambda value: json.dumps(value).encode()))  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_no_body_breaks_the_server(open_one: Beside, body: bytes) -> None:
+    with open_one.client() as client:
+        answer = client.post("/intents", content=body, headers={"content-type": "application/json"})
+    assert answer.status_code in {200, 202, 409, 422}
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"sec-fetch-site": "cross-site"}, 403),
+        ({"sec-fetch-site": "same-site"}, 403),
+        ({"host": "evil.example"}, 421),
+        ({"host": "127.0.0.1.evil.example:80"}, 421),
+        ({"content-type": "text/plain"}, 415),
+        ({"content-type": "application/x-www-form-urlencoded"}, 415),
+    ],
+)
+def test_another_pages_request_is_not_taken(open_one: Beside, headers: Mapping[str, str], status: int) -> None:
+    before = len(open_one.asked)
+    with open_one.client() as client:
+        given = {"content-type": "application/json", **headers}
+        answer = client.post("/intents", content=json.dumps(HOLD), headers=given)
+    assert answer.status_code == status
+    assert len(open_one.asked) == before
+
+
+def test_our_own_pages_request_is_taken(open_one: Beside) -> None:
+    for name in ("127.0.0.1", "localhost"):
+        own = {
+            "origin": f"http://{name}:{open_one.port}",
+            "host": f"{name}:{open_one.port}",
+            "sec-fetch-site": "same-origin",
+        }
+        with open_one.client(**own) as client:
+            answer = client.post("/intents", json={"id": f"own-{name}", "action": "resume", "vehicle": "uav1"})
+        assert answer.status_code == 409
+
+
+def test_nobody_sends_much(open_one: Beside) -> None:
+    with open_one.client() as client:
+        kind = {"content-type": "application/json"}
+        assert client.post("/intents", content=b"x" * 5000, headers=kind).status_code == 413
+        assert client.post("/intents", content=iter([b"x" * 10]), headers=kind).status_code == 413
+
+
+@pytest.mark.parametrize("path", ["/", "/state", "/chart", "/events", "/files/page.js"])
+def test_without_the_token_nothing_is_shown(guarded: Beside, path: str) -> None:
+    with guarded.client() as client:
+        for answer in (
+            client.get(path),
+            client.get(path, headers={"authorization": "Bearer wrong"}),
+            client.get(path, headers={"cookie": "faultline_token=wrong"}),
+            client.get(f"{path}?token=wrong"),
+        ):
+            assert answer.status_code == 401
+            assert "a token is needed" in answer.text
+
+
+def test_without_the_token_nothing_is_ordered(guarded: Beside) -> None:
+    with guarded.client() as client:
+        assert client.post("/intents", json=HOLD).status_code == 401
+        assert client.post(f"/intents?token={TOKEN}", json=HOLD).status_code == 401
+    assert guarded.asked == []
+
+
+def test_the_token_is_shown_once_and_kept_by_the_browser(guarded: Beside) -> None:
+    with guarded.client() as client:
+        admitted = client.get("/", params={"token": TOKEN})
+        assert (admitted.status_code, admitted.headers["location"]) == (303, "/")
+        cookie = admitted.headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+        assert client.get("/state").status_code == 200
+    with guarded.client(authorization=f"Bearer {TOKEN}") as client:
+        assert client.get("/state").status_code == 200
+
+
+def test_a_port_that_is_taken_is_named(open_one: Beside) -> None:
+    taken = Beside(port=open_one.port).server
+    with pytest.raises(ConnectionFailed, match=f"web: cannot listen on 127.0.0.1 port {open_one.port}"), taken:
+        pass
+
+
+def test_a_flight_that_does_not_decide_is_said() -> None:
+    beside = Beside(decides=False)
+    with beside.server, beside.client() as client:
+        answer = client.post("/intents", json=HOLD)
+    assert (answer.status_code, answer.text) == (503, "the flight does not answer")
+
+
+def test_garbage_on_the_wire_harms_nobody(open_one: Beside) -> None:
+    for garbage in (
+        b"\x00" * 3000,
+        b"GET / HTTP/9\r\n\r\n",
+        b"POST /intents HTTP/1.1\r\nContent-Length: 9999999\r\n\r\n",
+        b"G",
+    ):
+        with socket.create_connection(("127.0.0.1", open_one.port), timeout=5.0) as one:
+            one.sendall(garbage)
+    with open_one.client() as client:
+        assert client.get("/state").status_code == 200
+
+
+@pytest.mark.asyncio
+@pytest.mark.looptime
+async def test_who_does_not_follow_gets_the_newest_and_then_is_let_go() -> None:
+    newest, taken = Newest(), list[bytes]()
+    stuck = asyncio.Event()
+
+    async def send(message: Mapping[str, object]) -> None:
+        body = message.get("body", b"")
+        assert isinstance(body, bytes)
+        if body.startswith(b"data: "):
+            taken.append(body)
+            await asyncio.sleep(4.8 if len(taken) < 3 else 60.0)
+
+    async def receive() -> dict[str, object]:
+        await stuck.wait()
+        return {"type": "http.disconnect"}
+
+    following = asyncio.create_task(EventStream(newest)({"type": "http"}, receive, send))
+    for number in range(100):
+        await newest.put(str(number).encode())
+        await asyncio.sleep(0.5)
+    await following
+    assert [int(body[6:]) for body in taken] == [0, 9, 19]
+    assert (newest.clients, newest.dropped) == (0, 1)
+
+
+def test_the_last_state_is_read_while_the_flight_goes_on() -> None:
+    """Reading goes on in another thread: the flight's own work never waits for it."""
+    with serving() as beside, beside.client() as client:
+        until_s = time.monotonic() + 1.0
+        while time.monotonic() < until_s:
+            beside.flight.pass_s(0.4)
+        assert client.get("/state").json()["now_s"] == pytest.approx(beside.flight.now_s, abs=0.01)
