@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -25,13 +25,15 @@ from executor.config import Site, VehicleTable, signing_key
 from executor.core import fleet, preflight
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
-from executor.core.events import Event, Reopened, ReturnAllOrdered, SolveEnded
+from executor.core.events import Event, IntentReceived, Reopened, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
 from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
+from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
+from executor.publishing import Publication, Settings
 from executor.report import Happening, Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
@@ -95,6 +97,8 @@ class Order:
     run: Path
     truths: Callable[[SystemClock], Sequence[Happening]]
     """What really happened, asked for at the end; empty without a simulator."""
+    mqtt: Settings | None = None
+    """Where it is published."""
 
 
 async def fly(order: Order, console: Console) -> Flown:
@@ -106,12 +110,18 @@ async def fly(order: Order, console: Console) -> Flown:
     serving.check(order.site.web)
     ground = order.ground
     clock = SystemClock(order.site.flight.speedup)
+    publication = publication_of(order, clock)
     solver = SolverProcess(
         SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
     )
     with locked(order.run):
         async with open_links(order, clock) as links, solver:
-            return await _fly(order, console, clock, solver, links)
+            return await _fly(order, console, clock, solver, links, publication)
+
+
+def publication_of(order: Order, clock: SystemClock) -> Publication | None:
+    """Return where a flight is published; None if nowhere."""
+    return None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
 
 
 async def _fly(
@@ -120,6 +130,7 @@ async def _fly(
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
+    publication: Publication | None,
 ) -> Flown:
     run = order.run
     facts = await _interviews(order, links, clock, console)
@@ -134,7 +145,8 @@ async def _fly(
     if not console.confirm("All missions are on board and read back. Take off?"):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
     log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
-    return await supervise(order, console, Cockpit(context, fleet.initial(boards), links, clock, log, solver, said))
+    seat = Cockpit(context, fleet.initial(boards), links, clock, log, solver, said, publication)
+    return await supervise(order, console, seat)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +161,10 @@ class Cockpit:
     log: EventLog
     solver: SolverProcess
     said: Said
+    publication: Publication | None
+    """Where the flight is published; None if nowhere."""
+    revision: tuple[int, PlanFile] | None = None
+    """The last re-plan of a flight that is taken up again."""
 
 
 async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reopened | None = None) -> Flown:
@@ -158,11 +174,14 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
-    keeper = _Keeper(order, context, console, seat.log, clock)
+    keeper = _Keeper(order, context, console, seat.log, clock, seat.publication)
+    if seat.publication is not None and seat.revision is not None:
+        seat.publication.plan(*seat.revision)
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
         with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
-            async with _beside(keep_judging(flight, seat.solver)):
+            published = _published(seat.publication, flight, keeper, clock)
+            async with published, _beside(keep_judging(flight, seat.solver)):
                 await flight.run(reopened, order.site.flight.connect_timeout_s)
     finally:
         console.done()
@@ -178,6 +197,18 @@ def telling(console: Console) -> Callable[[str], None]:
     return lambda text: console.say(Level.WARNING, text)
 
 
+def _published(
+    publication: Publication | None, flight: Flight, keeper: _Keeper, clock: SystemClock
+) -> AbstractAsyncContextManager[None]:
+    if publication is None:
+        return nullcontext()
+    return publication.running(
+        view=lambda: fleet_view(flight.context, flight.state, clock.now_s()),
+        accept=lambda intent: flight.apply(IntentReceived(intent)),
+        tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
+    )
+
+
 @asynccontextmanager
 async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
     """Do something for as long as something else goes on."""
@@ -191,14 +222,16 @@ async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
 
 def keep(order: Order) -> None:
     """Write the site and the first plan into the run directory."""
-    network = None
+    files = {}
     if order.site.network.file != build.DEFAULT_NETWORK:
-        network = order.base / order.site.network.file
+        files["network", "file"] = order.base / order.site.network.file
+    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
+        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
     content = order.site.model_dump(exclude_none=True, mode="json")
     if order.site.signing is not None and order.site.signing.key_file is not None:
         # The key stays where it is: a run directory is copied and handed on.
         content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
-    keep_site(order.run, content, network)
+    keep_site(order.run, content, files)
     write_plan(order.run / "plan-000.json", order.plan)
 
 
@@ -220,7 +253,7 @@ async def open_links(
                 stack.callback(log.close)
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
         key = signing_key(order.site, order.base)
-        keyring = None if key is None else Keyring(key, clock.unix_s)
+        keyring = None if key is None else Keyring(key, clock.dated_s)
         native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring))
         others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
@@ -324,13 +357,24 @@ async def _load(
 class _Keeper:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
-    def __init__(self, order: Order, context: Context, console: Console, log: EventLog, clock: SystemClock) -> None:
+    def __init__(
+        self,
+        order: Order,
+        context: Context,
+        console: Console,
+        log: EventLog,
+        clock: SystemClock,
+        publication: Publication | None,
+    ) -> None:
         self._order = order
+        self._publication = publication
         self._context = context
         self._console = console
         self._log = log
         self._clock = clock
         self._solve: Solve | None = None
+        if publication is not None:
+            publication.plan(0, order.plan)
 
     def observer(self) -> Observer:
         return Observer(self.said, self.applied, self.decided)
@@ -342,6 +386,15 @@ class _Keeper:
     def said(self, line: Say, now_s: float) -> None:
         self._log.note(now_s, said=line.text, level=line.level.value)
         self._console.say(line.level, line.text, now_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s)
+
+    def told(self, line: Say, now_s: float) -> None:
+        """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
+        self._log.note(now_s, told=line.text, level=line.level.value)
+        self._console.say(line.level, line.text, now_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s)
 
     def applied(self, event: Event, state: FleetState, now_s: float) -> None:
         if state.replan is not None:
@@ -349,6 +402,8 @@ class _Keeper:
         if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
             self._keep_plan(event, self._solve)
         self._console.show(self._context, state, now_s)
+        if self._publication is not None:
+            self._publication.applied(event, state)
 
     def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
         if solve.revision != event.revision:
@@ -361,6 +416,8 @@ class _Keeper:
         )
         with suppress(OSError):
             write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
+        if self._publication is not None:
+            self._publication.plan(event.revision, content)
 
 
 def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:

@@ -10,6 +10,7 @@ import ipaddress
 import os
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,6 +24,11 @@ Percent = Annotated[float, Field(ge=0, le=100)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 WindSpeed = Annotated[float, Field(ge=-20, le=20)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+HostName = Annotated[
+    str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
+]
+"""A name, or an address of version 4 or 6."""
+EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
 
 
 class _Table(BaseModel):
@@ -157,6 +163,42 @@ class SigningTable(_Table):
         return self
 
 
+class MqttTable(_Table):
+    """Where the flight is published, and where intents are taken from."""
+
+    host: HostName = "127.0.0.1"
+    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """1883 by default, 8883 with TLS."""
+    prefix: Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")] = "faultline"
+    """What all topics begin with; flights that are published at the same time need one each."""
+    telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
+    """How often, in real seconds."""
+    tls: bool = False
+    ca_file: str | None = None
+    """The certificate that the broker's is signed with (PEM); without one the system's own are trusted."""
+    username_env: EnvironmentName | None = None
+    password_env: EnvironmentName | None = None
+    token_env: EnvironmentName | None = None
+    """The environment variable with the token that intents must carry."""
+    intent_max_age_s: Annotated[float, Field(gt=0, le=3600)] = 10.0
+
+    @model_validator(mode="after")
+    def _fitting(self) -> MqttTable:
+        if self.ca_file is not None and not self.tls:
+            raise ValueError("ca_file: expected none without tls = true")
+        if self.password_env is not None and self.username_env is None:
+            raise ValueError("password_env: expected a username_env beside it")
+        return self
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the broker is reached from this computer alone, as far as its name tells."""
+        try:
+            return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+
 class WebTable(_Table):
     """The page to fly by."""
 
@@ -195,7 +237,7 @@ class Site(_Table):
     flight: FlightTable = FlightTable()
     faults: FaultsTable = FaultsTable()
     signing: SigningTable | None = None
-    mqtt: dict[str, Any] | None = None
+    mqtt: MqttTable | None = None
     web: WebTable = WebTable()
 
     @model_validator(mode="after")
@@ -293,6 +335,26 @@ def check_site(content: dict[str, Any], source: str) -> Site:
         return Site.model_validate(content)
     except ValidationError as error:
         raise SiteError(f"{source}: {_first_reason(error)}") from error
+
+
+def read_secret(variable: str | None, key: str, source: str, environment: Mapping[str, str] = os.environ) -> str | None:
+    """Return what an environment variable holds that a site file names; None if it names none.
+
+    Args:
+        variable: The variable.
+        key: The key of the site file that names it.
+        source: The site file.
+        environment: Where it is looked for.
+
+    Raises:
+        SiteError: it is not set, or empty.
+    """
+    if variable is None:
+        return None
+    value = environment.get(variable)
+    if not value:
+        raise SiteError(f"{source}: {key}: expected a value in the environment variable {variable}, which is not set")
+    return value
 
 
 def _first_reason(error: ValidationError) -> str:

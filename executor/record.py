@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from executor.adapters.eventlog import read_events
 from executor.config import Site, read_site
@@ -71,7 +71,8 @@ class _SaidLine(_Row):
     """A line of the log that holds what the operator saw."""
 
     t_s: float
-    said: str
+    said: Annotated[str, Field(validation_alias=AliasChoices("said", "told"))]
+    """A decision; or what was told of something else, such as a broker."""
     level: Level
 
 
@@ -174,7 +175,7 @@ def _read_decisions(path: Path, launched_s: float) -> Iterator[Decision]:
     with path.open(encoding="utf-8") as file:
         for line in file:
             # Most lines are events, which `read_events` has parsed already; a cheap look tells them apart.
-            if '"said":' in line and '"event":' not in line and line.endswith("\n"):
+            if ('"said":' in line or '"told":' in line) and '"event":' not in line and line.endswith("\n"):
                 said = _SaidLine.model_validate_json(line)
                 yield Decision(said.t_s - launched_s, said.level, said.said)
 

@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor import app
+from executor import app, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, read_decisions, read_events, read_head, to_plain
 from executor.adapters.rundir import locked, write_json
@@ -25,8 +25,9 @@ from executor.core.events import LaunchOrdered, Reopened
 from executor.core.state import FleetState
 from executor.demo import happenings
 from executor.errors import LogError
+from executor.publishing import settings_of
 from executor.report import Said, report_of
-from missions import PlanFile, read_plan
+from missions import MissionsError, PlanFile, read_plan
 
 LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", "report.json"
 
@@ -124,7 +125,8 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
 
 def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
     """Return the order to fly what a run directory describes."""
-    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock))
+    mqtt = settings_of(ground.site.mqtt, run, str(run / "site.toml"))
+    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), mqtt)
 
 
 async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
@@ -149,6 +151,7 @@ async def take_up(run: Path, console: Console) -> Flown:
         if isinstance(left, Ready):
             raise LogError(f"{run}: expected a flight that was launched")
         order = order_of(run, left.begun.ground, left.begun.plan)
+        serving.check(order.site.web)
         clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s)
         log = EventLog(run / LOG, told=app.telling(console))
         for command in left.undone:
@@ -167,10 +170,22 @@ async def take_up(run: Path, console: Console) -> Flown:
             solver = SolverProcess(setup)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run))
+                seat = Cockpit(
+                    left.begun.context, left.state, links, clock, log, solver, _said(run),
+                    app.publication_of(order, clock), _revision(run, left),
+                )  # fmt: skip
                 return await app.supervise(order, console, seat, reopened)
             finally:
                 await starting
+
+
+def _revision(run: Path, left: Left) -> tuple[int, PlanFile] | None:
+    """Return the last re-plan, if its file is there."""
+    number = left.state.revision
+    path = run / f"plan-{number:03d}.json"
+    with suppress(MissionsError):  # it is for people to look at; what is flown is in the log
+        return (number, read_plan(path)) if number else None
+    return None
 
 
 def _note(log: EventLog, command: Command, at_s: float) -> None:

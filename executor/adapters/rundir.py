@@ -34,22 +34,22 @@ def new_run_directory(wanted: Path | None) -> Path:
     return path
 
 
-def keep_site(path: Path, site: Mapping[str, object], network: Path | None) -> None:
-    """Write site.toml so that the directory can be carried elsewhere: its network lies beside it.
+def keep_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, str], Path]) -> None:
+    """Write site.toml so that the directory can be carried elsewhere: the files that it names lie beside it.
 
     Args:
         path: The run directory.
         site: The content of the site file.
-        network: The network's file; None for the one that comes with the program.
+        files: Its files by table and key; one that comes with the program is not among them.
     """
     content = dict(site)
-    if network is not None:
-        table = content["network"]
+    for (name, key), file in files.items():
+        table = content[name]
         if not isinstance(table, Mapping):
-            raise TypeError("the site's network is a table")
-        name = f"network{network.suffix}"
-        shutil.copyfile(network, path / name)
-        content["network"] = {**table, "file": name}
+            raise TypeError(f"the site's {name} is a table")
+        kept = f"{name}{file.suffix}"
+        shutil.copyfile(file, path / kept)
+        content[name] = {**table, key: kept}
     _write_whole(path / "site.toml", tomli_w.dumps(content))
 
 

@@ -32,6 +32,7 @@ from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.errors import PreflightFailed
 from executor.planning import Wanted
+from executor.publishing import settings_of
 from executor.report import checked
 from missions import read_plan
 from planner import Cost
@@ -107,14 +108,13 @@ def fly(
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    if content.mqtt is not None:
-        console.say(Level.WARNING, f"{site}: [mqtt]: this version does not serve it; the flight goes on without")
+    mqtt = settings_of(content.mqtt, site.parent, str(site))
     if plan is None:
         routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True))
     else:
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
-    order = flying.Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: ())
+    order = flying.Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
     flying.keep(order)
     flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)

@@ -10,8 +10,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import aiomqtt
 import pytest
 
+from tests.brokers import MOSQUITTO, running
 from tests.composed import ROOT, services
 from tests.e2e.flights import ended, free_ports, interrupt
 
@@ -22,7 +24,7 @@ TRIES_HEALTHY = 120
 class Services:
     """Starts services where they are."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, broker_port: int) -> None:
         self.site, self.work = folder / "site", folder / "work"
         self.site.mkdir()
         self.work.mkdir()
@@ -30,6 +32,8 @@ class Services:
         pattern = (ROOT / "docker" / "demo.toml").read_text(encoding="utf-8")
         here = pattern.replace("fleet:14600", f"127.0.0.1:{self.port}").replace("radius_m = 700", "radius_m = 250")
         assert here.count(str(self.port)) == 1
+        assert 'host = "broker"' in here
+        here = here.replace('host = "broker"', f'host = "127.0.0.1"\nport = {broker_port}')
         self.pattern = folder / "demo.toml"
         self.pattern.write_text(here, encoding="utf-8")
         self.services = services("demo", ASKED)
@@ -90,7 +94,16 @@ def _is_free(port: int) -> bool:
 
 @pytest.mark.asyncio
 async def test_the_demo_of_the_containers_flies_to_its_end(tmp_path: Path) -> None:
-    here = Services(tmp_path)
+    async with running("amqtt" if MOSQUITTO is None else "mosquitto", tmp_path / "broker") as broker:
+        await _flies_to_its_end(Services(tmp_path, broker.port))
+        async with aiomqtt.Client("127.0.0.1", broker.port) as anybody:
+            await anybody.subscribe("faultline/v1/fleet/state", qos=1)
+            message = await anext(aiter(anybody.messages))
+    assert isinstance(message.payload, bytes)
+    assert json.loads(message.payload)["finished"]
+
+
+async def _flies_to_its_end(here: Services) -> None:
     prepared = await here.start("site-demo")
     _, err = await ended(prepared)
     assert prepared.returncode == 0, err

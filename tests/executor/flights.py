@@ -55,7 +55,7 @@ def second_plan_file() -> PlanFile:
 
 def write_run(run: Path, *, finished: bool = True) -> dict[str, object]:
     """Write the flight's run directory, and return the content of its report.json."""
-    keep_site(run, _site(), None)
+    keep_site(run, _site(), {})
     write_plan(run / "plan-000.json", first_plan_file())
     write_plan(run / "plan-001.json", second_plan_file())
     log = EventLog(run / "events.jsonl", began_unix_s=1.8e9, speedup=2.0)

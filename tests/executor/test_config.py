@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executor.config import Site, check_site, read_site
+from executor.config import Site, check_site, read_secret, read_site
 from executor.core.connection import EXPECTED
 from executor.errors import SiteError
 
@@ -208,3 +208,56 @@ def test_a_site_is_read(tmp_path: Path) -> None:
         autopilot = "px4"
     """
     assert read_site(written(tmp_path / "site.toml", text)).vehicle[0].autopilot == "px4"
+
+
+def test_a_broker_and_its_defaults() -> None:
+    table = check_site(content(mqtt={}), "site.toml").mqtt
+    assert table is not None
+    assert (table.host, table.port, table.prefix, table.telemetry_rate_hz) == ("127.0.0.1", None, "faultline", 1.0)
+    assert check_site(content(), "site.toml").mqtt is None
+
+
+@pytest.mark.parametrize(
+    ("host", "is_here"),
+    [
+        ("localhost", True),
+        ("127.0.0.1", True),
+        ("::1", True),
+        ("broker", False),
+        ("10.0.0.7", False),
+        ("fe80::1", False),
+    ],
+)
+def test_whether_the_broker_is_on_this_computer(host: str, is_here: bool) -> None:
+    table = check_site(content(mqtt={"host": host}), "site.toml").mqtt
+    assert table is not None
+    assert table.is_here is is_here
+
+
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ({"host": "a b"}, "mqtt.host"),
+        ({"host": "x" * 64 + ".example"}, "mqtt.host"),
+        ({"port": 0}, "mqtt.port"),
+        ({"prefix": "a/#"}, "mqtt.prefix"),
+        ({"prefix": "/a"}, "mqtt.prefix"),
+        ({"telemetry_rate_hz": 0}, "mqtt.telemetry_rate_hz"),
+        ({"password": "secret"}, "mqtt.password: unknown key"),
+        ({"password_env": "P"}, "mqtt.password_env: expected a username_env"),
+        ({"ca_file": "ca.pem"}, "mqtt.ca_file: expected none without tls"),
+        ({"token_env": "not a name"}, "mqtt.token_env"),
+    ],
+)
+def test_a_broker_that_cannot_be(table: Content, key: str) -> None:
+    assert reason(content(mqtt=table)).startswith(key)
+
+
+def test_secrets_come_from_the_environment() -> None:
+    assert read_secret(None, "mqtt.password_env", "site.toml", {}) is None
+    assert read_secret("P", "mqtt.password_env", "site.toml", {"P": "x"}) == "x"
+    for environment in ({}, {"P": ""}):
+        with pytest.raises(
+            SiteError, match=r"^site.toml: mqtt.password_env: expected a value in .* P, which is not set$"
+        ):
+            read_secret("P", "mqtt.password_env", "site.toml", environment)

@@ -1,0 +1,244 @@
+"""The connection to the broker: carries what waits in the outbox, and comes back however often the broker goes away.
+
+It is a task of its own. The flight puts messages into the outbox and goes on; whatever the broker does, slowly, wrongly
+or not at all, happens here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import ssl
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from enum import Enum
+
+import aiomqtt
+
+from executor.adapters.mqtt.outbox import Letter, Outbox, Taken
+from executor.core.commands import Level
+
+ANSWER_S = 5.0
+"""A broker that does not acknowledge for so long is taken to be away."""
+KEEPALIVE_S = 15
+WAITS_S = (1.0, 2.0, 4.0, 8.0, 15.0)
+"""Between attempts to connect; the last stands for all that follow."""
+STEADY_S = 30.0
+"""A connection that lasted so long was a good one: after it the waits begin anew."""
+BATCH = 10
+"""Messages under way at once: with a round trip of 0.5 s that is 20 a second."""
+INBOX = 50
+FLUSH_S = 3.0
+"""Real seconds after the flight for what still waits."""
+
+_log = logging.getLogger("faultline.mqtt")
+# Nobody reads it: what goes wrong is said by `say`, once, and not for every packet.
+_log.addHandler(logging.NullHandler())
+_log.propagate = False
+
+
+class Presence(Enum):
+    """Whether somebody publishes here, in the words of VDA 5050."""
+
+    ONLINE = "ONLINE"
+    OFFLINE = "OFFLINE"
+    """The flight has ended, or is not supervised any more."""
+    BROKEN = "CONNECTIONBROKEN"
+    """The broker says so itself: the connection ended without a word."""
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """Where the broker is, and what it wants to know."""
+
+    host: str
+    port: int
+    identifier: str
+    """The same at every connection: a broker then ends the one before, and with it its last will."""
+    username: str | None = None
+    password: str | None = field(default=None, repr=False)
+    tls: ssl.SSLContext | None = None
+
+    def __str__(self) -> str:
+        """Return it as people write it."""
+        return f"{self.host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Subscriber:
+    """What is done with the messages that come in."""
+
+    topic: str
+    take: Callable[[bytes, bool], None]
+    """Called with every message and whether the broker had kept it; must not wait."""
+
+
+class Client:
+    """Keeps one broker informed."""
+
+    def __init__(
+        self,
+        broker: Broker,
+        outbox: Outbox,
+        presence: Callable[[Presence], Letter],
+        subscriber: Subscriber,
+        say: Callable[[Level, str], None],
+    ) -> None:
+        """Wire the parts; `run` connects.
+
+        Args:
+            broker: Where to.
+            outbox: What waits to be sent.
+            presence: Makes the message that says whether we are there.
+            subscriber: Who listens.
+            say: Called with what the operator should know of the connection.
+        """
+        self._broker = broker
+        self._outbox = outbox
+        self._presence = presence
+        self._subscriber = subscriber
+        self._say = say
+        self._closing = asyncio.Event()
+        self._was_there = False
+        self._complained = False
+        self._dropped_told = 0
+        self.connected = False
+        self.ignored = 0
+        """Messages that came faster than they were taken."""
+
+    async def run(self) -> None:
+        """Connect, and again whenever the connection ends, until `close`."""
+        attempt = 0
+        loop = asyncio.get_running_loop()
+        while not self._closing.is_set():
+            began_s = loop.time()
+            try:
+                await self._session()
+            except Exception as error:  # noqa: BLE001 - the boundary between the broker and the flight
+                self._complain(_reason(error))
+            finally:
+                self.connected = False
+            attempt = 0 if loop.time() - began_s > STEADY_S else attempt + 1
+            with suppress(TimeoutError):
+                async with asyncio.timeout(WAITS_S[min(attempt, len(WAITS_S)) - 1] if attempt else 0.0):
+                    await self._closing.wait()
+
+    def close(self) -> None:
+        """Send what still waits, say that nobody is there any more, and end."""
+        self._closing.set()
+        self._outbox.close()
+
+    async def _session(self) -> None:
+        will = self._presence(Presence.BROKEN)
+        client = aiomqtt.Client(
+            self._broker.host,
+            self._broker.port,
+            identifier=self._broker.identifier,
+            username=self._broker.username,
+            password=self._broker.password,
+            tls_context=self._broker.tls,
+            will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain),
+            timeout=ANSWER_S,
+            keepalive=KEEPALIVE_S,
+            max_queued_incoming_messages=INBOX,
+            queue_type=self._inbox(),
+            logger=_log,
+        )
+        try:
+            async with client:
+                await self._serve(client)
+        finally:
+            # A broker that answers nothing any more leaves a socket open: aiomqtt closes it only with a goodbye.
+            _hang_up(client)
+
+    async def _serve(self, client: aiomqtt.Client) -> None:
+        try:
+            await client.subscribe(self._subscriber.topic, qos=1)
+            await _publish(client, self._presence(Presence.ONLINE))
+            self._arrived()
+            async with asyncio.TaskGroup() as tasks:
+                reader = tasks.create_task(self._read(client), name="mqtt intents")
+                await self._write(client)
+                reader.cancel()
+            await _publish(client, self._presence(Presence.OFFLINE))
+        except BaseException:
+            # Without a goodbye, so that the broker publishes the last will.
+            _hang_up(client)
+            raise
+
+    async def _read(self, client: aiomqtt.Client) -> None:
+        async for message in client.messages:
+            payload = message.payload
+            self._subscriber.take(payload if isinstance(payload, bytes) else b"", message.retain)
+
+    async def _write(self, client: aiomqtt.Client) -> None:
+        while True:
+            await self._outbox.ready()
+            batch = self._outbox.take(BATCH)
+            if not batch:
+                return
+            await self._send(client, batch)
+
+    async def _send(self, client: aiomqtt.Client, batch: list[Taken]) -> None:
+        unsent = dict(enumerate(batch))
+
+        async def one(number: int, letter: Letter) -> None:
+            await _publish(client, letter)
+            del unsent[number]
+
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for number, taken in enumerate(batch):
+                    tasks.create_task(one(number, taken.letter), name="mqtt message")
+        finally:
+            self._outbox.give_back(unsent.values())
+
+    def _inbox(self) -> type[asyncio.Queue[aiomqtt.Message]]:
+        outer = self
+
+        class Inbox(asyncio.Queue[aiomqtt.Message]):
+            """Counts what does not fit, where aiomqtt would write a line for each."""
+
+            def put_nowait(self, item: aiomqtt.Message) -> None:
+                if self.full():
+                    outer.ignored += 1
+                else:
+                    super().put_nowait(item)
+
+        return Inbox
+
+    def _arrived(self) -> None:
+        self.connected = True
+        self._outbox.renew_all()
+        again = "again" if self._was_there else ""
+        dropped = sum(self._outbox.dropped.values())
+        lost = f"; {dropped - self._dropped_told} messages had to be dropped meanwhile" * (dropped > self._dropped_told)
+        self._dropped_told = dropped
+        self._was_there, self._complained = True, False
+        self._say(Level.INFO, f"mqtt: connected to {self._broker} {again}".rstrip() + lost)
+
+    def _complain(self, why: str) -> None:
+        """Say that there is no connection; once, however often it is tried."""
+        if self._complained or self._closing.is_set():
+            return
+        self._complained = True
+        what = "lost the connection to" if self._was_there else "no connection to"
+        text = f"mqtt: {what} {self._broker} ({why}); the flight goes on, and it is tried again"
+        self._say(Level.WARNING, text)
+
+
+def _hang_up(client: aiomqtt.Client) -> None:
+    client._client._sock_close()  # noqa: SLF001 - there is no other way to close it
+
+
+async def _publish(client: aiomqtt.Client, letter: Letter) -> None:
+    await client.publish(letter.topic, letter.payload, letter.qos, letter.retain)
+
+
+def _reason(error: BaseException) -> str:
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    cause = error.__cause__
+    text = str(cause or error) or type(error).__name__
+    return " ".join(text.split())

@@ -1,0 +1,158 @@
+"""Topics and payloads; docs/mqtt.md says the same in words.
+
+The habits are those of VDA 5050 where they fit: a header with `headerId`, `timestamp` and `version`, a major version in
+the topic, the states of a connection. What a flight looks like is in the core's own words, as the page shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from executor.core.view import PositionView, ReplanView, VehicleView
+
+MAJOR = "v1"
+VERSION = "1.0.0"
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """Where everything is published under a prefix."""
+
+    prefix: str
+
+    def __str__(self) -> str:
+        """Return what all topics begin with."""
+        return f"{self.prefix}/{MAJOR}"
+
+    def vehicle(self, name: str, what: Literal["state", "telemetry"]) -> str:
+        """Return a vehicle's topic."""
+        return f"{self}/vehicle/{name}/{what}"
+
+    def fleet(self, what: Literal["state", "connection", "event", "fault", "plan"]) -> str:
+        """Return a topic of the whole flight."""
+        return f"{self}/fleet/{what}"
+
+    @property
+    def intent(self) -> str:
+        """Return where intents are taken from."""
+        return f"{self}/intent"
+
+    @property
+    def acknowledgement(self) -> str:
+        """Return where they are answered."""
+        return f"{self}/intent/ack"
+
+
+class Payload(BaseModel):
+    """What every message begins with."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    headerId: Annotated[int, Field(ge=0, le=2**32 - 1)]  # noqa: N815 - VDA 5050's name
+    """Counted for each topic from 0; the same number twice is the same message twice, a gap is what was dropped."""
+    timestamp: str
+    """When it was written: ISO 8601, UTC, by the ground station's clock."""
+    version: str = VERSION
+    """Of these topics and payloads."""
+    run: str
+    """The flight: the name of its run directory."""
+
+
+class ConnectionMessage(Payload):
+    """Whether a flight is published here; retained, and the last will."""
+
+    connectionState: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]  # noqa: N815 - VDA 5050's name
+    """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker says that the ground station is gone."""
+
+
+class VehicleStateMessage(Payload):
+    """Everything about one vehicle; retained, on every change of what it does and at least every ten seconds."""
+
+    vehicle: VehicleView
+
+
+class TelemetryMessage(Payload):
+    """Where one vehicle is, at the site's rate."""
+
+    name: str
+    state: str
+    position: PositionView | None
+    battery_pct: float | None
+    """As the vehicle measures it."""
+    link_age_s: float | None
+    """Since it was heard."""
+    link_loss: float | None
+    """Share of frames lost in the last seconds."""
+    segment: int | None
+    """The segment that it inspects or flies to."""
+    segment_share: float | None
+    """How much of it is behind the vehicle, from 0 to 1."""
+
+
+class FleetStateMessage(Payload):
+    """The flight as a whole; retained, on every change and at least every ten seconds."""
+
+    flight_s: float | None
+    """Since the launch."""
+    revision: int
+    """Of the plan."""
+    vehicles: tuple[str, ...]
+    segments_total: int
+    inspected: tuple[int, ...]
+    uncovered: tuple[int, ...]
+    """Given up: segments that nobody can inspect."""
+    replan: ReplanView | None
+    """The re-plan under way."""
+    all_silent: bool
+    """Whether nobody at all is heard."""
+    recalled: bool
+    """Whether everybody was sent home."""
+    finished: bool
+    min_separation_m: float | None
+    """The nearest that two flying vehicles came to each other."""
+    dropped: dict[str, int]
+    """Messages of a topic that were given up, as too many waited for the broker."""
+
+
+class EventMessage(Payload):
+    """One line for the operator: a decision with its reason."""
+
+    at_s: float
+    """By the flight's clock."""
+    level: Literal["info", "warning", "fault"]
+    text: str
+
+
+class FaultMessage(Payload):
+    """The judgement that a vehicle will not finish its route."""
+
+    vehicle: str
+    kind: str
+    """link, battery or interruption."""
+    reason: str
+    detected_s: float
+    """By the flight's clock."""
+
+
+class PlanMessage(Payload):
+    """The plan in force; retained."""
+
+    revision: int
+    plan: dict[str, Any]
+    """A plan file (faultline-plan/1)."""
+
+
+class AcknowledgementMessage(Payload):
+    """What became of an intent; once when it is taken or refused, and again when it comes to its end."""
+
+    id: str | None
+    """The intent's; none where it could not be read."""
+    action: str | None
+    vehicle: str | None
+    outcome: Literal["accepted", "done", "refused", "failed"]
+    """accepted: under way."""
+    text: str
+    """Why, in words."""

@@ -1,0 +1,163 @@
+"""Turns what happens in the flight into messages for the broker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+
+from executor.adapters.mqtt.client import Presence
+from executor.adapters.mqtt.intake import Refusal
+from executor.adapters.mqtt.outbox import Letter, Outbox
+from executor.adapters.mqtt.payloads import (
+    AcknowledgementMessage,
+    ConnectionMessage,
+    EventMessage,
+    FaultMessage,
+    FleetStateMessage,
+    Payload,
+    PlanMessage,
+    TelemetryMessage,
+    Topics,
+    VehicleStateMessage,
+)
+from executor.core.commands import Say
+from executor.core.events import Event, IntentReceived, Tick
+from executor.core.intents import IntentRecord
+from executor.core.state import FleetState
+from executor.core.view import FleetView, VehicleView
+
+AT_LEAST_EVERY_S = 10.0
+"""Real seconds after which a state is published though nothing has changed."""
+Content = Mapping[str, object]
+_FLEET = tuple(name for name in FleetStateMessage.model_fields if name in FleetView.__dataclass_fields__)
+
+
+class Publisher:
+    """Fills the outbox; every method returns at once."""
+
+    def __init__(self, topics: Topics, outbox: Outbox, run: str, unix_s: Callable[[], float]) -> None:
+        """Begin a flight.
+
+        Args:
+            topics: Where to.
+            outbox: What the messages are put into.
+            run: The flight's name.
+            unix_s: Seconds since 1970.
+        """
+        self._topics = topics
+        self._outbox = outbox
+        self._run = run
+        self._unix_s = unix_s
+        self._numbers: dict[str, int] = {}
+        self._states: dict[str, tuple[object, float]] = {}
+        self._records: Mapping[str, IntentRecord] = {}
+        self._faults: set[tuple[str, float]] = set()
+
+    def presence(self, state: Presence) -> Letter:
+        """Return the message that says whether we are there."""
+        topic = self._topics.fleet("connection")
+        return self._letter(topic, ConnectionMessage, {"connectionState": state.value}, retain=True)
+
+    def view(self, view: FleetView) -> None:
+        """Publish the present: telemetry, and the states that have changed."""
+        for vehicle in view.vehicles:
+            self._telemetry(vehicle)
+            topic = self._topics.vehicle(vehicle.name, "state")
+            self._state(topic, VehicleStateMessage, _slow_part(vehicle), {"vehicle": vehicle})
+        fleet: dict[str, object] = {name: getattr(view, name) for name in _FLEET}
+        fleet["vehicles"] = tuple(one.name for one in view.vehicles)
+        fleet["dropped"] = dict(self._outbox.dropped)
+        slow = [value for name, value in fleet.items() if name not in {"flight_s", "min_separation_m"}]
+        self._state(self._topics.fleet("state"), FleetStateMessage, slow, fleet)
+
+    def applied(self, event: Event, state: FleetState) -> None:
+        """Publish the faults that an event led to, and what became of intents."""
+        if isinstance(event, Tick):
+            self._new_faults(state)
+        answered = set()
+        if state.intents is not self._records:
+            for name, record in state.intents.items():
+                if self._records.get(name) != record:
+                    self._answer(record)
+                    answered.add(name)
+            self._records = state.intents
+        # The same intent again changes nothing, and is answered again.
+        if isinstance(event, IntentReceived) and event.intent.id not in answered:
+            known = state.intents.get(event.intent.id)
+            if known is not None:
+                self._answer(known)
+
+    def said(self, line: Say, at_s: float) -> None:
+        """Publish a line for the operator, at the flight's time."""
+        content = {"at_s": at_s, "level": line.level.value, "text": line.text}
+        self._outbox.keep(self._letter(self._topics.fleet("event"), EventMessage, content))
+
+    def plan(self, revision: int, document: Mapping[str, object]) -> None:
+        """Publish the plan in force."""
+        content = {"revision": revision, "plan": document}
+        self._outbox.renew(self._letter(self._topics.fleet("plan"), PlanMessage, content, retain=True))
+
+    def refused(self, refusal: Refusal) -> None:
+        """Say that a message is not carried out."""
+        self._acknowledge(refusal.id, None, None, "refused", refusal.reason)
+
+    def _answer(self, record: IntentRecord) -> None:
+        asked = record.intent
+        self._acknowledge(asked.id, asked.action.value, asked.vehicle, record.outcome.value, record.text)
+
+    def _acknowledge(self, name: str | None, action: str | None, vehicle: str | None, outcome: str, text: str) -> None:
+        content = {"id": name, "action": action, "vehicle": vehicle, "outcome": outcome, "text": text}
+        self._outbox.keep(self._letter(self._topics.acknowledgement, AcknowledgementMessage, content))
+
+    def _new_faults(self, state: FleetState) -> None:
+        for name, vehicle in state.vehicles.items():
+            fault = vehicle.fault
+            if fault is None or (name, fault.detected_s) in self._faults:
+                continue
+            self._faults.add((name, fault.detected_s))
+            what = {"vehicle": name, "kind": fault.kind.value, "reason": fault.reason, "detected_s": fault.detected_s}
+            self._outbox.keep(self._letter(self._topics.fleet("fault"), FaultMessage, what))
+
+    def _telemetry(self, vehicle: VehicleView) -> None:
+        topic = self._topics.vehicle(vehicle.name, "telemetry")
+        content = {
+            "name": vehicle.name,
+            "state": vehicle.state,
+            "position": vehicle.position,
+            "battery_pct": vehicle.battery.measured_pct,
+            "link_age_s": vehicle.link_age_s,
+            "link_loss": vehicle.link_loss,
+            "segment": vehicle.progress.segment,
+            "segment_share": vehicle.progress.segment_share,
+        }
+        self._outbox.renew(self._letter(topic, TelemetryMessage, content, qos=0))
+
+    def _state(self, topic: str, kind: type[Payload], slow: object, content: Content) -> None:
+        """Publish a state if what changes slowly in it has changed, or if it is time."""
+        before, at_s = self._states.get(topic, (None, float("-inf")))
+        now_s = self._unix_s()
+        # Read with care: this clock may be set back.
+        if slow == before and 0.0 <= now_s - at_s < AT_LEAST_EVERY_S:
+            return
+        self._states[topic] = (slow, now_s)
+        self._outbox.renew(self._letter(topic, kind, content, retain=True))
+
+    def _letter(
+        self, topic: str, kind: type[Payload], content: Content, *, qos: int = 1, retain: bool = False
+    ) -> Letter:
+        number = self._numbers.get(topic, 0)
+        self._numbers[topic] = (number + 1) % 2**32
+        stamp = datetime.fromtimestamp(self._unix_s(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        message = kind.model_validate({"headerId": number, "timestamp": stamp, "run": self._run, **content})
+        return Letter(topic, message.model_dump_json().encode(), qos, retain)
+
+
+def _slow_part(vehicle: VehicleView) -> object:
+    """Return what makes a vehicle's state another one; the rest moves all the time, and telemetry tells it."""
+    progress, measured_pct = vehicle.progress, vehicle.battery.measured_pct
+    return (
+        (vehicle.state, vehicle.mode, vehicle.armed, vehicle.stale, vehicle.excluded, vehicle.fault),
+        (progress.done, progress.total, progress.segment, progress.phase),
+        None if measured_pct is None else round(measured_pct),
+        None if vehicle.loss is None else vehicle.loss.uncovered,
+    )

@@ -1,0 +1,200 @@
+"""The connection to real brokers, which come late, go away, fall asleep and want passwords."""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import aiomqtt
+import pytest
+
+from executor.adapters.mqtt import client as connection
+from executor.adapters.mqtt.client import Broker, Client, Presence, Subscriber
+from executor.adapters.mqtt.outbox import Letter, Outbox
+from executor.core.commands import Level
+from tests.brokers import MOSQUITTO, PASSWORD, USER, RealBroker, free_port, running, secured_in
+
+pytestmark = pytest.mark.asyncio
+
+PATIENCE_S = 30.0
+THERE = "t/there"
+no_mosquitto = pytest.mark.skipif(MOSQUITTO is None, reason="mosquitto is not installed")
+KINDS = [pytest.param("mosquitto", marks=no_mosquitto), "amqtt"]
+QUICKEST = "amqtt" if MOSQUITTO is None else "mosquitto"
+
+
+class Station:
+    """A client at work, and what it said and got."""
+
+    def __init__(self, broker: Broker) -> None:
+        self.said: list[str] = []
+        self.got: asyncio.Queue[tuple[bytes, bool]] = asyncio.Queue()
+        self.outbox = Outbox()
+        self._spoke = asyncio.Event()
+
+        def take(payload: bytes, retained: bool) -> None:
+            self.got.put_nowait((payload, retained))
+
+        def presence(state: Presence) -> Letter:
+            return Letter(THERE, state.value.encode(), retain=True)
+
+        self.client = Client(broker, self.outbox, presence, Subscriber("t/orders", take), self._say)
+
+    def _say(self, level: Level, text: str) -> None:
+        self.said.append(text)
+        self._spoke.set()
+
+    async def has_said(self, count: int) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while len(self.said) < count:
+                self._spoke.clear()
+                await self._spoke.wait()
+
+
+@asynccontextmanager
+async def station(broker: Broker) -> AsyncIterator[Station]:
+    made = Station(broker)
+    task = asyncio.create_task(made.client.run())
+    try:
+        yield made
+    finally:
+        made.client.close()
+        async with asyncio.timeout(PATIENCE_S):
+            await task
+
+
+def at(port: int, **more: object) -> Broker:
+    return Broker("127.0.0.1", port, "faultline-test", **more)  # type: ignore[arg-type]
+
+
+@asynccontextmanager
+async def watcher(port: int, topic: str = "t/#") -> AsyncIterator[Callable[[str], asyncio.Future[bytes]]]:
+    """Somebody else at the broker; gives the next message on a topic, or the one that the broker holds."""
+    async with aiomqtt.Client("127.0.0.1", port) as client:
+        await client.subscribe(topic, qos=1)
+        messages = client.messages
+
+        async def following(wanted: str) -> bytes:
+            async with asyncio.timeout(PATIENCE_S):
+                async for message in messages:
+                    if message.topic.matches(wanted):
+                        assert isinstance(message.payload, bytes)
+                        return message.payload
+            raise AssertionError("the broker went away")
+
+        yield lambda wanted: asyncio.ensure_future(following(wanted))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_what_waits_is_sent_and_what_comes_is_taken(kind: str, tmp_path: Path) -> None:
+    async with running(kind, tmp_path / "broker") as broker, watcher(broker.port) as following:
+        async with station(at(broker.port)) as here:
+            assert await following(THERE) == b"ONLINE"
+            for number in range(30):
+                here.outbox.keep(Letter("t/events", b"%d" % number))
+            assert [await following("t/events") for _ in range(30)] == [b"%d" % number for number in range(30)]
+            here.outbox.renew(Letter("t/state", b"now", qos=0))
+            assert await following("t/state") == b"now"
+            async with aiomqtt.Client("127.0.0.1", broker.port) as other:
+                await other.publish("t/orders", b"hold", qos=1)
+            assert await here.got.get() == (b"hold", False)
+        assert await following(THERE) == b"OFFLINE"
+    assert here.said == [f"mqtt: connected to 127.0.0.1:{broker.port}"]
+
+
+async def test_what_the_broker_held_is_told_apart(tmp_path: Path) -> None:
+    async with running(QUICKEST, tmp_path / "broker") as broker:
+        async with aiomqtt.Client("127.0.0.1", broker.port) as other:
+            await other.publish("t/orders", b"old", qos=1, retain=True)
+        async with station(at(broker.port)) as here:
+            assert await here.got.get() == (b"old", True)
+
+
+async def test_a_broker_that_comes_late_and_one_that_forgets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it should hold is published anew, what was to be told is told, and the operator reads of it once."""
+    monkeypatch.setattr(connection, "WAITS_S", (0.1,))
+    broker = RealBroker(QUICKEST, tmp_path / "broker")
+    try:
+        async with station(at(broker.port)) as here:
+            here.outbox.renew(Letter("t/plan", b"plan", retain=True))
+            here.outbox.keep(Letter("t/events", b"first"))
+            await here.has_said(1)
+            assert "Connection refused" in here.said[0]
+            assert "the flight goes on" in here.said[0]
+            await broker.start()
+            await here.has_said(2)
+            async with watcher(broker.port, "t/plan") as following:
+                assert await following("t/plan") == b"plan"
+            await broker.stop()
+            await here.has_said(3)
+            assert here.said[2].startswith("mqtt: lost the connection")
+            here.outbox.keep(Letter("t/events", b"second"))
+            await broker.start()
+            await here.has_said(4)
+            assert here.said[3].endswith("again")
+            async with watcher(broker.port, "t/+") as following:
+                assert await following("t/plan") == b"plan"
+    finally:
+        await broker.stop()
+    assert len(here.said) == 4
+
+
+async def test_a_broker_that_is_suspended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It answers nothing, then everything at once; nobody waits for it, and nothing is lost."""
+    monkeypatch.setattr(connection, "WAITS_S", (0.1,))
+    monkeypatch.setattr(connection, "ANSWER_S", 0.5)
+    async with running(QUICKEST, tmp_path / "broker") as broker, station(at(broker.port)) as here:
+        await here.has_said(1)
+        broker.suspend()
+        here.outbox.keep(Letter("t/events", b"while it slept", retain=True))
+        await here.has_said(2)
+        assert "lost the connection" in here.said[1]
+        assert "timed out" in here.said[1]
+        broker.go_on()
+        await here.has_said(3)
+        async with watcher(broker.port, "t/events") as following:
+            assert await following("t/events") == b"while it slept"
+        async with watcher(broker.port, THERE) as following:
+            assert await following(THERE) == b"ONLINE"
+
+
+async def test_the_broker_says_so_when_we_die(tmp_path: Path) -> None:
+    async with running(QUICKEST, tmp_path / "broker") as broker, watcher(broker.port) as following:
+        here = Station(at(broker.port))
+        task = asyncio.create_task(here.client.run())
+        assert await following(THERE) == b"ONLINE"
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert await following(THERE) == b"CONNECTIONBROKEN"
+
+
+# paho leaves the socket of a handshake that failed to the garbage collector.
+@pytest.mark.filterwarnings("ignore:Exception ignored in. <ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("kind", KINDS)
+async def test_a_password_and_tls(kind: str, tmp_path: Path) -> None:
+    secured = secured_in(tmp_path)
+    known = ssl.create_default_context(cafile=str(secured.authority))
+    async with running(kind, tmp_path / "broker", secured=secured, password=True) as broker:
+        async with station(at(broker.port, username=USER, password=PASSWORD, tls=known)) as here:
+            await here.has_said(1)
+        assert here.said == [f"mqtt: connected to 127.0.0.1:{broker.port}"]
+        async with station(at(broker.port, username=USER, password="guessed", tls=known)) as here:  # noqa: S106
+            await here.has_said(1)
+        assert here.said[0].startswith("mqtt: no connection to")
+        stranger = ssl.create_default_context()
+        async with station(at(broker.port, username=USER, password=PASSWORD, tls=stranger)) as here:
+            await here.has_said(1)
+        assert "certificate verify failed" in here.said[0]
+        assert PASSWORD not in repr(at(1, password=PASSWORD))
+
+
+async def test_nobody_there_at_all_holds_nobody_up() -> None:
+    async with station(at(free_port())) as here:
+        for number in range(2000):
+            here.outbox.keep(Letter("t/events", b"%d" % number))
+        await here.has_said(1)
+    assert here.outbox.dropped == {"t/events": 1500}
