@@ -261,7 +261,7 @@ async def open_links(
                 stack.callback(log.close)
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
         key = signing_key(order.site, order.base)
-        keyring = None if key is None else Keyring(key, clock.unix_s)
+        keyring = None if key is None else Keyring(key, clock.dated_s)
         native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring))
         others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}

@@ -50,7 +50,7 @@ class Publication:
         self._settings = settings
         self._clock = clock
         self._outbox = Outbox()
-        self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.time_of_day_s)
+        self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
         self._tell: Tell = lambda *_: None
         self._mistakes: set[str] = set()
 
@@ -80,7 +80,7 @@ class Publication:
         self._tell = tell
         loop = asyncio.get_running_loop()
         intake = Intake(
-            self._settings.rules, self._clock.time_of_day_s, loop.time, accept, self._publisher.refused, tell
+            self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.refused, tell
         )
         subscriber = Subscriber(self._settings.topics.intent, intake.take)
         client = Client(self._settings.broker, self._outbox, self._publisher.presence, subscriber, tell)

@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor import app
+from executor import app, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, read_decisions, read_events, read_head, to_plain
 from executor.adapters.rundir import locked, write_json
@@ -151,6 +151,7 @@ async def take_up(run: Path, console: Console) -> Flown:
         if isinstance(left, Ready):
             raise LogError(f"{run}: expected a flight that was launched")
         order = order_of(run, left.begun.ground, left.begun.plan)
+        serving.check(order.site.web)
         clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s)
         log = EventLog(run / LOG, told=app.telling(console))
         for command in left.undone:

@@ -15,11 +15,12 @@ from executor.simulator.config import AutopilotKind, Signing, SimFleet, SimVehic
 from executor.simulator.faults import parse_fault
 from executor.simulator.fleet import run_fleet
 from executor.simulator.truth import Truth, TruthWriter
-from executor.simulator.wire import TICKS_PER_S
 from missions import dialect_for
 
 SIGNING_EPOCH_UNIX_S = 1420070400
 """2015-01-01: the times of signatures count from there."""
+TICKS_PER_S = 100_000
+"""Steps of 10 us."""
 
 
 def fleet_of(
@@ -78,7 +79,10 @@ def run_simulation(
     key: bytes | None = None,
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    signing = None if key is None else Signing(key, round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S))
+    signing = None
+    if key is not None:
+        began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
+        signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing)
     for vehicle in fleet.vehicles:
         print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")

@@ -43,7 +43,7 @@ class SystemClock:
         """Seconds of the flight since construction."""
         return (_steady_s() - self.began_steady_s) * self.speedup
 
-    def unix_s(self) -> float:
+    def dated_s(self) -> float:
         """Seconds since 1970 by the time of day at construction and the steady clock since."""
         return self.began_unix_s + self.now_s() / self.speedup
 
@@ -51,6 +51,6 @@ class SystemClock:
         """Microseconds since 1970 at which this moment would lie had the flight been flown at speed 1."""
         return round((self.began_unix_s + self.now_s()) * 1e6)
 
-    def time_of_day_s(self) -> float:
+    def unix_s(self) -> float:
         """Seconds since 1970 as this computer knows them now: they jump when its clock is set."""
         return time.time()

@@ -64,6 +64,8 @@ class Signing:
     """32 bytes."""
     began_ticks: int
     """Steps of 10 us since 2015 at the beginning of the simulation."""
+    ticks_per_s: float = 100_000.0
+    """In a simulated second: signatures are dated in real time, whatever the speed of the simulation."""
 
 
 @dataclass(frozen=True, slots=True)

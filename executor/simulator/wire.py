@@ -52,8 +52,6 @@ EXTENSIONS: Mapping[str, tuple[str, ...]] = {
 """uint32 fields behind those that pymavlink knows."""
 HEADER = struct.Struct("<BBBBBBBHB")
 MAGIC = 0xFD
-TICKS_PER_S = 100_000
-"""Of a signature's time."""
 
 
 class _Fields:
@@ -146,9 +144,10 @@ class Codec:
         self._every_component = every_component
         """Whether it obeys what is for another component: ArduPilot does where it knows of none with that id."""
         self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=AUTOPILOT_COMPONENT)
-        self._began_ticks = 0
+        self._began_ticks, self._ticks_per_s = 0, 0.0
         if signing is not None:
             self._began_ticks = self._packer.signing.timestamp = signing.began_ticks
+            self._ticks_per_s = signing.ticks_per_s
             self._packer.signing.secret_key = signing.key
             self._packer.signing.sign_outgoing = True
 
@@ -159,7 +158,7 @@ class Codec:
             AttributeError, TypeError, struct.error: MAVLink has no such message, field or value.
         """
         signing = self._packer.signing
-        signing.timestamp = max(signing.timestamp, self._began_ticks + round(now_s * TICKS_PER_S))
+        signing.timestamp = max(signing.timestamp, self._began_ticks + round(now_s * self._ticks_per_s))
         fields = dict(message.fields)
         tail = b"".join(struct.pack("<I", fields.pop(name, 0)) for name in EXTENSIONS.get(message.name, ()))
         packed = getattr(dialect, f"MAVLink_{message.name.lower()}_message")(**fields)

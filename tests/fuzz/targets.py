@@ -5,10 +5,12 @@ A target may refuse what it is given in the way that its users know; everything 
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from functools import cache
 from pathlib import Path
 
@@ -23,13 +25,16 @@ from executor.adapters.mqtt.intake import Refusal, Rules, read_intent
 from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import Publisher
+from executor.adapters.web import WebServer, WebSettings
 from executor.config import Site, read_site
 from executor.core import fleet
-from executor.core.events import Heard, Tick
+from executor.core.events import Heard, IntentReceived, Tick
+from executor.core.intents import Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message
 from executor.core.view import fleet_view
 from executor.errors import SiteError
 from tests.executor.builders import Fleet, fleet_of
+from tests.executor.core.stories import under_way
 
 NOW_UNIX_S = 1_790_000_000.0
 NUMBERS = sorted(mav.mavlink_map)
@@ -148,7 +153,72 @@ def mqtt(data: bytes) -> None:
         found.reason.encode()
 
 
-TARGETS: dict[str, Callable[[bytes], None]] = {"packets": packets, "flight": flight, "site": site, "mqtt": mqtt}
+HEADERS = (b"host", b"origin", b"content-type", b"content-length", b"cookie", b"authorization", b"sec-fetch-site")
+PATHS = ("/intents", "/", "/files/page.css", "/chart", "/state")
+GOOD_HEADERS = {b"host": b"localhost", b"content-type": b"application/json"}
+
+
+class _Page:
+    """The page's server without its socket: what a request may hold is what h11 lets through."""
+
+    def __init__(self, token: str | None) -> None:
+        self.flight = under_way()
+        settings = WebSettings("127.0.0.1", 0, token)
+        self.app = WebServer(
+            settings, self.flight.context, lambda: (self.flight.state, self.flight.now_s), self._submit
+        ).app()
+        self.loop = asyncio.new_event_loop()
+
+    def _submit(self, intent: Intent) -> Future[IntentRecord]:
+        done: Future[IntentRecord] = Future()
+        state, _ = fleet.step(self.flight.context, self.flight.state, IntentReceived(intent), self.flight.now_s)
+        done.set_result(state.intents[intent.id])
+        return done
+
+    def ask(self, scope: dict[str, object], body: bytes) -> int:
+        """Return the status of the answer."""
+        answers: list[dict[str, object]] = []
+
+        async def receive() -> dict[str, object]:
+            return {"type": "http.request", "body": body, "more_body": False}
+
+        async def send(message: dict[str, object]) -> None:
+            answers.append(message)
+
+        self.loop.run_until_complete(self.app(scope, receive, send))  # type: ignore[arg-type]
+        status = answers[0]["status"]
+        assert isinstance(status, int)
+        return status
+
+
+@cache
+def _pages() -> tuple[_Page, _Page]:
+    return _Page(None), _Page("a-token-of-the-crew")
+
+
+def web(data: bytes) -> None:
+    """A request to the page's server: a byte of choices, header fields with their lengths, and the body."""
+    choices, at = data[0] if data else 0, 1
+    headers = dict(GOOD_HEADERS) if choices & 1 else {}
+    for field in HEADERS:
+        if at < len(data) and (size := data[at]):
+            headers[field] = bytes(byte for byte in data[at + 1 : at + 1 + size] if byte >= 32 and byte != 127)
+            at += size
+        at += 1
+    path = PATHS[choices >> 1 & 7] if choices >> 1 & 7 < len(PATHS) else "/intents"
+    scope: dict[str, object] = {
+        "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "scheme": "http", "root_path": "",
+        "method": "GET" if choices & 16 else "POST", "path": path, "raw_path": path.encode(),
+        "query_string": headers.get(b"origin", b"") if choices & 32 else b"",
+        "headers": list(headers.items()), "client": ("127.0.0.1", 1), "server": ("127.0.0.1", 2),
+    }  # fmt: skip
+    status = _pages()[choices >> 6 & 1].ask(scope, data[at:])
+    assert status < 500, status
+
+
+TARGETS: dict[str, Callable[[bytes], None]] = {
+    "packets": packets, "flight": flight, "site": site, "mqtt": mqtt, "web": web,
+}  # fmt: skip
 
 
 def seeds(name: str) -> list[bytes]:
@@ -157,6 +227,12 @@ def seeds(name: str) -> list[bytes]:
         case "site":
             folder = Path(__file__).parents[2] / "docker"
             return [path.read_bytes() for path in sorted(folder.glob("*.toml"))]
+        case "web":
+            wish = b'{"id":"a-1","action":"hold","vehicle":"uav1"}'
+            bare, digits = bytes((1, *(0 for _ in HEADERS))), b"9" * 200
+            plain = bytes((0, 9)) + b"localhost" + bytes(5) + bytes((len(digits),)) + digits
+            shown = bytes((1 | 64, 0, 0, 0, 0, 0, 26)) + b"Bearer a-token-of-the-crew" + bytes(1)
+            return [bare + wish, plain + wish, shown + wish, bytes((1 | 16 | 32,)) + bare[1:], bare + b"[" * 3000]
         case "mqtt":
             good = b'{"timestamp":"2026-09-21T14:13:20Z","id":"a-1","action":"hold","vehicle":"uav1","token":"abc"}'
             return [good, b'{"timestamp":"2026-09-21T14:13:20+02:00","id":"b","action":"abort"}', b"[" * 2000]
