@@ -33,6 +33,8 @@ from planner import (
 
 GIVE_UP_S = 10.0
 """Real seconds beyond its deadline after which a solver that says nothing is taken for dead."""
+START_S = 120.0
+"""Real seconds that a worker may take to be there: it loads the kernels, perhaps on a computer with much else to do."""
 SETTLED = 4000
 """Iterations without an improvement after which a re-plan is good enough: every second is flown meanwhile."""
 
@@ -142,10 +144,12 @@ class SolverProcess:
         self._wanted: Synchronized[int] = self._context.Value("q", 0)
         """How many re-plans are asked for: a judgement gives way to them."""
         self._pool: ProcessPoolExecutor | None = None
+        self._warm = False
+        """Whether the worker has answered; one that was made anew must load the kernels first."""
 
     async def __aenter__(self) -> Self:
         """Start the worker and wait until everything is compiled."""
-        await asyncio.wrap_future(self._running().submit(_ready))
+        await self._warm_up()
         return self
 
     async def __aexit__(
@@ -160,6 +164,9 @@ class SolverProcess:
         """Return the best routes found within the limit; without routes if the worker died or was cancelled."""
         self._wanted.value += 1
         try:
+            if not self._warm:
+                async with asyncio.timeout(START_S):
+                    await self._warm_up()
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
                 return await asyncio.wrap_future(self._running().submit(_work, problem))
         except BrokenProcessPool:
@@ -186,6 +193,11 @@ class SolverProcess:
         """Make whatever works on this or an older revision stop at its next look."""
         self._cancelled.value = max(self._cancelled.value, revision)
 
+    async def _warm_up(self) -> None:
+        """Wait until the worker has loaded everything; compiling may take as long as it takes."""
+        await asyncio.wrap_future(self._running().submit(_ready))
+        self._warm = True
+
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
@@ -197,3 +209,4 @@ class SolverProcess:
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
+            self._warm = False
