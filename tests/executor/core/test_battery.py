@@ -14,7 +14,9 @@ from executor.core import battery, faults
 from executor.core.battery import FACTOR_RANGE, BatteryState
 from executor.core.faults import Verdict, View
 from executor.core.messages import Battery, SystemStatus
+from executor.core.roundings import Roundings
 from executor.core.vehicle import Stage, fold
+from missions import dialect_for
 from tests.executor.builders import fleet_of, vehicle
 
 FLEET = fleet_of()
@@ -102,7 +104,7 @@ def test_a_step_that_falls_into_lost_reports_is_found_as_a_drain() -> None:
 def test_a_drain_is_found_within_its_window(drain: float) -> None:
     found_s = first_failure_s(faults.battery_drains, reports(15, drain=drain, drain_s=300.0))
     assert found_s is not None
-    assert 300.0 < found_s <= 300.0 + FLEET.context.limits.battery_window_s + 5.0
+    assert 300.0 < found_s <= 300.0 + FLEET.context.limits.slow_window_s / 3
 
 
 def test_a_drain_in_a_head_wind_is_found_too() -> None:
@@ -128,6 +130,29 @@ def charged(*percents: float | None) -> BatteryState:
     for index, percent in enumerate(percents):
         state = fold(FLEET.context, state, Battery(0, percent, None, None, None, 1, 0), float(index)).state
     return state.battery
+
+
+def test_px4_rounds_twice() -> None:
+    """Between what is rounded and what is rounded up lie halves of a percent; other autopilots are not asked twice."""
+    said: list[float | None] = []
+    state = replace(vehicle(FLEET), name="uav1")
+    setups = {**FLEET.context.vehicles, "uav1": replace(FLEET.context.vehicles["uav1"], dialect=dialect_for("px4"))}
+    context = replace(FLEET.context, vehicles=setups)
+    for second, charge in enumerate((96.3, 96.1, 95.9, 95.7, 95.4, 95.2)):
+        rounded, ceiled = float(math.floor(charge + 0.5)), float(math.ceil(charge))
+        state = fold(context, state, Battery(0, rounded, None, None, None, 1, 0), float(second)).state
+        state = fold(context, state, SystemStatus(ceiled, None, 0, None), second + 0.5).state
+        said.append(state.battery.remaining_pct)
+    assert said == [96.25, 96.25, 95.75, 95.75, 95.25, 95.25]
+
+
+@given(charge=st.floats(1.0, 99.0), before=st.floats(0.0, 1.0))
+def test_two_roundings_are_never_farther_off_than_one(charge: float, before: float) -> None:
+    earlier = charge + before
+    known = Roundings(math.floor(charge + 0.5), 2.0, math.ceil(earlier), 1.0)
+    assert abs(known.percent - charge) <= 1.0 + 1e-9
+    assert Roundings(math.floor(charge + 0.5), 100.0, 0.0, 1.0).percent == math.floor(charge + 0.5)
+    assert Roundings(0.0, 1.0, math.ceil(charge), 100.0).percent == math.ceil(charge)
 
 
 def test_a_percent_that_jumps_up_is_another_pack() -> None:

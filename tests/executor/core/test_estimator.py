@@ -82,6 +82,14 @@ def test_a_second_jump_soon_is_counted() -> None:
     assert twice.excess_pct > 3.5
 
 
+def test_two_jumps_running_are_one_fall() -> None:
+    """Nothing is corrected twice running; both count then, and two reports are enough."""
+    falls = followed_by(4.0, 4.0)
+    assert falls.excess_pct > 7.0
+    assert falls.reports == 2
+    assert exceeds(falls, 2.0, 80.0)
+
+
 LIMITS = Thresholds(step=0.05, low_v=3.1, spread_v=0.2)
 
 

@@ -109,7 +109,6 @@ ROWS = [
         flying(battery=pack(90.0, 90.0, 60.0)),
         "lost 30 % at once where the flight costs 0.1 %",
         unknown=flying(battery=pack(90.0, 60.0, age_s=7.5)),
-        hangs=flying(battery=pack(90.0, *(60.0,) * 15)),
     ),
     Row(
         "voltage-step",
@@ -140,14 +139,14 @@ ROWS = [
         flying(battery=falling_pack(6, apart_s=2.0)),
         "used 5.0 % in 10 s where 0.4 % is usual",
         unknown=flying(battery=falling_pack(6, apart_s=2.0, age_s=7.5)),
-        hangs=flying(battery=falling_pack(15)),
+        hangs=flying(battery=falling_pack(4, apart_s=2.0)),
     ),
     Row(
         "battery-drain",
-        flying(battery=falling_pack(9)),
-        "used 8.0 % in 80 s where 2.9 % is usual",
-        unknown=flying(battery=falling_pack(9, age_s=7.5)),
-        hangs=flying(battery=falling_pack(6)),
+        flying(battery=falling_pack(14)),
+        "used 13.0 % in 130 s where 5.2 % is usual over minutes",
+        unknown=flying(battery=falling_pack(14, age_s=7.5)),
+        hangs=flying(battery=falling_pack(11)),
     ),
     Row(
         "reserve",
@@ -349,6 +348,33 @@ def test_a_silent_vehicles_last_report_raises_nothing_but_the_link() -> None:
             {"link"} if second > LIMITS.battery_stale_s else {"battery-step", "battery-plunge", "battery-drain"}
         )
     assert found == ["link"]
+
+
+@pytest.mark.parametrize("late_s", [0.5, 5.0, 12.0])
+def test_a_step_is_found_by_whoever_looks_late(late_s: float) -> None:
+    """A computer that lets the program wait does not look in the seconds in which a step is new."""
+    after = pack(90.0, 90.0, 60.0, *(60.0,) * int(late_s / 2.0), apart_s=2.0)
+    found, state = raised(flying(battery=after), NOW_S)
+    found, _ = raised(state, NOW_S + 3.0)
+    assert "battery-step" in found
+
+
+def test_a_drain_by_the_counter_of_charge() -> None:
+    """It is found by tenths of a percent, long before whole percents tell."""
+    state, used_ah = BatteryState(), 0.0
+    for second in range(400):
+        rate_pct_s = 0.04 if second < 300 else 0.1
+        used_ah += rate_pct_s / 100 * 5.0
+        state = battery.drawn(state, 0.04)
+        at_s = NOW_S - 400 + second
+        state = battery.counted(state, used_ah, at_s)
+        state = battery.reported(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
+        known = flying(battery=state)
+        finding = faults.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
+        if finding.verdict is Verdict.FAIL:
+            break
+    assert 300 < second < 340
+    assert finding.evidence.endswith("by its counter of charge")
 
 
 def test_the_modes_words() -> None:
