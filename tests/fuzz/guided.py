@@ -17,6 +17,7 @@ from pathlib import Path
 PACKAGES = ["executor", "missions"]
 HANG_S = 10
 MOST_MB = 2048
+MOST_BYTES = 1500
 LOOKED_AT = (0.25, 0.5, 0.75, 0.97)
 """The parts of a run after which its memory is looked at."""
 
@@ -71,7 +72,12 @@ def main() -> None:
         (corpus / f"seed-{number}").write_bytes(seed)
         TARGETS[given.target](seed)  # what is made once is not the first input's fault
     watched = Watched(given.target, TARGETS[given.target], given.seconds)
-    options = [f"-max_total_time={given.seconds}", f"-timeout={HANG_S}", f"-rss_limit_mb={MOST_MB}", "-max_len=8192"]
+    options = [
+        f"-max_total_time={given.seconds}",
+        f"-timeout={HANG_S}",
+        f"-rss_limit_mb={MOST_MB}",
+        f"-max_len={MOST_BYTES}",
+    ]
     options += ["-verbosity=0", "-print_final_stats=1", f"-artifact_prefix={given.target}-"]
     atheris.Setup([sys.argv[0], *options, str(corpus)], watched)
     atheris.Fuzz()
