@@ -79,9 +79,7 @@ class Publication:
         """
         self._tell = tell
         loop = asyncio.get_running_loop()
-        intake = Intake(
-            self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.refused, tell
-        )
+        intake = Intake(self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.refused, tell)
         subscriber = Subscriber(self._settings.topics.intent, intake.take)
         client = Client(self._settings.broker, self._outbox, self._publisher.presence, subscriber, tell)
         if self._settings.rules.closed:
