@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, nullcontext, suppress
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
 
 from executor import build, serving
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import EventLog, to_plain
+from executor.adapters.eventlog import EventLog
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk import link as mavsdk
-from executor.adapters.rundir import keep_site, locked, write_json
-from executor.adapters.solver import REPLAN_COST, SolverProcess, SolverSetup
+from executor.adapters.rundir import locked, write_json
+from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.adapters.tlog import TelemetryLog
 from executor.build import Ground
 from executor.checklist import checklist
 from executor.config import Site, VehicleTable, signing_key
 from executor.core import fleet, preflight
-from executor.core.commands import Command, Level, Say, Solve
+from executor.core.commands import Level, Say
 from executor.core.context import Context
-from executor.core.events import Event, IntentReceived, Reopened, ReturnAllOrdered, SolveEnded
+from executor.core.events import IntentReceived, Reopened, ReturnAllOrdered
 from executor.core.failsafes import link_failsafe
 from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
@@ -33,25 +31,18 @@ from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
-from executor.publishing import Publication, Settings
-from executor.report import Happening, Said, report_of, vehicles_of
+from executor.keeper import Keeper, in_force
+from executor.order import Console, Order
+from executor.publishing import Publication
+from executor.report import Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
-from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.flight import Flight, keep_heartbeat
 from executor.runtime.outlook import keep_judging
 from missions import (
     FlightSetup,
-    MissionsError,
-    PlanFile,
-    Solved,
-    Task,
     dialect_for,
     encode,
-    make_plan_file,
-    open_task,
-    read_plan,
-    write_plan,
 )
-from planner import Plan, Route, Vehicle
 
 LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
@@ -62,30 +53,6 @@ LEFT = (
 )
 
 
-class Console(Protocol):
-    """Where the operator looks."""
-
-    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
-        """Show one line."""
-        ...
-
-    def checks(self, found: Sequence[Check]) -> None:
-        """Show the checklist."""
-        ...
-
-    def confirm(self, question: str) -> bool:
-        """Ask before the take-off."""
-        ...
-
-    def show(self, context: Context, state: FleetState, now_s: float) -> None:
-        """Show the fleet; called often, draws seldom."""
-        ...
-
-    def done(self) -> None:
-        """Stop drawing."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Flown:
     """What is left after a flight."""
@@ -94,23 +61,6 @@ class Flown:
     context: Context
     left: bool
     """Whether the operator left while the vehicles flew on."""
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """What is to be flown, and where its record goes."""
-
-    site: Site
-    base: Path
-    """The folder that the site file's paths are relative to."""
-    ground: Ground
-    plan: PlanFile
-    """Over all of the ground's segments, for its vehicles."""
-    run: Path
-    truths: Callable[[SystemClock], Sequence[Happening]]
-    """What really happened, asked for at the end; empty without a simulator."""
-    mqtt: Settings | None = None
-    """Where it is published."""
 
 
 async def fly(order: Order, console: Console) -> Flown:
@@ -175,9 +125,9 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     """
     context, clock, links = seat.context, seat.clock, seat.links
     publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
-    keeper = _Keeper(order, context, console, seat.log, clock, publication)
+    keeper = Keeper(order, context, console, seat.log, clock, publication)
     if publication is not None:
-        publication.plan(seat.state.revision, _in_force(order, seat.state.revision))
+        publication.plan(seat.state.revision, in_force(order, seat.state.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
         with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
@@ -192,16 +142,8 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     return Flown(report, context, bool(left))
 
 
-def _in_force(order: Order, revision: int) -> PlanFile:
-    """Return the newest plan that is on record; a flight that is taken up again may have had several."""
-    with suppress(OSError, MissionsError):
-        if revision > 0:
-            return read_plan(order.run / f"plan-{revision:03d}.json")
-    return order.plan
-
-
 def _published(
-    publication: Publication | None, flight: Flight, keeper: _Keeper, clock: SystemClock
+    publication: Publication | None, flight: Flight, keeper: Keeper, clock: SystemClock
 ) -> AbstractAsyncContextManager[None]:
     if publication is None:
         return nullcontext()
@@ -226,21 +168,6 @@ async def _beside(work: Coroutine[None, None, None]) -> AsyncIterator[None]:
 def telling(console: Console) -> Callable[[str], None]:
     """Return how a log tells the operator of its troubles."""
     return lambda text: console.say(Level.WARNING, text)
-
-
-def keep(order: Order) -> None:
-    """Write the site and the first plan into the run directory."""
-    files = {}
-    if order.site.network.file != build.DEFAULT_NETWORK:
-        files["network", "file"] = order.base / order.site.network.file
-    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
-        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
-    content = order.site.model_dump(exclude_none=True, mode="json")
-    if order.site.signing is not None and order.site.signing.key_file is not None:
-        # The key stays where it is: a run directory is copied and handed on.
-        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
-    keep_site(order.run, content, files)
-    write_plan(order.run / "plan-000.json", order.plan)
 
 
 @asynccontextmanager
@@ -360,82 +287,6 @@ async def _load(
         for name, board in boards.items():
             tasks.create_task(one(name, board))
     return found
-
-
-class _Keeper:
-    """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
-
-    def __init__(
-        self,
-        order: Order,
-        context: Context,
-        console: Console,
-        log: EventLog,
-        clock: SystemClock,
-        publication: Publication | None,
-    ) -> None:
-        self._order = order
-        self._publication = publication
-        self._context = context
-        self._console = console
-        self._log = log
-        self._clock = clock
-        self._solve: Solve | None = None
-
-    def observer(self) -> Observer:
-        return Observer(self.said, self.applied, self.decided)
-
-    def decided(self, command: Command, now_s: float) -> None:
-        if not isinstance(command, Say):
-            self._log.note(now_s, command=to_plain(command))
-
-    def said(self, line: Say, now_s: float) -> None:
-        self._log.note(now_s, said=line.text, level=line.level.value)
-        self._console.say(line.level, line.text, now_s)
-        if self._publication is not None:
-            self._publication.said(line, now_s)
-
-    def told(self, line: Say, now_s: float) -> None:
-        """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
-        self._log.note(now_s, told=line.text, level=line.level.value)
-        self._console.say(line.level, line.text, now_s)
-        if self._publication is not None:
-            self._publication.said(line, now_s)
-
-    def applied(self, event: Event, state: FleetState, now_s: float) -> None:
-        if state.replan is not None:
-            self._solve = state.replan.solve
-        if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
-            self._keep_plan(event, self._solve)
-        self._console.show(self._context, state, now_s)
-        if self._publication is not None:
-            self._publication.applied(event, state)
-
-    def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
-        if solve.revision != event.revision:
-            return
-        ground = self._order.ground
-        task, plan = _replanned(ground, solve, event)
-        solved = Solved(seed=self._order.plan.solved.seed, solver="search", seconds=event.solve_s)
-        content = make_plan_file(
-            ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
-        )
-        with suppress(OSError):
-            write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
-        if self._publication is not None:
-            self._publication.plan(event.revision, content)
-
-
-def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
-    vehicles = [
-        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
-        for offer in solve.survivors
-    ]
-    task = open_task(ground.network, solve.open_segments, vehicles, ground.travel)
-    number = {segment: index for index, segment in enumerate(task.segment_ids)}
-    visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
-    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(vehicles))
-    return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
 
 
 class _Interrupts:

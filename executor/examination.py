@@ -6,12 +6,12 @@ import asyncio
 
 from executor import app
 from executor.adapters.clock import SystemClock
-from executor.app import Console, Order
 from executor.config import VehicleTable
 from executor.core import preflight
 from executor.core.ports import OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.errors import ExecutorError
+from executor.order import Console, Order
 from missions import dialect_for
 
 

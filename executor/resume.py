@@ -15,7 +15,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, read_decisions, read_events, read_head, to_plain
 from executor.adapters.rundir import locked, write_json
 from executor.adapters.solver import SolverProcess, SolverSetup
-from executor.app import Cockpit, Console, Flown, Order
+from executor.app import Cockpit, Flown
 from executor.begun import Beginning, beginning
 from executor.build import Ground, ground_of
 from executor.config import read_site
@@ -25,6 +25,7 @@ from executor.core.events import LaunchOrdered, Reopened
 from executor.core.state import FleetState
 from executor.demo import happenings
 from executor.errors import LogError
+from executor.order import Console, Order
 from executor.publishing import settings_of
 from executor.report import Said, report_of
 from missions import PlanFile, read_plan

@@ -34,6 +34,7 @@ from executor.core.context import Context
 from executor.core.preflight import Check
 from executor.core.state import FleetState
 from executor.demo import simulated_fleet
+from executor.order import Order, keep
 from executor.planning import Wanted, first_plan
 from planner import Cost
 
@@ -103,8 +104,8 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
         write_network(base / "network.graph", vehicles, minutes, seed)
         ground = build.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench fleet"), base)
         plan = first_plan(ground, Wanted(Cost.MINMAX, PLAN_S, seed, all_vehicles=True), lambda _: None)
-        order = flying.Order(ground.site, base, ground, plan, run, lambda _: ())
-        flying.keep(order)
+        order = Order(ground.site, base, ground, plan, run, lambda _: ())
+        keep(order)
         watch = _Watch(minutes * 60.0 / speedup)
         ours, others = _processors()
         os.sched_setaffinity(0, others)
@@ -134,7 +135,7 @@ def _processors() -> tuple[set[int], set[int]]:
     return {every[0]}, set(every[1:]) or {every[0]}
 
 
-async def _watched(order: flying.Order, watch: _Watch) -> flying.Flown:
+async def _watched(order: Order, watch: _Watch) -> flying.Flown:
     watching = asyncio.create_task(watch.run())
     try:
         return await flying.fly(order, watch)

@@ -32,6 +32,7 @@ from executor.core.commands import Level
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.errors import PreflightFailed, SiteError
+from executor.order import Order, keep
 from executor.planning import Wanted
 from executor.publishing import settings_of
 from executor.report import checked
@@ -60,8 +61,8 @@ def demo(
     console = TerminalConsole(quiet=as_json, yes=True)
     plan = first_plan(ground, console, Wanted(Cost.MINMAX, 3.0, seed, all_vehicles=True))
     directory = new_run_directory(run)
-    order = flying.Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
-    flying.keep(order)
+    order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
+    keep(order)
     with simulated_fleet(directory, faults, seed):
         flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
@@ -120,8 +121,8 @@ def fly(
     else:
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
-    order = flying.Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
-    flying.keep(order)
+    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
+    keep(order)
     flown = asyncio.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
@@ -143,7 +144,7 @@ def preflight(
     else:
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
-    order = flying.Order(content, site.parent, ground, routes, Path(), lambda _: ())
+    order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
     found = asyncio.run(examine(order, console))
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
@@ -183,7 +184,7 @@ def resume(
     _finish_flight(order, asyncio.run(resuming.take_up(directory, console)), as_json=as_json)
 
 
-def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -> None:
+def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
         print(json.dumps(report))
@@ -197,7 +198,7 @@ def _finish_flight(order: flying.Order, flown: flying.Flown, *, as_json: bool) -
         raise typer.Exit(1)
 
 
-def _keep_next_sortie(order: flying.Order, report: Mapping[str, object], *, quiet: bool) -> None:
+def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool) -> None:
     path = order.run / "next-sortie.json"
     try:
         plan = next_sortie(order.ground, report, order.plan.solved.seed)

@@ -24,6 +24,7 @@ from executor.core.context import Context
 from executor.core.preflight import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
+from executor.order import Order, keep
 from planner import Cost
 from tests.e2e.flights import called, free_ports, said_in, site_file
 
@@ -107,9 +108,9 @@ async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, 
     site = read_site(path)
     ground = build.ground_of(site, tmp_path)
     plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 2.0, 1, all_vehicles=True))
-    order = app.Order(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
+    order = Order(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
     order.run.mkdir()
-    app.keep(order)
+    keep(order)
     watching = Watching()
     events, looking = order.run / "events.jsonl", list[Read]()
     async with called("simulate", str(path)) as simulated:

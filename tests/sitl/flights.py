@@ -19,6 +19,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight import Check
 from executor.core.state import FleetState
+from executor.order import Order, keep
 from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
 from tests.e2e.tlog import messages
@@ -133,9 +134,9 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     site = _site(autopilot, story)
     ground = build.ground_of(site, folder)
     plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
-    order = app.Order(site, folder, ground, plan, folder / "run", lambda _: ())
+    order = Order(site, folder, ground, plan, folder / "run", lambda _: ())
     order.run.mkdir()
-    app.keep(order)
+    keep(order)
     pads = {pad.vehicle: pad for pad in build.setup_of(ground).pads}
     relayed = frozenset({VICTIM} if story.relayed else ())
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, relayed)

@@ -1,0 +1,108 @@
+"""Whoever wants to know of a flight is told here: the operator, the event log, the plan files, the broker."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import EventLog, to_plain
+from executor.adapters.solver import REPLAN_COST
+from executor.build import Ground
+from executor.core.commands import Command, Say, Solve
+from executor.core.context import Context
+from executor.core.events import Event, SolveEnded
+from executor.core.state import FleetState
+from executor.order import Console, Order
+from executor.publishing import Publication
+from executor.runtime.flight import Observer
+from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
+from planner import Plan, Route, Vehicle
+
+
+class Keeper:
+    """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
+
+    def __init__(
+        self,
+        order: Order,
+        context: Context,
+        console: Console,
+        log: EventLog,
+        clock: SystemClock,
+        publication: Publication | None,
+    ) -> None:
+        """Name who is told."""
+        self._order = order
+        self._publication = publication
+        self._context = context
+        self._console = console
+        self._log = log
+        self._clock = clock
+        self._solve: Solve | None = None
+
+    def observer(self) -> Observer:
+        """Return what the flight tells of itself."""
+        return Observer(self.said, self.applied, self.decided)
+
+    def decided(self, command: Command, now_s: float) -> None:
+        """Write a decision down, before it is carried out."""
+        if not isinstance(command, Say):
+            self._log.note(now_s, command=to_plain(command))
+
+    def said(self, line: Say, now_s: float) -> None:
+        """Show, keep and publish a line."""
+        self._log.note(now_s, said=line.text, level=line.level.value)
+        self._console.say(line.level, line.text, now_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s)
+
+    def told(self, line: Say, now_s: float) -> None:
+        """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
+        self._log.note(now_s, told=line.text, level=line.level.value)
+        self._console.say(line.level, line.text, now_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s)
+
+    def applied(self, event: Event, state: FleetState, now_s: float) -> None:
+        """Show the fleet after an event, and keep the plan that it brought."""
+        if state.replan is not None:
+            self._solve = state.replan.solve
+        if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
+            self._keep_plan(event, self._solve)
+        self._console.show(self._context, state, now_s)
+        if self._publication is not None:
+            self._publication.applied(event, state)
+
+    def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
+        if solve.revision != event.revision:
+            return
+        ground = self._order.ground
+        task, plan = _replanned(ground, solve, event)
+        solved = Solved(seed=self._order.plan.solved.seed, solver="search", seconds=event.solve_s)
+        content = make_plan_file(
+            ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
+        )
+        with suppress(OSError):
+            write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
+        if self._publication is not None:
+            self._publication.plan(event.revision, content)
+
+
+def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
+    vehicles = [
+        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
+        for offer in solve.survivors
+    ]
+    task = open_task(ground.network, solve.open_segments, vehicles, ground.travel)
+    number = {segment: index for index, segment in enumerate(task.segment_ids)}
+    visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
+    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(vehicles))
+    return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
+
+
+def in_force(order: Order, revision: int) -> PlanFile:
+    """Return the newest plan that is on record; a flight that is taken up again may have had several."""
+    with suppress(OSError, MissionsError):
+        if revision > 0:
+            return read_plan(order.run / f"plan-{revision:03d}.json")
+    return order.plan

@@ -1,0 +1,77 @@
+"""What is to be flown, where its record goes, and where the operator looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from executor import build
+from executor.adapters.clock import SystemClock
+from executor.adapters.rundir import keep_site
+from executor.build import Ground
+from executor.config import Site
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.preflight import Check
+from executor.core.state import FleetState
+from executor.publishing import Settings
+from executor.report import Happening
+from missions import PlanFile, write_plan
+
+
+class Console(Protocol):
+    """Where the operator looks."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show one line."""
+        ...
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Show the checklist."""
+        ...
+
+    def confirm(self, question: str) -> bool:
+        """Ask before the take-off."""
+        ...
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Show the fleet; called often, draws seldom."""
+        ...
+
+    def done(self) -> None:
+        """Stop drawing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be flown, and where its record goes."""
+
+    site: Site
+    base: Path
+    """The folder that the site file's paths are relative to."""
+    ground: Ground
+    plan: PlanFile
+    """Over all of the ground's segments, for its vehicles."""
+    run: Path
+    truths: Callable[[SystemClock], Sequence[Happening]]
+    """What really happened, asked for at the end; empty without a simulator."""
+    mqtt: Settings | None = None
+    """Where it is published."""
+
+
+def keep(order: Order) -> None:
+    """Write the site and the first plan into the run directory."""
+    files = {}
+    if order.site.network.file != build.DEFAULT_NETWORK:
+        files["network", "file"] = order.base / order.site.network.file
+    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
+        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
+    content = order.site.model_dump(exclude_none=True, mode="json")
+    if order.site.signing is not None and order.site.signing.key_file is not None:
+        # The key stays where it is: a run directory is copied and handed on.
+        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    keep_site(order.run, content, files)
+    write_plan(order.run / "plan-000.json", order.plan)
