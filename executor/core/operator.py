@@ -125,7 +125,7 @@ def _sent_home(state: FleetState, vehicle: VehicleState, now_s: float) -> Steppe
 def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     vehicle = _vehicle(state, intent)
     planned = vehicle.stage in _ON_MISSION
-    fault = vehicle.fault or Fault(FaultKind.OPERATOR, "landed where it was, by the operator's order", now_s)
+    fault = vehicle.fault or Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s)
     state = state.put(replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault))
     others: tuple[Command, ...] = ()
     if planned:
