@@ -22,6 +22,8 @@ from executor.core.connection import Connection, Scheme
 from executor.core.ports import Keyring, LinkOrder
 from executor.errors import ConnectionFailed
 
+MOST_PEERS = 1000
+"""Addresses that are kept: anybody can send from any number of them."""
 AGAIN_S = 0.5
 """Real seconds between two attempts to open a stream again."""
 STALLED_BYTES = 8192
@@ -86,6 +88,8 @@ class _Datagrams(asyncio.DatagramProtocol):
             self._router.opened(partial(self._write, None))
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        if len(self._peers) > MOST_PEERS:
+            self._peers.clear()  # who still sends is there again with the next datagram
         write = self._peers.setdefault(addr, partial(self._write, addr))
         self._router.take(self._router.codec.decode(data), write, f"{addr[0]}:{addr[1]}")
 

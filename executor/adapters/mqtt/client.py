@@ -230,6 +230,9 @@ class Client:
 
 def _hang_up(client: aiomqtt.Client) -> None:
     client._client._sock_close()  # noqa: SLF001 - there is no other way to close it
+    ended = client._disconnected  # noqa: SLF001
+    if ended.done() and not ended.cancelled():
+        ended.exception()  # or asyncio complains, with a trace, that nobody looked at it
 
 
 async def _publish(client: aiomqtt.Client, letter: Letter) -> None:

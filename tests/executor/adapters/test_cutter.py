@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import Codec
-from executor.adapters.mavlink.cutter import Cutter
+from executor.adapters.mavlink.cutter import MOST_WRONG, Cutter
 from tests.executor.adapters.test_codec import Vehicle
 
 MESSAGES = (
@@ -81,3 +81,14 @@ def test_a_message_that_is_not_known_is_noise_where_noise_may_be() -> None:
     assert list(codec.decode(UNKNOWN + b"\x00")) == []
     assert codec.garbage == 1
     assert Cutter().feed(UNKNOWN) == []
+
+
+def test_what_is_full_of_marks_is_given_up() -> None:
+    """Each of them could begin a frame, and each costs a checksum: whoever sends them must not hold everybody up."""
+    frame = Vehicle().pack(MESSAGES[0])
+    for mark in (b"\xfe", b"\xfd"):
+        for cutter in (Cutter(), Cutter(in_datagrams=True)):
+            assert len(cutter.feed(mark * (MOST_WRONG - 1) + bytes(300) + frame)) == 1
+            assert cutter.feed(mark * MOST_WRONG + bytes(300) + frame) == []
+            assert cutter.close() == 2
+            assert len(cutter.feed(frame)) == 1

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.endpoints import open_links
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, _Datagrams, open_links
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core.connection import parse_connection
 from executor.core.messages import Heartbeat, Message, MissionAck, SendHeartbeat
@@ -302,3 +303,13 @@ async def test_a_serial_device_that_is_unplugged_is_opened_again_when_it_is_back
                         link.send(SendHeartbeat())
                         await asyncio.sleep(0.05)
                 assert isinstance(await next_of(heard), Heartbeat)
+
+
+async def test_datagrams_from_ever_new_addresses_fill_no_memory() -> None:
+    link = VehicleLink(7, Codec())
+    port = _Datagrams(Router([link], Codec()))
+    beat = Vehicle().pack(BEAT)
+    for number in range(3 * MOST_PEERS):
+        port.datagram_received(beat, (f"10.0.{number % 7}.1", number))
+        assert len(port._peers) <= MOST_PEERS + 1
+    assert link.counts.received == 3 * MOST_PEERS

@@ -198,3 +198,44 @@ async def test_nobody_there_at_all_holds_nobody_up() -> None:
             here.outbox.keep(Letter("t/events", b"%d" % number))
         await here.has_said(1)
     assert here.outbox.dropped == {"t/events": 1500}
+
+
+CONNACK, SUBACK, PUBACK = b"\x20\x02\x00\x00", b"\x90\x03\x00\x01\x01", b"\x40\x02\x00\x02"
+HOSTILE = {
+    "nothing at all": b"",
+    "noise": bytes(range(256)) * 4,
+    "a refusal": b"\x20\x02\x00\x05",
+    "a refusal of a kind that is none": b"\x20\x02\x00\x77",
+    "an answer that is too short": b"\x20\x00",
+    "welcome, and noise": CONNACK + b"\xff" * 40,
+    "an answer to nothing": CONNACK + SUBACK + b"\x40\x02\xff\xff" + b"\xb0\x02\xff\xff",
+    "a message without end": CONNACK + SUBACK + PUBACK + b"\x30\xff\xff\xff\x7f\x00\x01t",
+    "a length that never ends": CONNACK + SUBACK + PUBACK + b"\x30\xff\xff\xff\xff\xff",
+    "a topic that is no text": CONNACK + SUBACK + PUBACK + b"\x30\x05\x00\x02\xff\xfe!",
+    "a topic longer than its message": CONNACK + SUBACK + PUBACK + b"\x30\x03\x00\xffx",
+}
+
+
+@pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")
+@pytest.mark.parametrize("said", HOSTILE.values(), ids=HOSTILE)
+async def test_a_broker_that_talks_nonsense(said: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is left, and called again; the operator reads of it, and nothing else happens."""
+    monkeypatch.setattr(connection, "WAITS_S", (0.01,))
+    monkeypatch.setattr(connection, "ANSWER_S", 0.2)
+    calls: asyncio.Queue[None] = asyncio.Queue()
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        calls.put_nowait(None)
+        await reader.read(4096)
+        writer.write(said)
+        await reader.read()
+        writer.close()
+
+    server = await asyncio.start_server(answer, "127.0.0.1", 0)
+    async with server, station(at(server.sockets[0].getsockname()[1])) as here:
+        here.outbox.keep(Letter("t/events", b"kept"))
+        async with asyncio.timeout(PATIENCE_S):
+            for _ in range(3):
+                await calls.get()
+        assert "mqtt: " in here.said[0]
+    assert [taken.letter.payload for taken in here.outbox.take(9)] == [b"kept"]
