@@ -272,7 +272,7 @@ def detection(
         "watchpoints": summary([pair.watchpoints for pair in pairs]),
         "few_lines": summary([pair.few_lines for pair in pairs]),
     }
-    content = document(seed, figures, [] if folder is None else recorded(folder))
+    content = document(healthy, faulty, seed, figures, [] if folder is None else recorded(folder))
     if out is not None:
         keep(content, out)
     if as_json:

@@ -19,7 +19,7 @@ from executor.tuning import few_lines
 BESIDE = Path("..") / "shared" / "logs"
 NAMES = {"watchpoints": "watchpoints", "few_lines": "a few lines"}
 INTRODUCTION = (
-    "`faultline bench detection --seed {seed}`: {flights} modelled flights, {hours:.0f} flight hours, half of them "
+    "`{command}`: {flights} modelled flights, {hours:.0f} flight hours, half of them "
     "ArduPilot's, half PX4's. Healthy ones have wind, gusts, worn packs, noisy sensors, whole and re-estimated "
     "percentages and lossy links; faulty ones have steps of 10 to 40 points, drains of 1.3 to 4 times the normal rate, "
     "a failing cell, and silences of 2 to 200 s. A false alarm is a declaration where nothing is wrong, or of another "
@@ -77,9 +77,12 @@ def _said(
     }
 
 
-def document(seed: int, figures: Mapping[str, object], rows: Sequence[Json]) -> dict[str, object]:
+def document(
+    healthy: int, faulty: int, seed: int, figures: Mapping[str, object], rows: Sequence[Json]
+) -> dict[str, object]:
     """Return the content of detection.json."""
-    return {"machine": machine(), "seed": seed, **figures, "recorded": list(rows)}
+    command = f"faultline bench detection --healthy {healthy} --faulty {faulty} --seed {seed}"
+    return {"machine": machine(), "seed": seed, "command": command, **figures, "recorded": list(rows)}
 
 
 def keep(content: Mapping[str, Any], folder: Path) -> None:
@@ -94,7 +97,7 @@ def markdown(content: Mapping[str, Any]) -> str:
     return page(
         "What the watchpoints detect",
         machine_line(content["machine"]),
-        INTRODUCTION.format(seed=content["seed"], flights=ours["flights"], hours=ours["flight_hours"]),
+        INTRODUCTION.format(command=content["command"], flights=ours["flights"], hours=ours["flight_hours"]),
         table(("", *(NAMES[name] for name in NAMES)), _head(content)),
         f"The detector of a few lines is {FEW_LINES}.",
         "## By fault",

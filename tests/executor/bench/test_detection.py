@@ -48,7 +48,7 @@ def test_the_page(few: list[Pair], tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "all_truth.json").write_text(json.dumps({"logs": {"silent.tlog": truth}}))
     figures = {name: summary([getattr(pair, name) for pair in few]) for name in ("watchpoints", "few_lines")}
     [row] = recorded(tmp_path)
-    content = document(3, figures, [row])
+    content = document(4, 2, 3, figures, [row])
     keep(content, tmp_path / "out")
     assert json.loads((tmp_path / "out" / "detection.json").read_text())["seed"] == 3
     text = (tmp_path / "out" / "detection.md").read_text()
