@@ -42,11 +42,26 @@ _ENUMS: dict[str, dict[str, type[Enum]]] = {
 """Fields that hold a member of an enum, which stands in the log by its value."""
 
 
+_FIELDS: dict[type, tuple[str, ...] | None] = {}
+
+
+def _fields_of(kind: type) -> tuple[str, ...] | None:
+    """Return the names of a dataclass's fields, None for any other class; asked for with every frame that comes."""
+    if kind not in _FIELDS:
+        fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else None
+        _FIELDS[kind] = None if fields is None else tuple(field.name for field in fields)
+    return _FIELDS[kind]
+
+
 def to_plain(value: object) -> object:
     """Return a value that JSON can hold."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-        return {"kind": type(value).__name__, **fields}
+    kind = type(value)
+    names = _fields_of(kind)
+    if names is not None:
+        plain: dict[str, object] = {"kind": kind.__name__}
+        for name in names:
+            plain[name] = to_plain(getattr(value, name))
+        return plain
     if isinstance(value, tuple):
         return [to_plain(item) for item in value]
     return value.value if isinstance(value, Enum) else value
