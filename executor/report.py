@@ -10,7 +10,7 @@ from executor.core import firmware
 from executor.core.context import Context
 from executor.core.preflight import Check, Facts
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import Fault, Stage, VehicleState
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ def report_of(
         "segments_uncovered": uncovered,
         "finished": not uncovered,
         "duration_s": round(ended_s - began_s, 1),
-        "faults": [_fault(vehicle, began_s, truths) for vehicle in state.vehicles.values() if vehicle.fault],
+        "faults": [_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))],
         "replans": [
             {
                 "revision": record.revision,
@@ -147,14 +147,15 @@ def _inspection(state: FleetState, segment: int) -> dict[str, object]:
     }
 
 
-def _fault(vehicle: VehicleState, began_s: float, truths: Sequence[Happening]) -> dict[str, object]:
-    fault = vehicle.fault
-    if fault is None:
-        raise ValueError(f"{vehicle.name} has no fault")
-    known = [t.at_s for t in truths if t.vehicle in {vehicle.name, "all"} and t.kind == fault.kind.value]
+def _at_fault(state: FleetState) -> list[tuple[str, Fault]]:
+    return [(name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None]
+
+
+def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening]) -> dict[str, object]:
+    known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
     return {
-        "vehicle": vehicle.name,
+        "vehicle": name,
         "kind": fault.kind.value,
         "reason": fault.reason,
         "happened_s": round(max(before) - began_s, 2) if before else None,

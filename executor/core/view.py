@@ -204,7 +204,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     return VehicleView(
         name=vehicle.name,
         sysid=setup.sysid,
-        state=state_word(vehicle),
+        state=state_word(context, vehicle),
         mode=None if vehicle.heartbeat is None else mode_name(setup.dialect, vehicle.heartbeat.custom_mode),
         armed=vehicle.armed,
         layer=layers.vehicles.index(vehicle.name),
@@ -224,9 +224,11 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     )
 
 
-def state_word(vehicle: VehicleState) -> str:
-    """Return what a vehicle does, in one word."""
-    if vehicle.stage is Stage.FLYING and vehicle.held_s is not None:
+def state_word(context: Context, vehicle: VehicleState) -> str:
+    """Return what a vehicle does, in one word; it holds once it says so itself."""
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    shown = vehicle.heartbeat is not None and vehicle.heartbeat.custom_mode == hold
+    if vehicle.stage is Stage.FLYING and vehicle.held_s is not None and shown:
         return "holding"
     if vehicle.stage is Stage.RETURNING and vehicle.lands:
         return "landing"

@@ -14,7 +14,8 @@ from executor.core.vehicle import FaultKind
 
 ROW_IN = 1.9
 BAND_SD = 2.0
-KIND_COLOURS = {FaultKind.LINK: "#1f3fa8", FaultKind.BATTERY: "#e8a010", FaultKind.INTERRUPTION: "#00806b"}
+KIND_COLOURS = {FaultKind.LINK: "#1f3fa8", FaultKind.BATTERY: "#e8a010", FaultKind.INTERRUPTION: "#00806b",
+                FaultKind.OPERATOR: "#5a5a5a"}  # fmt: skip
 ROWS = ("battery (%)", "voltage (V)", "link age (s)", "progress")
 MOST_WORDS = 70
 

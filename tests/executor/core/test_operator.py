@@ -9,6 +9,7 @@ from executor.core.events import IntentReceived, OrderEnded
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.vehicle import FaultKind, Stage
 from executor.core.view import fleet_view
+from executor.report import report_of
 from missions import Phase
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, story, under_way
@@ -102,8 +103,34 @@ def test_an_order_that_is_not_answered_has_failed() -> None:
     flight.crafts["uav2"].mute = True
     record = ends(flight, flight.ask(Action.HOLD, "uav2"))
     assert (record.outcome, record.text) == (Outcome.FAILED, "uav2: no acknowledgement")
-    assert flight.vehicle("uav2").held_s is None
+    assert flight.stage("uav2") is Stage.FLYING
     assert "uav2: did not follow the order: hold (no acknowledgement)" in flight.said(Level.WARNING)
+
+
+@pytest.mark.parametrize("late_s", [6.0, 60.0])
+def test_a_hold_that_is_followed_late_is_no_fault(late_s: float) -> None:
+    flight = under_way()
+    record = flight.ask(Action.HOLD, "uav2")
+    flight._due.clear()
+    flight.happen(OrderEnded("uav2", Action.HOLD, accepted=False, reason="does not report the new mode"))
+    assert flight.outcome(record).outcome is Outcome.FAILED
+    flight.pass_s(late_s)
+    flight.crafts["uav2"].go_to(flight.context.vehicles["uav2"].dialect.modes.hold.custom_mode)
+    flight.pass_s(60.0)
+    assert flight.said(Level.FAULT) == []
+    ends(flight, flight.ask(Action.RESUME, "uav2"))
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_a_hold_that_was_never_heard_is_forgotten() -> None:
+    flight = under_way()
+    flight.ask(Action.HOLD, "uav2")
+    flight._due.clear()
+    flight.happen(OrderEnded("uav2", Action.HOLD, accepted=False, reason="denied"))
+    flight.run(lambda: flight.vehicle("uav2").held_s is None)
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
 
 
 def test_an_order_that_a_fault_overtakes_has_failed() -> None:
@@ -335,3 +362,14 @@ def test_the_view_says_what_is() -> None:
     again = fleet_view(flight.context, flight.state, flight.now_s)
     assert again.replan is not None
     assert again.replan.solving
+
+
+def test_the_report_keeps_the_faults_of_who_came_back() -> None:
+    flight = under_way()
+    flight.ask(Action.EXCLUDE, "uav3")
+    flight.run(lambda: flight.stage("uav3") is Stage.LANDED)
+    flight.ask(Action.INCLUDE, "uav3")
+    report = report_of(flight.context, flight.state, flight.now_s)
+    faults = report["faults"]
+    assert isinstance(faults, list)
+    assert [(fault["vehicle"], fault["kind"]) for fault in faults] == [("uav3", "operator")]

@@ -341,6 +341,8 @@ def test_the_speed_is_lost_at_every_mode_change() -> None:
     op.run(10)
     assert speed_now(op) == pytest.approx(10, abs=0.1)
     assert op.command(MavCommand.DO_CHANGE_SPEED, 1, 3) == 0
+    op.run(6)
+    assert speed_now(op) == pytest.approx(3, abs=0.1), "at once, on the leg under way"
 
 
 def leg_time_s(op: Operator, index: int) -> float:

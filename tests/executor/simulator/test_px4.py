@@ -268,6 +268,9 @@ def test_the_cruise_speed_survives_an_upload_and_not_a_hold() -> None:
     op.mode(PX4_MISSION)
     op.run(8)
     assert speed_now(op) == pytest.approx(5, abs=0.2)
+    assert op.command(MavCommand.DO_CHANGE_SPEED, 1, 3, -1) == 0
+    op.run(6)
+    assert speed_now(op) == pytest.approx(3, abs=0.2), "at once, on the leg under way"
 
 
 @pytest.mark.parametrize("mode", [PX4_LOITER, PX4_RTL])
