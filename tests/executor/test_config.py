@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from executor.config import Site, check_site, read_secret, read_site
+from executor.config import Site, check_site, read_secret, read_site, signing_key
 from executor.core.connection import EXPECTED
 from executor.errors import SiteError
 
@@ -261,3 +262,26 @@ def test_secrets_come_from_the_environment() -> None:
             SiteError, match=r"^site.toml: mqtt.password_env: expected a value in .* P, which is not set$"
         ):
             read_secret("P", "mqtt.password_env", "site.toml", environment)
+
+
+def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    digits = "0f" * 32
+    (tmp_path / "key").write_text(f"{digits}\n")
+    from_file = check_site(content(signing={"key_file": "key"}), "site.toml")
+    assert signing_key(from_file, tmp_path) == bytes.fromhex(digits)
+    from_environment = check_site(content(signing={"key_env": "LINE_KEY"}), "site.toml")
+    monkeypatch.setenv("LINE_KEY", "a passphrase")
+    assert signing_key(from_environment, tmp_path) == hashlib.sha256(b"a passphrase").digest()
+    assert signing_key(check_site(content(), "site.toml"), tmp_path) is None
+    monkeypatch.delenv("LINE_KEY")
+    with pytest.raises(SiteError, match=r"signing\.key_env: LINE_KEY: expected 64 hexadecimal digits or a passphrase"):
+        signing_key(from_environment, tmp_path)
+    (tmp_path / "key").unlink()
+    with pytest.raises(SiteError, match=r"signing\.key_file: .*key: cannot be read"):
+        signing_key(from_file, tmp_path)
+
+
+def test_what_cannot_be_signed_is_refused() -> None:
+    assert reason(content(signing={})) == "signing.key_file: expected either key_file or key_env"
+    mixed = content(vehicle(1), vehicle(2, backend="mavsdk"), signing={"key_env": "LINE_KEY"})
+    assert reason(mixed).startswith("vehicle[1].backend: expected 'native' beside [signing]")

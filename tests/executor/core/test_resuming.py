@@ -46,15 +46,7 @@ def killed(flight: Story, away_s: float) -> None:
     come_back(flight, away_s)
 
 
-def passes(flight: Story, name: str) -> list[int]:
-    """Every segment that a vehicle flew along from end to end, as often as it did."""
-    board = flight.state.vehicles[name].board
-    assert board is not None
-    return [track.segment for track in board.tracks]
-
-
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-@pytest.mark.parametrize("away_s", [0.0, 8.0, 40.0])
+@pytest.mark.parametrize(("away_s", "autopilot"), [(0.0, "ardupilot"), (8.0, "px4"), (40.0, "ardupilot")])
 def test_what_was_flown_meanwhile_is_not_flown_again(away_s: float, autopilot: str) -> None:
     flight = under_way(fleet_of(autopilot=autopilot))
     killed(flight, away_s)
@@ -301,8 +293,7 @@ def test_the_ground_station_may_die_while_it_comes_back() -> None:
     assert flight.solves() == []
 
 
-@pytest.mark.parametrize("dies_at_s", [0.4, 3.0, 17.0, 33.0, 58.0, 71.0, 90.0, 120.0])
-@pytest.mark.parametrize("away_s", [2.0, 25.0])
+@pytest.mark.parametrize(("dies_at_s", "away_s"), [(0.4, 25.0), (3.0, 2.0), (33.0, 25.0), (71.0, 2.0), (120.0, 25.0)])
 def test_at_any_instant_of_a_flight_with_a_loss(dies_at_s: float, away_s: float) -> None:
     flight = story(fleet_of({**THREE, "uav4": ()}))
     silenced = False

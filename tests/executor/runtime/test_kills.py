@@ -9,7 +9,7 @@ from tests.executor.runtime.kills import flown
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [2, 1002])
 async def test_a_flight_that_was_killed_ends_well(seed: int) -> None:
     outcome = await flown(seed)
     assert outcome.moments

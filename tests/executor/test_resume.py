@@ -1,0 +1,201 @@
+"""A run directory that a dead ground station left: what is read from it, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from executor import build, resume
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import EventLog, read_decisions, to_plain
+from executor.adapters.rundir import keep_site, locked, write_json
+from executor.begun import beginning
+from executor.cli import main
+from executor.config import read_site
+from executor.core.commands import Say, Start
+from executor.core.events import Event
+from executor.core.vehicle import Stage
+from executor.errors import LogError
+from missions import Solved, make_plan_file, write_plan
+from planner import Cost, Plan, Route
+from tests.e2e.flights import site_file
+from tests.fakes.flight import Story
+
+SPEEDUP = 10.0
+
+
+def prepared(folder: Path) -> Path:
+    """A run directory before the launch: two vehicles over five segments."""
+    path, _ = site_file(folder, pylons=6, vehicles=2, speedup=SPEEDUP)
+    site, run = read_site(path), folder / "run"
+    run.mkdir()
+    ground = build.ground_of(site, folder)
+    plan = make_plan_file(
+        ground.network, build.task_of(ground), ground.travel, Plan((Route(0, (0, 2)), Route(1, (4, 6, 8))), ()),
+        Cost.MINMAX, Solved("search", 1, 0.1), inspection=ground.inspection,
+    )  # fmt: skip
+    keep_site(run, site.model_dump(exclude_none=True, mode="json"), {("network", "file"): folder / "line.yaml"})
+    write_plan(run / "plan-000.json", plan)
+    write_json(run / "vehicles.json", {"vehicles": []})
+    return run
+
+
+@dataclass(slots=True)
+class Diary:
+    """Writes as a flight does: an event, then what was decided, before it is carried out."""
+
+    log: EventLog
+    flight: Story | None = None
+    noted: int = 0
+
+    def write(self, event: Event, now_s: float) -> None:
+        self.note()
+        self.log.write(event, now_s)
+
+    def note(self) -> None:
+        for at_s, command in [] if self.flight is None else self.flight.commands[self.noted :]:
+            self.noted += 1
+            if isinstance(command, Say):
+                self.log.note(at_s, said=command.text, level=command.level.value)
+            else:
+                self.log.note(at_s, command=to_plain(command))
+
+    def sync(self) -> None:
+        """Nothing here outlives a power loss."""
+
+
+def launched(run: Path) -> tuple[Story, Diary]:
+    """A flight that has just been launched, and writes its log."""
+    begun = beginning(run)
+    diary = Diary(EventLog(run / "events.jsonl", began_unix_s=time.time() - 60.0, speedup=SPEEDUP))
+    boards = {name: vehicle.board for name, vehicle in begun.state.vehicles.items()}
+    flight = Story(begun.context, boards, sink=diary)
+    diary.flight = flight
+    flight.launch()
+    return flight, diary
+
+
+def left(run: Path) -> resume.Left:
+    found = resume.read_left(run)
+    assert isinstance(found, resume.Left)
+    return found
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Call the command line with bad input: one line, exit code 2."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    return line
+
+
+def test_the_state_from_the_log_is_the_state_that_was(tmp_path: Path) -> None:
+    run = prepared(tmp_path)
+    flight, diary = launched(run)
+    flight.run(lambda: len(flight.state.inspected) == 1)
+    diary.note()
+    found = left(run)
+    assert found.state == flight.state
+    assert found.last_s == flight.now_s
+    assert (found.notes, found.undone) == ((), ())
+    assert "with 1 of 5 segments inspected: uav1 flying, uav2 flying" in resume.words(found)[-1]
+
+
+def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:
+    run = prepared(tmp_path)
+    flight, _ = launched(run)
+    found = left(run)
+    assert found.state == flight.state
+    assert found.undone == (Start("uav1"), Start("uav2"))
+    assert all(vehicle.stage is Stage.STARTING for vehicle in found.state.vehicles.values())
+    log = EventLog(run / "events.jsonl")
+    for command in found.undone:
+        resume._note(log, command, found.last_s)
+    log.close()
+    assert len(list(read_decisions(run / "events.jsonl"))) == 2
+    assert left(run).undone == ()
+
+
+def test_damage_is_said_and_read_around(tmp_path: Path) -> None:
+    run = prepared(tmp_path)
+    flight, diary = launched(run)
+    flight.run(lambda: len(flight.state.inspected) == 1)
+    diary.note()
+    lines = (run / "events.jsonl").read_bytes().splitlines(keepends=True)
+    lines[40] = lines[40][:20] + b"\xff\xfe\n"
+    (run / "events.jsonl").write_bytes(b"".join(lines) + b'{"t_s":')
+    found = left(run)
+    assert found.notes == (
+        "line 41 cannot be read and was passed over",
+        f"line {len(lines) + 1}, the last one, is torn and was dropped",
+    )
+    assert set(found.state.inspected) == set(flight.state.inspected)
+
+
+@pytest.mark.parametrize("content", [None, b"", b'{"format":"faultline-ev', b"head"])
+def test_a_flight_that_was_never_launched_begins_from_its_beginning(tmp_path: Path, content: bytes | None) -> None:
+    run = prepared(tmp_path)
+    if content == b"head":
+        EventLog(run / "events.jsonl", began_unix_s=0.0, speedup=SPEEDUP).close()
+    elif content is not None:
+        (run / "events.jsonl").write_bytes(content)
+    found = resume.read_left(run)
+    assert isinstance(found, resume.Ready)
+    assert found.ground.names == ("uav1", "uav2")
+
+
+def test_a_flight_that_is_over_says_so_with_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It died between the end and the report: nobody needs to be asked."""
+    run = prepared(tmp_path)
+    flight, diary = launched(run)
+    flight.finish()
+    diary.note()
+    with pytest.raises(SystemExit) as ended:
+        main(["resume", str(run), "--json"])
+    assert ended.value.code == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["finished"]
+    assert report == json.loads((run / "report.json").read_text())
+
+
+def test_what_is_no_run_directory_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "expected a run directory" in refused(capsys, "resume", str(tmp_path))
+    run = prepared(tmp_path)
+    (run / "events.jsonl").write_text('{"format":"faultline-events/9","began_unix_s":0,"speedup":1}\n')
+    assert "got faultline-events/9, written by a newer version" in refused(capsys, "resume", str(run))
+
+
+def test_without_a_yes_nobody_is_told_anything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = prepared(tmp_path)
+    flight, diary = launched(run)
+    flight.pass_s(5.0)
+    diary.note()
+    size = (run / "events.jsonl").stat().st_size
+    assert "nothing was told to any vehicle" in refused(capsys, "resume", str(run), "--json")
+    assert (run / "events.jsonl").stat().st_size == size
+
+
+def test_one_process_flies_a_directory(tmp_path: Path) -> None:
+    with (
+        locked(tmp_path),
+        pytest.raises(LogError, match="another faultline flies this directory already"),
+        locked(tmp_path),
+    ):
+        pass
+    with locked(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize(("began_ago_s", "last_s", "expected_s"), [(60.0, 100.0, 600.0), (-3600.0, 100.0, 100.0)])
+def test_time_goes_on_and_never_goes_back(began_ago_s: float, last_s: float, expected_s: float) -> None:
+    """At ten times real time; the second clock was set back by an hour while the ground station was dead."""
+    clock = SystemClock.again(SPEEDUP, time.time() - began_ago_s, last_s)
+    assert clock.now_s() == pytest.approx(expected_s, abs=20.0)
+    assert clock.now_s() >= last_s
+    assert clock.dated_s() * 1e6 >= (time.time() - began_ago_s) * 1e6
