@@ -32,6 +32,8 @@ CAPACITY_AH = 2.2
 VEHICLES, RADIUS_M = 3, 500.0
 BLACKOUT_S = 6.0
 """The longest gap of a lossy link that is no fault."""
+APART_S = 15.0
+"""Two of them nearer than this would be one silence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +226,11 @@ def fly(site: Site, autopilot: str, what: str, rng: np.random.Generator) -> Flig
 def _gaps(rng: np.random.Generator, mission_s: float) -> list[tuple[float, float]]:
     count = rng.poisson(mission_s / 300.0)
     begins = rng.uniform(0.0, mission_s, size=count)
-    return [(float(begin), float(begin + rng.uniform(0.5, BLACKOUT_S))) for begin in begins]
+    gaps: list[tuple[float, float]] = []
+    for begin, end in sorted((float(begin), float(begin + rng.uniform(0.5, BLACKOUT_S))) for begin in begins):
+        if not gaps or begin > gaps[-1][1] + APART_S:
+            gaps.append((begin, end))
+    return gaps
 
 
 Moment = tuple[float, int, tuple[float, float], float, tuple[float, float, float]]
