@@ -13,7 +13,7 @@ from tests.fuzz.targets import FOLLOWED, NUMBERS, TARGETS, frame, seeds
 
 pytestmark = pytest.mark.fuzz
 
-FEW = settings(max_examples=80, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+FEW = settings(max_examples=50, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 
 
 def spoilt(good: bytes) -> st.SearchStrategy[bytes]:
