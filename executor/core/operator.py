@@ -24,6 +24,8 @@ ANSWER_S = 90.0
 """A vehicle that has not answered an order by then did not hear it."""
 OTHERS_MODE_S = 20.0
 """A held vehicle that flies its mission for longer than this was sent on by somebody else, or never heard the order."""
+LATE_S = 120.0
+"""An order may be followed this late: a radio keeps it, or only the answers were lost."""
 _RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
 _ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
 
@@ -94,7 +96,7 @@ def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
 
 def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     vehicle = _vehicle(state, intent)
-    state = state.put(replace(vehicle, held_s=now_s, ordered_mode_s=now_s))
+    state = state.put(replace(vehicle, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s))
     return _Ordered(state, "it is told to hold", (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
@@ -224,7 +226,8 @@ def _answered(state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
         # It may still obey, or have obeyed unheard: that is no change of mode by itself. `settled` forgets it later.
         state = state.put(replace(vehicle, ordered_mode_s=now_s))
     if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
-        state = state.put(replace(vehicle, held_s=None, ordered_mode_s=now_s, anchor=None))
+        gone_on = replace(vehicle, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s, anchor=None)
+        state = state.put(gone_on)
     if not event.accepted:
         text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
         return state, (Say(Level.WARNING, text),)
@@ -277,6 +280,8 @@ def settled(context: Context, state: FleetState, now_s: float) -> FleetState:
     for vehicle in state.vehicles.values():
         if vehicle.held_s is not None and _goes_on(context, vehicle, now_s):
             state = state.put(replace(vehicle, held_s=None, anchor=None))
+        elif vehicle.held_s is None and _holds_late(context, vehicle, now_s):
+            state = state.put(replace(vehicle, held_s=now_s))
     ended = {
         name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s)
         for name, record in state.intents.items()
@@ -290,6 +295,12 @@ def settled(context: Context, state: FleetState, now_s: float) -> FleetState:
 def _goes_on(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     quiet = now_s - max(vehicle.ordered_mode_s, vehicle.mode_since_s) > OTHERS_MODE_S
     return quiet and not vehicle.stale and on_mission(context, vehicle)
+
+
+def _holds_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    if vehicle.stage is not Stage.FLYING or now_s - vehicle.hold_asked_s > LATE_S or vehicle.heartbeat is None:
+        return False
+    return vehicle.heartbeat.custom_mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
 def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> tuple[Outcome | None, str]:

@@ -207,6 +207,8 @@ class VehicleState:
     """Until it is known what it did while the ground station was away."""
     held_s: float | None = None
     """Since when it holds by the operator's order; None if it does not."""
+    hold_asked_s: float = float("-inf")
+    """When it was last told to hold, and has not been told to go on since: it may follow late."""
     excluded: bool = False
     """Whether the operator took it out of the plan: it is given nothing until it is included."""
     lands: bool = False

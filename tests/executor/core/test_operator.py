@@ -107,13 +107,14 @@ def test_an_order_that_is_not_answered_has_failed() -> None:
     assert "uav2: did not follow the order: hold (no acknowledgement)" in flight.said(Level.WARNING)
 
 
-def test_a_hold_that_is_followed_late_is_no_fault() -> None:
+@pytest.mark.parametrize("late_s", [6.0, 60.0])
+def test_a_hold_that_is_followed_late_is_no_fault(late_s: float) -> None:
     flight = under_way()
     record = flight.ask(Action.HOLD, "uav2")
     flight._due.clear()
     flight.happen(OrderEnded("uav2", Action.HOLD, accepted=False, reason="does not report the new mode"))
     assert flight.outcome(record).outcome is Outcome.FAILED
-    flight.pass_s(6.0)
+    flight.pass_s(late_s)
     flight.crafts["uav2"].go_to(flight.context.vehicles["uav2"].dialect.modes.hold.custom_mode)
     flight.pass_s(60.0)
     assert flight.said(Level.FAULT) == []
