@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
@@ -20,6 +20,10 @@ from pathlib import Path
 PATIENCE_S = 30.0
 USER, PASSWORD = "crew", "p4ss word"
 MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
+
+
+KIND = "amqtt" if MOSQUITTO is None else "mosquitto"
+"""The one that is quicker to start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +104,42 @@ async def running(
         yield broker
     finally:
         await broker.stop()
+
+
+@asynccontextmanager
+async def slowed(port: int, bytes_per_s: float) -> AsyncIterator[int]:
+    """A relay before a broker that lets so much through from who connects to it."""
+    closing = set[asyncio.Task[None]]()
+
+    async def pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, s_per_byte: float) -> None:
+        try:
+            with suppress(OSError):
+                while data := await reader.read(512):
+                    writer.write(data)
+                    await writer.drain()
+                    await asyncio.sleep(s_per_byte * len(data))
+        finally:
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+
+    async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            there_reader, there_writer = await asyncio.open_connection("127.0.0.1", port)
+        except OSError:
+            writer.close()
+            return
+        for work in (pass_on(reader, there_writer, 1.0 / bytes_per_s), pass_on(there_reader, writer, 0.0)):
+            closing.add(asyncio.create_task(work))
+
+    server = await asyncio.start_server(connected, "127.0.0.1", 0, limit=1024)
+    try:
+        yield int(server.sockets[0].getsockname()[1])
+    finally:
+        server.close()
+        for task in closing:
+            task.cancel()
+        await asyncio.gather(*closing, return_exceptions=True)
 
 
 def free_port() -> int:

@@ -13,7 +13,7 @@ from typing import Any
 import aiomqtt
 import pytest
 
-from tests.brokers import MOSQUITTO, running
+from tests.brokers import KIND, running
 from tests.composed import ROOT, services
 from tests.e2e.flights import ended, free_ports, interrupt
 
@@ -94,7 +94,7 @@ def _is_free(port: int) -> bool:
 
 @pytest.mark.asyncio
 async def test_the_demo_of_the_containers_flies_to_its_end(tmp_path: Path) -> None:
-    async with running("amqtt" if MOSQUITTO is None else "mosquitto", tmp_path / "broker") as broker:
+    async with running(KIND, tmp_path / "broker") as broker:
         await _flies_to_its_end(Services(tmp_path, broker.port))
         async with aiomqtt.Client("127.0.0.1", broker.port) as anybody:
             await anybody.subscribe("faultline/v1/fleet/state", qos=1)

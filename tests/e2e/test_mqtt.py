@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import subprocess
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -16,31 +15,13 @@ import aiomqtt
 import pytest
 
 from executor.rerun import rerun
-from tests.brokers import MOSQUITTO, running
-from tests.e2e.flights import FAULTLINE, PATIENCE_S, called, ended, log_lines, notes, said_in, site_file
+from tests.brokers import KIND, running
+from tests.e2e.flights import PATIENCE_S, called, ended, log_lines, notes, said_in, site_file
 
 pytestmark = pytest.mark.asyncio
 
-KIND = "amqtt" if MOSQUITTO is None else "mosquitto"
 SPEEDUP = 10.0
 PYLONS = 8
-
-
-@pytest.fixture(scope="module")
-def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Made once: the planner takes its time otherwise."""
-    folder = tmp_path_factory.mktemp("plan")
-    arguments = [
-        "plan",
-        str(site_at(folder, 1883)),
-        "--all-vehicles",
-        "--seconds",
-        "0.2",
-        "-o",
-        str(folder / "plan.json"),
-    ]
-    subprocess.run([*FAULTLINE, *arguments], check=True, capture_output=True, timeout=PATIENCE_S)
-    return folder / "plan.json"
 
 
 @dataclass(slots=True)
@@ -108,16 +89,33 @@ def flown_as_ever(run: Path, code: int | None) -> Mapping[str, Any]:
     return report
 
 
-async def test_a_broker_that_is_stopped_and_started_and_then_sleeps(plan: Path, tmp_path: Path) -> None:
+def wish(name: str, action: str, **more: object) -> str:
+    stamp = datetime.now(UTC).isoformat()
+    return json.dumps({"timestamp": stamp, "id": name, "action": action, "vehicle": "uav1", "token": "s3cret", **more})
+
+
+async def test_a_flight_is_steered_and_its_broker_is_stopped_started_and_suspended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CREW_TOKEN", "s3cret")
     run = tmp_path / "run"
     async with running(KIND, tmp_path / "broker") as broker:
-        site = site_at(tmp_path, broker.port, telemetry_rate_hz=5.0)
+        site = site_at(tmp_path, broker.port, telemetry_rate_hz=5.0, token_env="CREW_TOKEN")  # noqa: S106
+        plan = tmp_path / "plan.json"
+        async with called("plan", str(site), "--all-vehicles", "--seconds", "0.2", "-o", str(plan)) as planning:
+            await ended(planning)
         fly = ["fly", str(site), "--plan", str(plan), "--yes", "--run", str(run)]
         async with called("simulate", str(site), "--fault", "uav2:silent@40%"), called(*fly) as flight:
             await said_in(flight.stderr, "mqtt: connected to", "uav1: flies its mission")
-            async with listening(broker.port) as ear:
+            async with listening(broker.port) as ear, aiomqtt.Client("127.0.0.1", broker.port) as crew:
                 assert (await ear.until("fleet/connection"))["connectionState"] == "ONLINE"
-                await ear.until("vehicle/uav1/telemetry", state="flying")
+                held = await accepted(crew, ear)
+                await ear.until("intent/ack", id=held, outcome="done")
+                await crew.publish("crew/v1/intent", wish("t1", "resume", token="guess"), qos=1)  # noqa: S106
+                assert (await ear.until("intent/ack", id="t1", outcome="refused"))["text"].startswith("token: ")
+                for _ in range(2):
+                    await crew.publish("crew/v1/intent", wish("r1", "resume"), qos=1)
+                await ear.until("intent/ack", id="r1", outcome="done")
             await broker.stop()
             await said_in(flight.stderr, "mqtt: lost the connection")
             await broker.start()
@@ -135,97 +133,17 @@ async def test_a_broker_that_is_stopped_and_started_and_then_sleeps(plan: Path, 
     report = flown_as_ever(run, flight.returncode)
     assert len(report["faults"]) == 1
     told = [line["told"] for line in log_lines(run) if "told" in line]
-    assert [line.split(" 127")[0] for line in told[:3]] == [
-        "mqtt: connected to", "mqtt: lost the connection to", "mqtt: connected to",
-    ]  # fmt: skip
+    assert any(line.startswith("mqtt: lost the connection to") for line in told)
     assert told[-1].endswith(f"messages never reached 127.0.0.1:{broker.port}")
+    assert "s3cret" not in (run / "site.toml").read_text(encoding="utf-8")
+    assert "s3cret" not in (run / "events.jsonl").read_text(encoding="utf-8")
 
 
-@asynccontextmanager
-async def slowed(port: int, bytes_per_s: float) -> AsyncIterator[int]:
-    """A relay before a broker that lets so much through from who connects to it."""
-    step_s = 0.05
-    closing = set[asyncio.Task[None]]()
-
-    async def pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, most: int, wait_s: float) -> None:
-        with suppress(OSError):
-            while data := await reader.read(most):
-                writer.write(data)
-                await writer.drain()
-                await asyncio.sleep(wait_s)
-        writer.close()
-
-    async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        there_reader, there_writer = await asyncio.open_connection("127.0.0.1", port)
-        most = max(1, int(bytes_per_s * step_s))
-        both = [pass_on(reader, there_writer, most, step_s), pass_on(there_reader, writer, 65536, 0.0)]
-        task = asyncio.ensure_future(_all(both))
-        closing.add(task)
-        task.add_done_callback(closing.discard)
-
-    server = await asyncio.start_server(connected, "127.0.0.1", 0, limit=1024)
-    try:
-        yield int(server.sockets[0].getsockname()[1])
-    finally:
-        server.close()
-        for task in tuple(closing):
-            task.cancel()
-        await asyncio.gather(*closing, return_exceptions=True)
-
-
-async def _all(work: list[Any]) -> None:
-    await asyncio.gather(*work)
-
-
-def now() -> str:
-    return datetime.now(UTC).isoformat()
-
-
-async def test_a_flight_steered_over_a_slow_line_with_a_token(
-    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two kilobytes a second, less than the states are worth: the newest win, and what is asked for is answered."""
-    monkeypatch.setenv("CREW_TOKEN", "s3")
-    run = tmp_path / "run"
-    async with running(KIND, tmp_path / "broker") as broker, slowed(broker.port, 2000.0) as port:
-        site = site_at(tmp_path, port, telemetry_rate_hz=10.0, token_env="CREW_TOKEN")  # noqa: S106
-        fly = ["fly", str(site), "--plan", str(plan), "--yes", "--run", str(run)]
-        simulate = ["simulate", str(site), "--fault", "uav2:silent@40%"]
-        async with listening(broker.port) as ear, called(*simulate), called(*fly) as flight:
-            await said_in(flight.stderr, "mqtt: connected to", "uav1: flies its mission")
-            async with aiomqtt.Client("127.0.0.1", broker.port) as crew:
-
-                async def ask(name: str, action: str, **more: object) -> None:
-                    wish = {"timestamp": now(), "id": name, "action": action, "vehicle": "uav1", "token": "s3", **more}
-                    await crew.publish("crew/v1/intent", json.dumps(wish), qos=1)
-
-                # Refused as long as it climbs.
-                for number in range(40):
-                    held = f"h{number}"
-                    await ask(held, "hold")
-                    if (await ear.until("intent/ack", id=held))["outcome"] == "accepted":
-                        break
-                await ear.until("intent/ack", id=held, outcome="done")
-                await ask("t1", "resume", token="guess")  # noqa: S106
-                assert (await ear.until("intent/ack", id="t1", outcome="refused"))["text"].startswith("token: ")
-                await ask("t2", "resume", timestamp="2026-01-01T00:00:00Z")
-                assert (await ear.until("intent/ack", id="t2", outcome="refused"))["text"].startswith("timestamp: ")
-                await ask("x1", "hold", vehicle="uav9")
-                await ear.until("intent/ack", id="x1", outcome="refused")
-                await ask(held, "hold")
-                await ask("r1", "resume")
-                await ear.until("intent/ack", id="r1", outcome="done")
-                assert (await ear.until("fleet/fault"))["vehicle"] == "uav2"
-                await ended(flight)
-    flown_as_ever(run, flight.returncode)
-    sent = ear.heard["crew/v1/vehicle/uav1/telemetry"]
-    numbers = [one["headerId"] for one in sent]
-    assert numbers == sorted(set(numbers))
-    assert len(sent) < numbers[-1] / 2, "most of them were overtaken by newer ones"
-    assert [one["outcome"] for one in ear.heard["crew/v1/intent/ack"] if one["id"] == held] == [
-        "accepted",
-        "done",
-        "done",
-    ]
-    assert "s3" not in (run / "site.toml").read_text(encoding="utf-8")
-    assert '"s3"' not in (run / "events.jsonl").read_text(encoding="utf-8")
+async def accepted(crew: aiomqtt.Client, ear: Ear) -> str:
+    """Ask a vehicle to hold; it is refused as long as it climbs."""
+    for number in range(100):
+        name = f"h{number}"
+        await crew.publish("crew/v1/intent", wish(name, "hold"), qos=1)
+        if (await ear.until("intent/ack", id=name))["outcome"] == "accepted":
+            return name
+    raise AssertionError("it never held")

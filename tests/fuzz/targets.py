@@ -82,7 +82,7 @@ def packets(data: bytes) -> None:
     for received in codec.decode(data):
         link = links.setdefault(received.sysid, VehicleLink(received.sysid, codec))
         link.take(received)
-    cutter, pieces = Cutter(), [data[at : at + 7] for at in range(0, len(data), 7)]
+    cutter, pieces = Cutter(), [data[at : at + 61] for at in range(0, len(data), 61)]
     for piece in pieces:
         list(codec.read(cutter.feed(piece)))
     cutter.close()

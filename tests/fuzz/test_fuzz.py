@@ -8,11 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.fuzz.guided import FOLLOWED as FOLLOWED_PACKAGES
 from tests.fuzz.targets import FOLLOWED, NUMBERS, TARGETS, frame, seeds
 
 pytestmark = pytest.mark.fuzz
 
-FEW = settings(max_examples=80, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+FEW = settings(max_examples=50, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 
 
 def spoilt(good: bytes) -> st.SearchStrategy[bytes]:
@@ -27,6 +28,10 @@ def spoilt(good: bytes) -> st.SearchStrategy[bytes]:
 
     change = st.tuples(st.integers(0, 2**16), st.integers(0, 6), st.binary(max_size=6))
     return st.lists(change, max_size=6).map(spoil)
+
+
+def test_every_target_has_a_guided_run() -> None:
+    assert set(FOLLOWED_PACKAGES) == set(TARGETS)
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -87,7 +87,7 @@ class Post(RuleBasedStateMachine):
             assert self.arrived[topic][-1] == number
 
 
-Post.TestCase.settings = settings(max_examples=60, stateful_step_count=40)
+Post.TestCase.settings = settings(max_examples=30, stateful_step_count=40)
 test_the_outbox = Post.TestCase
 
 

@@ -21,11 +21,16 @@ from executor.core.commands import Level
 
 ANSWER_S = 5.0
 """A broker that does not acknowledge for so long is taken to be away."""
-KEEPALIVE_S = 15
+LEAST_BYTES_PER_S = 1000.0
+"""A slower line is as good as none: what is under way may take so much longer."""
+KEEPALIVE_S = 60
+"""Long, because a ping waits behind a plan on a slow line; who is silent is noticed by what is not acknowledged."""
 WAITS_S = (1.0, 2.0, 4.0, 8.0, 15.0)
 """Between attempts to connect; the last stands for all that follow."""
 STEADY_S = 30.0
 """A connection that lasted so long was a good one: after it the waits begin anew."""
+QOS = 1
+"""Of everything: what is not acknowledged fills the buffers of a slow line with what is old by then."""
 BATCH = 10
 """Messages under way at once: with a round trip of 0.5 s that is 20 a second."""
 INBOX = 50
@@ -138,7 +143,7 @@ class Client:
             username=self._broker.username,
             password=self._broker.password,
             tls_context=self._broker.tls,
-            will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain),
+            will=aiomqtt.Will(will.topic, will.payload, QOS, will.retain),
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
             max_queued_incoming_messages=INBOX,
@@ -154,7 +159,7 @@ class Client:
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         try:
-            await client.subscribe(self._subscriber.topic, qos=1)
+            await client.subscribe(self._subscriber.topic, QOS)
             await _publish(client, self._presence(Presence.ONLINE))
             self._arrived()
             async with asyncio.TaskGroup() as tasks:
@@ -182,9 +187,10 @@ class Client:
 
     async def _send(self, client: aiomqtt.Client, batch: list[Taken]) -> None:
         unsent = dict(enumerate(batch))
+        patience_s = ANSWER_S + sum(len(taken.letter.payload) for taken in batch) / LEAST_BYTES_PER_S
 
         async def one(number: int, letter: Letter) -> None:
-            await _publish(client, letter)
+            await _publish(client, letter, patience_s)
             del unsent[number]
 
         try:
@@ -235,8 +241,8 @@ def _hang_up(client: aiomqtt.Client) -> None:
         ended.exception()  # or asyncio complains, with a trace, that nobody looked at it
 
 
-async def _publish(client: aiomqtt.Client, letter: Letter) -> None:
-    await client.publish(letter.topic, letter.payload, letter.qos, letter.retain)
+async def _publish(client: aiomqtt.Client, letter: Letter, patience_s: float | None = None) -> None:
+    await client.publish(letter.topic, letter.payload, QOS, letter.retain, timeout=patience_s)
 
 
 def _reason(error: BaseException) -> str:

@@ -20,7 +20,6 @@ class Letter:
 
     topic: str
     payload: bytes
-    qos: int = 1
     retain: bool = False
 
 

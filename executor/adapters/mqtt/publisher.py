@@ -130,7 +130,7 @@ class Publisher:
             "segment": vehicle.progress.segment,
             "segment_share": vehicle.progress.segment_share,
         }
-        self._outbox.renew(self._letter(topic, TelemetryMessage, content, qos=0))
+        self._outbox.renew(self._letter(topic, TelemetryMessage, content))
 
     def _state(self, topic: str, kind: type[Payload], slow: object, content: Content) -> None:
         """Publish a state if what changes slowly in it has changed, or if it is time."""
@@ -142,14 +142,12 @@ class Publisher:
         self._states[topic] = (slow, now_s)
         self._outbox.renew(self._letter(topic, kind, content, retain=True))
 
-    def _letter(
-        self, topic: str, kind: type[Payload], content: Content, *, qos: int = 1, retain: bool = False
-    ) -> Letter:
+    def _letter(self, topic: str, kind: type[Payload], content: Content, *, retain: bool = False) -> Letter:
         number = self._numbers.get(topic, 0)
         self._numbers[topic] = (number + 1) % 2**32
         stamp = datetime.fromtimestamp(self._unix_s(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         message = kind.model_validate({"headerId": number, "timestamp": stamp, "run": self._run, **content})
-        return Letter(topic, message.model_dump_json().encode(), qos, retain)
+        return Letter(topic, message.model_dump_json().encode(), retain)
 
 
 def _slow_part(vehicle: VehicleView) -> object:

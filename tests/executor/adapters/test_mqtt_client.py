@@ -15,7 +15,7 @@ from executor.adapters.mqtt import client as connection
 from executor.adapters.mqtt.client import Broker, Client, Presence, Subscriber
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.core.commands import Level
-from tests.brokers import MOSQUITTO, PASSWORD, USER, RealBroker, free_port, running, secured_in
+from tests.brokers import KIND, MOSQUITTO, PASSWORD, USER, RealBroker, free_port, running, secured_in
 
 pytestmark = pytest.mark.asyncio
 
@@ -23,7 +23,6 @@ PATIENCE_S = 30.0
 THERE = "t/there"
 no_mosquitto = pytest.mark.skipif(MOSQUITTO is None, reason="mosquitto is not installed")
 KINDS = [pytest.param("mosquitto", marks=no_mosquitto), "amqtt"]
-QUICKEST = "amqtt" if MOSQUITTO is None else "mosquitto"
 
 
 class Station:
@@ -96,7 +95,7 @@ async def test_what_waits_is_sent_and_what_comes_is_taken(kind: str, tmp_path: P
             for number in range(30):
                 here.outbox.keep(Letter("t/events", b"%d" % number))
             assert [await following("t/events") for _ in range(30)] == [b"%d" % number for number in range(30)]
-            here.outbox.renew(Letter("t/state", b"now", qos=0))
+            here.outbox.renew(Letter("t/state", b"now"))
             assert await following("t/state") == b"now"
             async with aiomqtt.Client("127.0.0.1", broker.port) as other:
                 await other.publish("t/orders", b"hold", qos=1)
@@ -106,7 +105,7 @@ async def test_what_waits_is_sent_and_what_comes_is_taken(kind: str, tmp_path: P
 
 
 async def test_what_the_broker_held_is_told_apart(tmp_path: Path) -> None:
-    async with running(QUICKEST, tmp_path / "broker") as broker:
+    async with running(KIND, tmp_path / "broker") as broker:
         async with aiomqtt.Client("127.0.0.1", broker.port) as other:
             await other.publish("t/orders", b"old", qos=1, retain=True)
         async with station(at(broker.port)) as here:
@@ -116,7 +115,7 @@ async def test_what_the_broker_held_is_told_apart(tmp_path: Path) -> None:
 async def test_a_broker_that_comes_late_and_one_that_forgets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What it should hold is published anew, what was to be told is told, and the operator reads of it once."""
     monkeypatch.setattr(connection, "WAITS_S", (0.1,))
-    broker = RealBroker(QUICKEST, tmp_path / "broker")
+    broker = RealBroker(KIND, tmp_path / "broker")
     try:
         async with station(at(broker.port)) as here:
             here.outbox.renew(Letter("t/plan", b"plan", retain=True))
@@ -146,7 +145,7 @@ async def test_a_broker_that_is_suspended(tmp_path: Path, monkeypatch: pytest.Mo
     """It answers nothing, then everything at once; nobody waits for it, and nothing is lost."""
     monkeypatch.setattr(connection, "WAITS_S", (0.1,))
     monkeypatch.setattr(connection, "ANSWER_S", 0.5)
-    async with running(QUICKEST, tmp_path / "broker") as broker, station(at(broker.port)) as here:
+    async with running(KIND, tmp_path / "broker") as broker, station(at(broker.port)) as here:
         await here.has_said(1)
         broker.suspend()
         here.outbox.keep(Letter("t/events", b"while it slept", retain=True))
@@ -162,7 +161,7 @@ async def test_a_broker_that_is_suspended(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 async def test_the_broker_says_so_when_we_die(tmp_path: Path) -> None:
-    async with running(QUICKEST, tmp_path / "broker") as broker, watcher(broker.port) as following:
+    async with running(KIND, tmp_path / "broker") as broker, watcher(broker.port) as following:
         here = Station(at(broker.port))
         task = asyncio.create_task(here.client.run())
         assert await following(THERE) == b"ONLINE"

@@ -83,11 +83,11 @@ def test_the_schemas_in_the_documents_are_current() -> None:
 def test_states_are_retained_and_published_on_change() -> None:
     desk = Desk(under_way())
     first = desk.look()
-    kinds = {letter.topic.removeprefix("site/north/v1/"): (letter.qos, letter.retain) for letter in first}
-    assert kinds == {"fleet/state": (1, True)} | {
+    kinds = {letter.topic.removeprefix("site/north/v1/"): letter.retain for letter in first}
+    assert kinds == {"fleet/state": True} | {
         f"vehicle/{name}/{what}": how
         for name in ("uav1", "uav2", "uav3")
-        for what, how in (("state", (1, True)), ("telemetry", (0, False)))
+        for what, how in (("state", True), ("telemetry", False))
     }
     [state] = on(first, "vehicle/uav1/state")
     assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.0.0")
@@ -145,7 +145,7 @@ def test_an_intent_is_answered_and_answered_again() -> None:
 @pytest.mark.parametrize("state", list(Presence))
 def test_presence(state: Presence) -> None:
     letter = Desk(story()).publisher.presence(state)
-    assert (letter.topic, letter.retain, letter.qos) == ("site/north/v1/fleet/connection", True, 1)
+    assert (letter.topic, letter.retain) == ("site/north/v1/fleet/connection", True)
     assert content(letter)["connectionState"] == state.value
 
 
