@@ -41,6 +41,9 @@ class Nowhere:
     def write(self, event: object, now_s: float) -> None:
         pass
 
+    def sync(self) -> None:
+        pass
+
 
 def flight_of(clock: SystemClock) -> Flight:
     ready = fleet_of()
