@@ -290,18 +290,16 @@ def signing_key(site: Site, base: Path) -> bytes | None:
     table = site.signing
     if table is None:
         return None
-    if table.key_env is not None:
-        text, where = os.environ.get(table.key_env, ""), f"signing.key_env: {table.key_env}"
-    else:
-        path = base / str(table.key_file)
-        where = f"signing.key_file: {path}"
+    text = read_secret(table.key_env, "signing.key_env", str(base))
+    if table.key_file is not None:
+        path = base / table.key_file
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise SiteError(f"{where}: cannot be read: {error}") from error
-    text = text.strip()
+            raise SiteError(f"signing.key_file: {path}: cannot be read: {error}") from error
+    text = (text or "").strip()
     if not text:
-        raise SiteError(f"{where}: expected 64 hexadecimal digits or a passphrase, but there is nothing")
+        raise SiteError("signing: expected 64 hexadecimal digits or a passphrase, but there is nothing")
     if re.fullmatch(r"[0-9a-fA-F]{64}", text):
         return bytes.fromhex(text)
     return hashlib.sha256(text.encode()).digest()

@@ -274,8 +274,11 @@ def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeyp
     assert signing_key(from_environment, tmp_path) == hashlib.sha256(b"a passphrase").digest()
     assert signing_key(check_site(content(), "site.toml"), tmp_path) is None
     monkeypatch.delenv("LINE_KEY")
-    with pytest.raises(SiteError, match=r"signing\.key_env: LINE_KEY: expected 64 hexadecimal digits or a passphrase"):
+    with pytest.raises(SiteError, match=r"signing\.key_env: expected a value in the environment variable LINE_KEY"):
         signing_key(from_environment, tmp_path)
+    (tmp_path / "key").write_text(" \n")
+    with pytest.raises(SiteError, match="expected 64 hexadecimal digits or a passphrase"):
+        signing_key(from_file, tmp_path)
     (tmp_path / "key").unlink()
     with pytest.raises(SiteError, match=r"signing\.key_file: .*key: cannot be read"):
         signing_key(from_file, tmp_path)
