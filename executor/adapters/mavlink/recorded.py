@@ -240,15 +240,10 @@ class TelemetryFile:
     def _piece(  # noqa: C901, PLR0912, PLR0915 - one loop, as calls would take most of its time
         self, buffer: bytes, *, last: bool
     ) -> Generator[Record, None, int]:
-        """Yield what whole records of a piece say; returns where the rest begins.
-
-        Most of the time of a replay is spent here, so what would be small functions stands in the loop.
-        """
-        at, size = 0, len(buffer)
+        """Yield what whole records of a piece say; returns where the rest begins. Here a replay spends its time."""
+        at, size, known, in_garbage = 0, len(buffer), self._stamp, False
         stop = size if last else size - 2 * LONGEST
-        sources, kinds, newest, head = self._sources, KINDS, self._newest, _HEAD.unpack_from
-        heard = self.heard
-        known, in_garbage = self._stamp, False
+        sources, kinds, newest, heard, head = self._sources, KINDS, self._newest, self.heard, _HEAD.unpack_from
         while at < stop:
             if at + HEAD_SIZE > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
