@@ -237,10 +237,8 @@ class TelemetryFile:
                 if not more:
                     break
 
-    def _piece(  # noqa: C901, PLR0912, PLR0915 - one loop, as calls would take most of its time
-        self, buffer: bytes, *, last: bool
-    ) -> Generator[Record, None, int]:
-        """Yield what whole records of a piece say; returns where the rest begins. Here a replay spends its time."""
+    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912, PLR0915
+        """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
         at, size, known, in_garbage = 0, len(buffer), self._stamp, False
         stop = size if last else size - 2 * LONGEST
         sources, kinds, newest, heard, head = self._sources, KINDS, self._newest, self.heard, _HEAD.unpack_from
@@ -254,8 +252,7 @@ class TelemetryFile:
                 end = payload + length + (15 if flags & 1 else 2)
             else:  # the fields of the older version stand elsewhere
                 seq, system, component, number = buffer[at + 10 : at + 14]
-                payload = at + 14
-                end = payload + length + 2
+                payload, end = at + 14, at + 16 + length
             if not (
                 end + STAMP < size
                 and buffer[end + STAMP] in MARKS
