@@ -96,12 +96,25 @@ def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray,
     """
     near_m = np.minimum(_distances_m(centres_m, start_m), _distances_m(centres_m, goal_m))
     centres_m = centres_m[near_m >= radius_m]
-    if _clear(start_m, goal_m[np.newaxis], centres_m, radius_m)[0]:
-        return np.zeros((0, 2))
+    way_m = np.zeros((0, 2))
+    met = np.zeros(len(centres_m), dtype=np.bool_)
+    while True:
+        # A shortest way around some circles that keeps clear of all is a shortest way around all: most are never met.
+        nodes = np.concatenate((start_m[np.newaxis], way_m, goal_m[np.newaxis]))
+        legs_m = np.stack((nodes[:-1], nodes[1:]), axis=1)
+        hit = _met(legs_m, centres_m, radius_m).any(axis=1) & ~met
+        if not hit.any():
+            return way_m
+        met |= hit
+        way_m = _way_m(start_m, goal_m, centres_m[met], radius_m)
+
+
+def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
+    """Return (w, 2) corners of a shortest way around all of some circles; none where there is no way."""
     angles = np.arange(_CORNERS) * (2.0 * math.pi / _CORNERS)
     ring = _CORNER_RADIUS * radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
     corners = (centres_m[:, np.newaxis] + ring).reshape(-1, 2)
-    outside = np.array([bool(np.all(_distances_m(centres_m, corner) >= radius_m)) for corner in corners])
+    outside = np.hypot(*(corners[:, np.newaxis] - centres_m).transpose(2, 0, 1)).min(axis=1) >= radius_m
     nodes = np.concatenate((start_m[np.newaxis], corners[outside], goal_m[np.newaxis]))
     return nodes[_shortest(nodes, centres_m, radius_m)]
 
@@ -168,10 +181,13 @@ def _clear(
     start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
-    if len(centres_m) == 0:
-        return np.ones(len(goals_m), dtype=np.bool_)
-    legs = np.stack((np.broadcast_to(start_m, goals_m.shape), goals_m), axis=1)
-    return np.asarray(segment_distances_m(legs, centres_m).min(axis=0) >= radius_m - 1e-9)
+    legs_m = np.stack((np.broadcast_to(start_m, goals_m.shape), goals_m), axis=1)
+    return np.asarray(~_met(legs_m, centres_m, radius_m).any(axis=0))
+
+
+def _met(legs_m: FloatArray, centres_m: FloatArray, radius_m: float) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+    """Return (c, g) whether (g, 2, 2) legs come nearer to (c, 2) centres than the radius."""
+    return np.asarray(segment_distances_m(legs_m, centres_m) < radius_m - 1e-9)
 
 
 def _distances_m(places_m: FloatArray, place_m: FloatArray) -> FloatArray:

@@ -49,6 +49,8 @@ WARNING_SEVERITY = 4
 TEXT_AGAIN_S = 30.0
 """A text that a vehicle repeats is shown once in this time; ArduPilot says the same for every item of an upload."""
 FRESH_S = 1.5
+CLIMBS_MOST_M = 30.0
+"""More than anybody rises or sinks in that time."""
 """Two positions no older than this say how far two vehicles are apart."""
 
 
@@ -193,18 +195,19 @@ def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s
     if fix is None or fix.alt_rel_m < high or not vehicle.armed:
         return state
     least = state.separation
+    # Every position is held against every vehicle: the height alone settles nearly all of them.
+    reach_m = math.inf if least is None else least.least_m + CLIMBS_MOST_M
     for other in state.vehicles.values():
         seen = other.fix
-        if seen is None or other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
+        if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
+            continue
+        if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
             continue
         age_s = now_s - seen.at_s
         if age_s > FRESH_S:
             continue
         east_m_s, north_m_s, up_m_s = seen.velocity_m_s
-        # Every position is held against every vehicle: the height alone settles nearly all of them.
         higher_m = seen.alt_msl_m + up_m_s * age_s - fix.alt_msl_m
-        if least is not None and abs(higher_m) >= least.least_m:
-            continue
         east_m = seen.place_m[0] + east_m_s * age_s - fix.place_m[0]
         north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
         apart_m = math.hypot(east_m, north_m, higher_m)
