@@ -20,7 +20,7 @@ from tests.e2e.judge import wrongly_counted
 pytestmark = pytest.mark.asyncio
 
 KEY = "a passphrase that everybody knows"
-SPEEDUP = 10.0
+SPEEDUP = 5.0
 
 
 async def killed(process: asyncio.subprocess.Process) -> None:
@@ -42,7 +42,7 @@ async def test_killed_before_the_take_off_and_in_flight_and_copied_to_another_co
 ) -> None:
     """Every frame is signed, too: after two restarts the vehicles still believe us, and we them."""
     monkeypatch.setenv("LINE_KEY", KEY)
-    site, _ = site_file(tmp_path, pylons=8, vehicles=2, speedup=SPEEDUP)
+    site, _ = site_file(tmp_path, pylons=6, vehicles=2, speedup=SPEEDUP)
     site.write_text(site.read_text() + '[signing]\nkey_env = "LINE_KEY"\n')
     run, copy, truth = tmp_path / "run", tmp_path / "copy", tmp_path / "truth.jsonl"
     async with called("simulate", str(site), "--truth", str(truth)):
@@ -52,10 +52,6 @@ async def test_killed_before_the_take_off_and_in_flight_and_copied_to_another_co
         assert not (run / "events.jsonl").exists()
         async with called("resume", str(run), "--yes") as flight:
             await said_in(flight.stderr, "nothing was launched", "uav1: flies its mission", "uav2: flies its mission")
-            async with called("resume", str(run), "--yes") as other:
-                _, err = await ended(other)
-            assert other.returncode == 2
-            assert "another faultline flies this directory already" in err
             await killed(flight)
         shutil.copytree(run, copy)
         with (copy / "events.jsonl").open("a") as log:
@@ -78,7 +74,7 @@ async def test_killed_before_the_take_off_and_in_flight_and_copied_to_another_co
 
 async def test_stopped_for_half_a_minute_of_the_flight(tmp_path: Path) -> None:
     """A laptop that was suspended: nobody is lost for our own absence, what was flown is proven from what waited."""
-    site, _ = site_file(tmp_path, pylons=8, vehicles=2, speedup=SPEEDUP)
+    site, _ = site_file(tmp_path, pylons=6, vehicles=2, speedup=SPEEDUP)
     run = tmp_path / "run"
     async with called("simulate", str(site)), called("fly", str(site), "--yes", "--run", str(run)) as flight:
         await said_in(flight.stderr, "uav1: flies its mission", "uav2: flies its mission")
@@ -104,7 +100,7 @@ async def test_the_checklist_alone(tmp_path: Path) -> None:
     found = json.loads(out)
     assert found["ready"]
     assert {check["subject"] for check in found["checks"]} >= {"uav1", "uav2", "separation"}
-    site.write_text(site.read_text().replace("speedup = 10.0", "speedup = 10.0\nconnect_timeout_s = 1.0"))
+    site.write_text(site.read_text().replace("speedup = 5.0", "speedup = 5.0\nconnect_timeout_s = 1.0"))
     async with called("preflight", str(site), "--quiet") as process:
         out, err = await ended(process)
     assert (process.returncode, out, err) == (1, "", "")
