@@ -274,17 +274,12 @@ class TelemetryFile:
             source = sources.get(key)
             if source is None:
                 sources[key] = source = _Source(seq)
-            elif seq == (source.seq + 1) & 255:  # as `passed` has it, without a call
-                source.received += 1
-                source.seq = seq
             else:
                 source.passed(seq)
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
-                every = kind.every_usec
-                if number == SYSTEM and not source.rounds_twice:
-                    every = self._stands_in_usec(key, stamp)
+                every = kind.every_usec if number != SYSTEM else self._stands_in_usec(key, stamp, source)
                 if every == 0 or not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
                     newest[key] = stamp
                     if not _whole(buffer, at):
@@ -299,8 +294,10 @@ class TelemetryFile:
             at = end
         return at
 
-    def _stands_in_usec(self, key: int, stamp: int) -> int:
-        """Return how often SYS_STATUS is wanted: seldom beside BATTERY_STATUS."""
+    def _stands_in_usec(self, key: int, stamp: int, source: _Source) -> int:
+        """Return how often SYS_STATUS is wanted: seldom beside BATTERY_STATUS, if that says the same."""
+        if source.rounds_twice:
+            return SLOW_USEC
         beside = 0 <= stamp - self._newest.get(key - SYSTEM + BATTERY, -STAND_IN_USEC) < STAND_IN_USEC
         return STAND_IN_USEC if beside else SLOW_USEC
 
