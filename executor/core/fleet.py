@@ -49,9 +49,9 @@ WARNING_SEVERITY = 4
 TEXT_AGAIN_S = 30.0
 """A text that a vehicle repeats is shown once in this time; ArduPilot says the same for every item of an upload."""
 FRESH_S = 1.5
-CLIMBS_MOST_M = 30.0
-"""More than anybody rises or sinks in that time."""
 """Two positions no older than this say how far two vehicles are apart."""
+CLIMBS_MOST_M = 15.0
+"""More than anybody rises or sinks in that time."""
 
 
 def initial(boards: Mapping[str, OnBoard | None]) -> FleetState:
