@@ -237,7 +237,7 @@ class TelemetryFile:
                 if not more:
                     break
 
-    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912, PLR0915
+    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
         at, size, known, in_garbage = 0, len(buffer), self._stamp, False
         stop = size if last else size - 2 * LONGEST
