@@ -140,7 +140,10 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
             if not done.accepted:
                 return done
             mode = dialect.modes.mission.custom_mode
-            return await _confirmed(link, clock, lambda heard: heard.custom_mode == mode, "is not in mission mode")
+            # One that waited too long for this order has disarmed by itself, and takes off no more.
+            return await _confirmed(
+                link, clock, lambda heard: heard.armed and heard.custom_mode == mode, "is not armed in mission mode"
+            )
         case StartStep.MISSION_MODE:
             mode = dialect.modes.mission.custom_mode
             return await switch_mode(link, clock, orders.set_mode(dialect.modes.mission), {mode})

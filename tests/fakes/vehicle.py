@@ -180,6 +180,8 @@ class FakeAutopilot:
         """MAV_RESULTs for a command, one for each time that it is given; the last one stays."""
         self.deaf: set[int] = set()
         """Commands that are acknowledged and not obeyed."""
+        self.tires = False
+        """Whether it disarms by itself as the mission starts: the order came too late."""
         self.armed = False
         self.mode = dialect.modes.hold
         self.commands: list[int] = []
@@ -235,6 +237,7 @@ class FakeAutopilot:
                 self.armed = message.params[0] == 1.0
             case orders.MISSION_START:
                 self.mode = modes.mission
+                self.armed = self.armed and not self.tires
             case orders.DO_SET_MODE:
                 known: tuple[ModeNumber, ...] = (modes.mission, modes.hold, modes.guided, modes.return_home, modes.land)
                 wanted = (message.params[1], message.params[2])

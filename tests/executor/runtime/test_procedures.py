@@ -107,6 +107,13 @@ async def test_ardupilot_that_denies_the_mission_has_not_started() -> None:
     assert await pad.start() == Done(accepted=False, reason="start the mission: failed")
 
 
+async def test_ardupilot_that_disarmed_before_the_order_came_has_not_started() -> None:
+    """It stands on its pad in mission mode, and takes off no more: the start is tried again from its beginning."""
+    pad = Pad(ARDUPILOT)
+    pad.vehicle.tires = True
+    assert await pad.start() == Done(accepted=False, reason="is not armed in mission mode")
+
+
 async def test_px4_that_stays_in_its_mode_has_not_started() -> None:
     pad = Pad(PX4)
     pad.vehicle.deaf.add(orders.DO_SET_MODE)
