@@ -106,11 +106,11 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
         plan = first_plan(ground, Wanted(Cost.MINMAX, PLAN_S, seed, all_vehicles=True), lambda _: None)
         order = Order(ground.site, base, ground, plan, run, lambda _: ())
         keep(order)
-        watch = _Watch(minutes * 60.0 / speedup)
         ours, others = _processors()
+        watch = _Watch(minutes * 60.0 / speedup, ours)
+        # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
         with simulated_fleet(run, (), seed):
-            os.sched_setaffinity(0, ours)
             flown = asyncio.run(_watched(order, watch))
         began_usec, events = _launched(run / "events.jsonl")
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
@@ -146,8 +146,9 @@ async def _watched(order: Order, watch: _Watch) -> flying.Flown:
 class _Watch:
     """An operator who says yes, looks at the clock, and leaves when the time is over."""
 
-    def __init__(self, lasts_real_s: float) -> None:
+    def __init__(self, lasts_real_s: float, processor: set[int]) -> None:
         self._lasts_s = lasts_real_s
+        self._processor = processor
         self._began_s: float | None = None
         self._cpu_began_s = 0.0
         self._late_ms: list[float] = []
@@ -179,6 +180,7 @@ class _Watch:
             os.kill(os.getpid(), signal.SIGINT)
 
     def confirm(self, question: str) -> bool:  # noqa: ARG002 - the console's signature
+        os.sched_setaffinity(0, self._processor)
         self._began_s, self._cpu_began_s = time.perf_counter(), time.process_time()
         return True
 
@@ -239,8 +241,8 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
     ]  # fmt: skip
     said = (
         "One flight for each number of simulated ArduPilot vehicles, from the take-off on, with everything that "
-        "`faultline fly` does but the drawing on a terminal. The executor may use one core; the simulation has the "
-        f"others. At {flights[0].speedup:g} times real time, so that a second of the computer's holds as many of the "
+        "`faultline fly` does but the drawing on a terminal. The executor may use one core; the simulation and the "
+        f"planner's process have the others. At {flights[0].speedup:g} times real time, so that a second of the computer's holds as many of the "
         "flight's; a core's share is for real time. `times pymavlink alone` is the executor's processor time over what "
         "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
         f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took."
