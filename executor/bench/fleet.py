@@ -242,8 +242,9 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
     said = (
         "One flight for each number of simulated ArduPilot vehicles, from the take-off on, with everything that "
         "`faultline fly` does but the drawing on a terminal. The executor may use one core; the simulation and the "
-        f"planner's process have the others. At {flights[0].speedup:g} times real time, so that a second of the computer's holds as many of the "
-        "flight's; a core's share is for real time. `times pymavlink alone` is the executor's processor time over what "
+        f"planner's process have the others. At {flights[0].speedup:g} times real time, so that a second of the "
+        "computer's holds as many of the flight's; a core's share is for real time. `times pymavlink alone` is the "
+        "executor's processor time over what "
         "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
         f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took."
     )
