@@ -37,13 +37,19 @@ def depot_of(run: Path) -> Place:
     return depot["lat_deg"], depot["lon_deg"]
 
 
-def positions_of(log: Path, depot_deg: Place) -> np.ndarray:
+def logs_of(run: Path, name: str) -> list[Path]:
+    """A vehicle's telemetry, part by part; each start of the ground station begins one."""
+    parts = sorted(run.glob(f"{name}-*.tlog"), key=lambda part: int(part.stem.removeprefix(f"{name}-")))
+    return [run / f"{name}.tlog", *parts]
+
+
+def positions_of(logs: list[Path], depot_deg: Place) -> np.ndarray:
     """(n, 4): seconds by the vehicle's clock, east, north, height; by a flat-earth formula about the depot."""
     rows = []
     latitude = math.radians(depot_deg[0])
     north_m = 111132.954 - 559.822 * math.cos(2 * latitude) + 1.175 * math.cos(4 * latitude)
     east_m = 111412.84 * math.cos(latitude) - 93.5 * math.cos(3 * latitude)
-    for _, message in messages(log, "GLOBAL_POSITION_INT"):
+    for _, message in (one for log in logs for one in messages(log, "GLOBAL_POSITION_INT")):
         rows.append((
             message.time_boot_ms / 1e3,
             (message.lon / 1e7 - depot_deg[1]) * east_m,
@@ -86,7 +92,7 @@ def wrongly_counted(run: Path, report: dict[str, object], *, speed_m_s: float = 
     for vehicle in report["vehicles"]:  # type: ignore[attr-defined]
         if not vehicle["segments"]:
             continue
-        positions = positions_of(run / f"{vehicle['name']}.tlog", depot)
+        positions = positions_of(logs_of(run, vehicle["name"]), depot)
         wrong += [
             (vehicle["name"], one)
             for one in vehicle["segments"]

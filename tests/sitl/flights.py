@@ -131,7 +131,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     binary = autopilot.binary
     if not binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
-    site = _site(autopilot, story)
+    site = site_of(autopilot, story)
     ground = build.ground_of(site, folder)
     plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
     order = Order(site, folder, ground, plan, folder / "run", lambda _: ())
@@ -150,7 +150,8 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     return Flown(order.run, report, "\n".join(console.lines), console.struck_s, console.lifted_s, tuple(modes))
 
 
-def _site(autopilot: Autopilot, story: Story) -> Site:
+def site_of(autopilot: Autopilot, story: Story) -> Site:
+    """Return the site of a story."""
     return check_site(
         {
             "network": {"file": "default", "radius_m": story.radius_m},

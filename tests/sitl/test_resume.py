@@ -1,0 +1,62 @@
+"""The ground station is killed while real autopilots fly, and takes the flight up again."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from executor import build
+from tests.e2e.flights import called, log_lines, said_in
+from tests.e2e.judge import wrongly_counted
+from tests.sitl.flights import SPEEDUP, Story, site_of
+from tests.sitl.real import ARDUPILOT, PX4, Autopilot, Wanted, running
+
+pytestmark = [pytest.mark.sitl, pytest.mark.timeout(900)]
+
+AWAY_S = 20.0
+"""Of the flight, with nobody there."""
+NO_FAILSAFE = {ARDUPILOT: {"FS_GCS_ENABLE": 0.0}, PX4: {"NAV_DLL_ACT": 0.0}}
+"""They fly on unseen."""
+
+
+async def flown_with_a_death(site: Path, run: Path) -> dict[str, Any]:
+    """Fly, kill the ground station in mid-flight, and take the flight up again; returns the report."""
+    async with called("fly", str(site), "--yes", "--run", str(run)) as flight:
+        await said_in(flight.stderr, "uav1: flies its mission", "uav2: flies its mission", "uav3: flies its mission")
+        await asyncio.sleep(60.0 / SPEEDUP)
+        flight.kill()
+        await flight.wait()
+    await asyncio.sleep(AWAY_S / SPEEDUP)
+    async with called("resume", str(run), "--yes", "--json") as process:
+        out, err = await process.communicate()
+    assert process.returncode == 0, err.decode()
+    report: dict[str, Any] = json.loads(out)
+    return report
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
+def test_killed_in_flight(autopilot: Autopilot, tmp_path: Path) -> None:
+    if not autopilot.binary:
+        pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
+    story = Story(settings=NO_FAILSAFE[autopilot])
+    content = site_of(autopilot, story)
+    site, run = tmp_path / "site.toml", tmp_path / "run"
+    site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
+    ground = build.ground_of(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in build.setup_of(ground).pads}
+    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
+    with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted):
+        report = asyncio.run(flown_with_a_death(site, run))
+    said = [line["said"] for line in log_lines(run) if "said" in line]
+    assert report["finished"], said
+    assert report["faults"] == [], said
+    assert report["segments_inspected"] == report["segments_total"]
+    assert [absence["restarted"] for absence in report["absences"]] == [True]
+    unseen = [one for one in wrongly_counted(run, report) if one[1] not in report["inferred"]]
+    assert unseen == [], said
+    assert all(vehicle["landed"] for vehicle in report["vehicles"]), said
