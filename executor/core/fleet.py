@@ -333,15 +333,18 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         state = state.put(replace(vehicle, board=board))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {to_go} segments to go"))
-        if mission.fresh:
-            state, start = _start(state, state.vehicles[vehicle.name], now_s)
-            commands.append(start)
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(replace(vehicle, stubborn=True))
         text = f"{vehicle.name}: could not be given its new mission ({event.reason}); planning around it"
         commands.append(Say(Level.WARNING, text))
         state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
+    if mission.fresh and event.accepted:
+        state, start = _start(state, state.vehicles[vehicle.name], now_s)
+        commands.append(start)
+    elif vehicle.stage is Stage.STARTING and not event.mixed:
+        state, more = _started_again(state, state.vehicles[vehicle.name], now_s)
+        commands.extend(more)
     state = replace(state, replan=plan)
     if event.mixed and not event.accepted and not mission.fresh:
         state, more = declare(
@@ -355,6 +358,15 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         commands.extend(more)
     state, more = replanning.ended_if_done(state, now_s)
     return state, (*commands, *more)
+
+
+def _started_again(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
+    if vehicle.took_off:
+        vehicle = replace(moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s)
+        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+    state, start = _start(state, vehicle, now_s)
+    return state, (start,)
 
 
 def _finish(context: Context, state: FleetState) -> Stepped:

@@ -190,6 +190,8 @@ class Story:
     """What becomes of a vehicle's starts, in turn; then they succeed."""
     upload_results: dict[str, list[UploadEnded]] = field(default_factory=dict)
     """What becomes of a vehicle's uploads, in turn; then they succeed."""
+    start_s: dict[str, float] = field(default_factory=dict)
+    """How long a vehicle's first start takes; others take two seconds."""
     now_s: float = 10.0
     state: FleetState = field(init=False)
     crafts: dict[str, Craft] = field(init=False)
@@ -199,6 +201,7 @@ class Story:
     ticking: bool = True
     _due: list[tuple[float, int, Later]] = field(default_factory=list)
     _count: int = 0
+    _talk: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Put everybody on the pad."""
@@ -326,8 +329,12 @@ class Story:
     def _carry_out(self, command: Command) -> None:
         match command:
             case Start(name):
-                self.later(2.0, lambda: self._started(name))
-            case Upload():
+                talk = self._talks(name)
+                self.later(
+                    self.start_s.pop(name, 2.0), lambda: self._started(name) if self._talk[name] == talk else None
+                )
+            case Upload(name):
+                self._talks(name)
                 self.later(self.upload_s, lambda: self._uploaded(command))
             case SendHome(name):
                 self.later(0.4, lambda: self._returned(name))
@@ -339,6 +346,11 @@ class Story:
                 self.over = True
             case Say() | CancelSolve():
                 pass
+
+    def _talks(self, name: str) -> int:
+        """Begin to talk with a vehicle; what was being said to it before is broken off."""
+        self._talk[name] = self._talk.get(name, 0) + 1
+        return self._talk[name]
 
     def _started(self, name: str) -> Event | None:
         planned = self.start_results.get(name)

@@ -265,6 +265,24 @@ def test_a_start_that_fails_is_tried_again() -> None:
     assert flight.said(Level.WARNING) == ["uav2: did not start (arm: denied); trying again"] * 2
 
 
+@pytest.mark.parametrize("airborne", [False, True])
+def test_a_start_that_a_new_mission_breaks_off_is_gone_on_with(airborne: bool) -> None:
+    """It waits until it may arm while another is lost; or it is in the air, and its confirmation is still to come."""
+    flight = Story(FLEET.context, dict(FLEET.boards), start_s={"uav3": 300.0})
+    flight.launch()
+    if airborne:
+        flight.pass_s(2.0)
+        flight.crafts["uav3"].begin()
+    flight.run(lambda: flight.inspecting("uav2", 2))
+    assert flight.stage("uav3") is Stage.STARTING
+    flight.crafts["uav2"].battery_pct -= 30.0
+    flight.finish()
+    assert [upload.vehicle for upload in flight.uploads()].count("uav3") == 1
+    assert flight.given(Start).count(Start("uav3")) == (1 if airborne else 2)
+    assert set(flight.state.inspected) == EVERYTHING
+    assert flight.stage("uav3") is Stage.LANDED
+
+
 def test_a_vehicle_that_never_starts_is_planned_around() -> None:
     flight = Story(FLEET.context, dict(FLEET.boards))
     flight.start_results["uav2"] = [StartEnded("uav2", accepted=False, reason="arm: denied")] * 3
