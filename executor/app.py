@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import signal
-from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, nullcontext, suppress
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
+from contextlib import (
+    AbstractAsyncContextManager,
+    AsyncExitStack,
+    asynccontextmanager,
+    contextmanager,
+    nullcontext,
+    suppress,
+)
 from dataclasses import dataclass
 
 from executor import build, serving
@@ -97,10 +105,14 @@ async def _fly(
     found += await _load(context, links, clock, boards, console)
     said = Said(facts, found)
     write_json(run / "vehicles.json", vehicles_of(context, said))
-    if not console.confirm("All missions are on board and read back. Take off?"):
-        raise PreflightFailed("the operator did not say yes; nothing has moved")
-    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
-    return await supervise(order, console, Cockpit(context, fleet.initial(boards), links, clock, log, solver, said))
+    path = run / "events.jsonl"
+    log = EventLog(path, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
+    seat = Cockpit(context, fleet.initial(boards), links, clock, log, solver, said)
+    try:
+        return await supervise(order, console, seat)
+    except PreflightFailed:
+        path.unlink()  # there is nothing to be taken up again
+        raise
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +130,10 @@ class Cockpit:
 
 
 async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reopened | None = None) -> Flown:
-    """Fly to the end and report; `reopened` for a flight that is taken up again.
+    """Ask, fly to the end and report; `reopened` for a flight that is taken up again, where nobody is asked.
 
     Raises:
+        PreflightFailed: the operator did not say yes.
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
@@ -130,9 +143,12 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
         publication.plan(seat.state.revision, in_force(order, seat.state.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
-        with serving.page(order.site.web, flight, clock, console), _Interrupts(flight, console) as left:
-            async with _published(publication, flight, keeper, clock), _beside(keep_judging(flight, seat.solver)):
-                await flight.run(reopened, order.site.flight.connect_timeout_s)
+        async with serving.page(order.site.web, flight, clock, console):
+            with _settled_memory(), _Interrupts(flight, console) as left:
+                if reopened is None and not console.confirm("All missions are on board and read back. Take off?"):
+                    raise PreflightFailed("the operator did not say yes; nothing has moved")
+                async with _published(publication, flight, keeper, clock), _beside(keep_judging(flight, seat.solver)):
+                    await flight.run(reopened, order.site.flight.connect_timeout_s)
     finally:
         console.done()
         seat.log.close()
@@ -152,6 +168,17 @@ def _published(
         accept=lambda intent: flight.apply(IntentReceived(intent)),
         tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
     )
+
+
+@contextmanager
+def _settled_memory() -> Iterator[None]:
+    """Keep the collector of cycles away from what was there before the flight: one look at all of it takes 80 ms."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 @asynccontextmanager

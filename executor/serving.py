@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, asynccontextmanager
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
 from executor.config import WebTable
 from executor.core.commands import Level
-from executor.core.intents import Intent, IntentRecord
+from executor.core.intents import Intent, IntentRecord, Outcome
+from executor.core.refusals import NOT_BEGUN
 from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, SiteError
 from executor.runtime.flight import Flight
@@ -30,13 +31,14 @@ class Console(Protocol):
 
 
 def check(table: WebTable) -> None:
-    """Check what the environment must hold, before anything is connected.
+    """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
 
     Raises:
         SiteError: the token is missing or too short.
     """
     if table.enabled:
         _token(table)
+        import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
 
 
 def _token(table: WebTable) -> str | None:
@@ -56,9 +58,12 @@ def _token(table: WebTable) -> str | None:
     return value
 
 
-@contextmanager
-def page(table: WebTable, flight: Flight, clock: SystemClock, console: Console) -> Iterator[None]:
-    """Serve the page; a flight goes on without it where it cannot be served."""
+@asynccontextmanager
+async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Console) -> AsyncIterator[None]:
+    """Serve the page; a flight goes on without it where it cannot be served.
+
+    It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
+    """
     if not table.enabled:
         yield
         return
@@ -73,16 +78,24 @@ def page(table: WebTable, flight: Flight, clock: SystemClock, console: Console) 
         return flight.ask(intent)
 
     def submit(intent: Intent) -> Future[IntentRecord]:
+        if flight.state.launched_s is None:
+            refused = Future[IntentRecord]()
+            refused.set_result(IntentRecord(intent, Outcome.REFUSED, NOT_BEGUN, clock.now_s()))
+            return refused
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
     token = _token(table)
     server = WebServer(WebSettings(table.host, table.port, token, frozenset(table.names)), flight.context, now, submit)
-    with ExitStack() as stack:
-        try:
-            stack.enter_context(server)
-        except ConnectionFailed as error:
-            console.say(Level.WARNING, f"{error}; the flight goes on without its page")
-        else:
-            shown = f"{server.address}?token=${table.token_env}" if token is not None else server.address
-            console.say(Level.INFO, f"page: {shown}")
+    stack = ExitStack()
+    try:
+        await asyncio.to_thread(stack.enter_context, server)
+    except ConnectionFailed as error:
+        console.say(Level.WARNING, f"{error}; the flight goes on without its page")
         yield
+        return
+    try:
+        shown = f"{server.address}?token=${table.token_env}" if token is not None else server.address
+        console.say(Level.INFO, f"page: {shown}")
+        yield
+    finally:
+        await asyncio.to_thread(stack.close)

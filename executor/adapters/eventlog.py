@@ -6,6 +6,7 @@ is an object with its class name under ``kind``, a tuple is a list.
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import json
 import os
@@ -25,6 +26,9 @@ MOST_WAITING = 50_000
 """Lines, of about 200 bytes: a quarter of an hour of four vehicles."""
 LONGEST_PAUSE_S = 30.0
 """Of the flight; a tick comes every fifth of a second, or every fiftieth of a real one."""
+DISK_S = 1.0
+"""Real seconds that an order waits for the disk: a decision that only a power loss could take back must not wait for
+ever. A disk that is well takes some milliseconds."""
 GAP = "lines_lost"
 """The key of a note in the place of lines that nobody could write."""
 
@@ -128,6 +132,11 @@ class EventLog:
         """Lines that could not be written yet; of the first a part may have been."""
         self._dropped = 0
         """Lines that were given up since the last one that was kept."""
+        self._written = self._synced = 0
+        """Lines so far, and how many of them the disk is known to hold."""
+        self._syncing: asyncio.Task[None] | None = None
+        """At most one thread waits for the disk."""
+        self._slow = False
         new = os.O_CREAT | os.O_EXCL if began_unix_s is not None else 0
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | new, 0o644)
@@ -146,10 +155,37 @@ class EventLog:
         """Append a line that replay passes over: what was decided, in words."""
         self._write({"t_s": now_s, **fields})
 
-    def sync(self) -> None:
-        """See that all of it outlives a power loss: called before a decision reaches a vehicle."""
-        with suppress(OSError):
-            os.fdatasync(self._fd)
+    async def settle(self) -> None:
+        """Wait until all of it outlives a power loss: no decision reaches a vehicle before.
+
+        A disk may take its time, or hang: the loop goes on meanwhile, and so does who waits, after `DISK_S`.
+        """
+        wanted = self._written
+        with suppress(TimeoutError):
+            async with asyncio.timeout(DISK_S):
+                while self._synced < wanted:
+                    if self._syncing is None:
+                        self._syncing = asyncio.create_task(self._sync())
+                    await asyncio.shield(self._syncing)
+        self._say_slow(slow=self._synced < wanted)
+
+    async def _sync(self) -> None:
+        until = self._written
+        try:
+            await asyncio.to_thread(_to_disk, self._fd)
+            self._synced = until
+        finally:
+            self._syncing = None
+
+    def _say_slow(self, *, slow: bool) -> None:
+        if slow is self._slow:
+            return
+        self._slow = slow
+        self._told(
+            f"the disk takes longer than {DISK_S:g} s to write the event log: orders no longer wait for it"
+            if slow
+            else "the disk writes the event log in time again"
+        )
 
     def close(self) -> None:
         """Close the file."""
@@ -178,6 +214,7 @@ class EventLog:
             self._waiting.append(json.dumps({"t_s": line.get("t_s", 0.0), GAP: self._dropped}).encode() + b"\n")
             self._dropped = 0
         self._waiting.append(data)
+        self._written += 1
         self._flush()
         if bool(self._waiting) is not stuck:
             lost = f"; {self.lost} lines are lost" if self.lost else ""
@@ -195,6 +232,11 @@ class EventLog:
                 self._waiting[0] = self._waiting[0][written:]
                 return
             self._waiting.popleft()
+
+
+def _to_disk(fd: int) -> None:
+    with suppress(OSError):
+        os.fdatasync(fd)
 
 
 def _whole_bytes(path: Path) -> int:

@@ -167,7 +167,8 @@ class _Watch:
         while True:
             asked_s = time.perf_counter()
             await asyncio.sleep(WATCH_S)
-            if self._began_s is not None and not self._ended:
+            # What the loop was blocked for before the operator's yes is no part of the flight.
+            if self._began_s is not None and asked_s >= self._began_s and not self._ended:
                 now_s = time.perf_counter()
                 self._late_ms.append(1e3 * (now_s - asked_s - WATCH_S))
                 self._look(now_s - self._began_s)

@@ -114,6 +114,3 @@ class Finish:
 
 
 Command = Say | Upload | Start | SendHome | Hold | Resume | LandNow | Solve | CancelSolve | Finish
-
-ORDERS = (Upload, Start, SendHome, Hold, Resume, LandNow)
-"""What reaches a vehicle: the log must outlive a power loss before any of it is carried out."""

@@ -95,8 +95,8 @@ class EventSink(Protocol):
         """Append one event."""
         ...
 
-    def sync(self) -> None:
-        """See that everything written outlives a power loss."""
+    async def settle(self) -> None:
+        """Wait until everything written outlives a power loss, or the disk has had its time."""
         ...
 
 

@@ -19,6 +19,7 @@ PAD_M = 4.0
 """Nearer to somebody else's pad than this nobody lands."""
 LEAST_SPARE_PCT = 5.0
 """A battery with less than this over the reserve brings nobody back into the plan."""
+NOT_BEGUN = "the flight has not begun"
 _ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 
 
@@ -27,7 +28,7 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     if state.finished:
         return "the flight is over"
     if state.launched_s is None:
-        return "the flight has not begun"
+        return NOT_BEGUN
     if intent.action in FOR_ALL:
         if intent.vehicle is not None:
             return f"{intent.action.value} concerns everybody; expected no vehicle"

@@ -95,8 +95,6 @@ class Flight:
         self._sink.write(event, now_s)
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
         self._observer.applied(event, self.state, now_s)
-        if any(isinstance(command, commands.ORDERS) for command in decided):
-            self._sink.sync()
         for command in decided:
             self._observer.decided(command, now_s)
             self._carry_out(command, now_s)
@@ -180,9 +178,18 @@ class Flight:
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
-        task = self._spawn(work, vehicle)
+        task = self._spawn(self._settled(work), vehicle)
         if task is not None:
             self._jobs[vehicle] = task
+
+    async def _settled(self, work: Coroutine[None, None, None]) -> None:
+        """Tell a vehicle something once the decision is on record and outlives a power loss."""
+        try:
+            await self._sink.settle()
+        except BaseException:
+            work.close()
+            raise
+        await work
 
     async def _upload(self, command: commands.Upload) -> None:
         dialect = self.context.vehicles[command.vehicle].dialect

@@ -179,6 +179,18 @@ async def heartbeat_on(port: int) -> Any:
                         return message
 
 
+async def test_without_a_yes_nothing_moves(tmp_path: Path) -> None:
+    simulate, fly, _, truth = await started(tmp_path, speedup=30.0)
+    async with called(*simulate), called(*(one for one in fly if one != "--yes")) as flight:
+        _, err = await ended(flight)
+    assert flight.returncode == 2
+    assert "page: http://" in err  # where the plan could be looked at
+    assert "Take off?" not in err  # nobody is there to be asked
+    assert err.rstrip().endswith("the operator did not say yes; nothing has moved")
+    assert not read_truths(truth)
+    assert not (tmp_path / "run" / "events.jsonl").exists()
+
+
 async def test_ctrl_c_once_leaves_the_vehicles_on_their_missions(tmp_path: Path) -> None:
     simulate, fly, ports, truth = await started(tmp_path, speedup=5.0)
     async with called(*simulate) as simulation:

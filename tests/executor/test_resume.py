@@ -64,7 +64,7 @@ class Diary:
             else:
                 self.log.note(at_s, command=to_plain(command))
 
-    def sync(self) -> None:
+    async def settle(self) -> None:
         """Nothing here outlives a power loss."""
 
 

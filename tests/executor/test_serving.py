@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 
 import httpx
 import pytest
@@ -12,6 +13,7 @@ from executor.adapters.clock import SystemClock
 from executor.config import WebTable, check_site
 from executor.core.commands import Level
 from executor.core.fleet import initial
+from executor.core.intents import Action, Intent
 from executor.core.state import FleetState
 from executor.errors import SiteError
 from executor.runtime.flight import Flight, Observer
@@ -41,17 +43,17 @@ class Nowhere:
     def write(self, event: object, now_s: float) -> None:
         pass
 
-    def sync(self) -> None:
+    async def settle(self) -> None:
         pass
 
 
-def flight_of(clock: SystemClock) -> Flight:
+def flight_of(clock: SystemClock, launched_s: float | None = None) -> Flight:
     ready = fleet_of()
 
     def nothing(*_: object) -> None:
         pass
 
-    state: FleetState = initial(dict(ready.boards))
+    state: FleetState = replace(initial(dict(ready.boards)), launched_s=launched_s)
     return Flight(ready.context, state, {}, clock, Nowhere(), FakeSolver(), Observer(nothing, nothing))
 
 
@@ -95,27 +97,48 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
     token = "0123456789abcdef"  # noqa: S105 - of this test alone
     monkeypatch.setenv(VARIABLE, token)
     clock, lines = SystemClock(1.0), Lines()
-    flight = flight_of(clock)
-    with serving.page(WebTable(token_env=VARIABLE), flight, clock, lines):
+    flight = flight_of(clock, launched_s=0.0)
+    async with serving.page(WebTable(token_env=VARIABLE), flight, clock, lines):
         [line] = lines.lines
         assert line.endswith(f"/?token=${VARIABLE}")
         address = line.removeprefix("page: ").partition("?")[0]
         async with httpx.AsyncClient(base_url=address) as client:
-            body = {"id": "w1", "action": "abort"}
+            body = {"id": "w1", "action": "hold"}
             assert (await client.post("/intents", json=body)).status_code == 401
             client.headers["authorization"] = f"Bearer {token}"
             answer = await client.post("/intents", json=body)
-            assert answer.json()["text"] == "the flight has not begun"
+            assert answer.json()["text"].startswith("hold needs a vehicle")
             assert set(flight.state.intents) == {"w1"}
+
+
+def looked_at(address: str) -> tuple[list[list[int]], httpx.Response]:
+    """Look at the page and ask for something, and block whoever calls."""
+    with httpx.Client(base_url=address, timeout=10.0) as client:
+        routes = [vehicle["route"]["segments"] for vehicle in client.get("/chart").json()["vehicles"]]
+        return routes, client.post("/intents", json={"id": "w1", "action": "abort"})
+
+
+@pytest.mark.asyncio
+async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() -> None:
+    """The operator is being asked: the flight's loop stands still, and nothing asked now may happen after the yes."""
+    clock, lines = SystemClock(1.0), Lines()
+    flight = flight_of(clock)
+    async with serving.page(WebTable(), flight, clock, lines):
+        routes, answer = looked_at(lines.lines[0].removeprefix("page: "))
+    assert routes == [[0, 1], [2, 3], [4, 5]]
+    assert (answer.status_code, answer.json()["text"]) == (409, "the flight has not begun")
+    assert flight.state.intents == {}
+    flight.ask(Intent("w2", Action.ABORT, None, "terminal"))
+    assert flight.state.intents["w2"].text == "the flight has not begun"
 
 
 @pytest.mark.asyncio
 async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock)
-    with serving.page(WebTable(), flight, clock, lines):
+    async with serving.page(WebTable(), flight, clock, lines):
         port = int(lines.lines[0].rstrip("/").rpartition(":")[2])
-        with serving.page(WebTable(port=port), flight, clock, lines):
+        async with serving.page(WebTable(port=port), flight, clock, lines):
             await asyncio.sleep(0)
     assert lines.lines[1].endswith("the flight goes on without its page")
 
@@ -124,5 +147,5 @@ async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
 async def test_a_page_that_is_not_wanted_is_not_there() -> None:
     lines = Lines()
     clock = SystemClock(1.0)
-    with serving.page(WebTable(enabled=False), flight_of(clock), clock, lines):
+    async with serving.page(WebTable(enabled=False), flight_of(clock), clock, lines):
         assert lines.lines == []

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
+import os
+import threading
 import typing
 from enum import Enum
 from pathlib import Path
@@ -11,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from executor.adapters import eventlog
 from executor.adapters.eventlog import FORMAT, EventLog, from_plain, read_events, to_plain
 from executor.core import fleet
 from executor.core.commands import Command
@@ -268,3 +272,46 @@ def test_a_log_of_a_newer_version_is_refused(tmp_path: Path) -> None:
         LogError, match="expected a log of format faultline-events/1, got faultline-events/2, written by"
     ):
         list(read_events(path, lambda _: None))
+
+
+@pytest.mark.asyncio
+async def test_who_waits_for_the_disk_waits_once_for_all_that_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fdatasync", lambda fd: synced.append(os.fstat(fd).st_size))
+    path = tmp_path / "events.jsonl"
+    log = EventLog(path, began_unix_s=0.0, speedup=1.0)
+    log.write(Tick(), 1.0)
+    await asyncio.gather(log.settle(), log.settle())
+    await log.settle()
+    assert synced == [path.stat().st_size]
+    log.write(Tick(), 2.0)
+    await log.settle()
+    assert synced[1:] == [path.stat().st_size]
+    log.close()
+
+
+@pytest.mark.asyncio
+async def test_a_disk_that_hangs_holds_nobody_up_for_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    works, began, told = threading.Event(), list[int](), list[str]()
+
+    def hang(fd: int) -> None:
+        began.append(fd)
+        works.wait(60.0)
+
+    monkeypatch.setattr(os, "fdatasync", hang)
+    monkeypatch.setattr(eventlog, "DISK_S", 0.05)
+    log = EventLog(tmp_path / "events.jsonl", began_unix_s=0.0, speedup=1.0, told=told.append)
+    try:
+        for now_s in (1.0, 2.0):
+            log.write(Tick(), now_s)
+            await log.settle()
+        assert len(began) == 1  # only one thread hangs with it
+        assert told == ["the disk takes longer than 0.05 s to write the event log: orders no longer wait for it"]
+    finally:
+        works.set()
+    monkeypatch.setattr(eventlog, "DISK_S", 60.0)
+    await log.settle()
+    assert told[1:] == ["the disk writes the event log in time again"]
+    log.close()

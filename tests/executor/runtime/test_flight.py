@@ -46,7 +46,10 @@ class Sky:
         }
         self.said: list[Say] = []
         self.written: list[Event] = []
-        self.applied = self.synced = 0
+        self.applied = 0
+        self.disk = asyncio.Event()
+        """Set while the disk takes what is written."""
+        self.disk.set()
         self._news = asyncio.Event()
         self.flight = Flight(
             context, fleet.initial(dict(ready.boards)), self.links, self.clock, self, self.solver,
@@ -58,9 +61,9 @@ class Sky:
         assert len(self.written) == self.applied, "an event is written when the one before it has been applied"
         self.written.append(event)
 
-    def sync(self) -> None:
-        """Note that what is written is kept before a vehicle is told anything."""
-        self.synced = len(self.written)
+    async def settle(self) -> None:
+        """Wait for the disk."""
+        await self.disk.wait()
 
     def _applied(self, event: Event, state: FleetState, now_s: float) -> None:
         assert self.written[-1] is event
@@ -125,6 +128,20 @@ async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
     assert not sky.flyers["uav3"].armed
     assert sky.state.separation is not None
     assert sky.state.separation.least_m >= 5.0
+
+
+async def test_no_vehicle_is_told_what_the_disk_does_not_hold_yet_and_everybody_is_heard_meanwhile() -> None:
+    async with flying(fleet_of(), LOSSY) as (sky, _):
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        counts = {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()}
+        sky.disk.clear()
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: sky.state.replan is not None and sky.state.replan.solve_s is not None)
+        applied = sky.applied
+        await sky.until(lambda: sky.applied > applied + 50)
+        assert {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()} == counts
+        sky.disk.set()
+    assert set(sky.state.inspected) == set(range(6))
 
 
 async def test_in_flight_no_item_is_flagged_and_the_index_stands() -> None:
