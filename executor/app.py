@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import shutil
 import signal
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
 from contextlib import (
@@ -154,7 +155,10 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
         seat.log.close()
     frames = {name: link.counts for name, link in links.items()}
     report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, seat.said)
-    write_json(order.run / "report.json", report)
+    try:
+        write_json(order.run / "report.json", report)
+    except OSError as error:
+        console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
     return Flown(report, context, bool(left))
 
 
@@ -270,7 +274,11 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
     own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
     context = build.context_of(ground, setup, task, plan, own)
     boards = _boards(context, build.routes_of(ground, task, plan))
-    return context, boards, checklist(order.site, order.plan, context, facts, own, boards)
+    return (
+        context,
+        boards,
+        checklist(order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free),
+    )
 
 
 def _setup(ground: Ground, facts: Mapping[str, Facts]) -> FlightSetup:

@@ -20,6 +20,7 @@ def checklist(
     facts: Mapping[str, Facts],
     own: Mapping[str, LinkFailsafe],
     boards: Mapping[str, OnBoard | None],
+    free_bytes: int,
 ) -> list[Check]:
     """Return what was found.
 
@@ -30,12 +31,14 @@ def checklist(
         facts: What each vehicle said.
         own: What each vehicle does by itself when it does not hear us.
         boards: The first mission of each vehicle.
+        free_bytes: On the disk that takes the record.
     """
     found: list[Check] = [Check(Severity.OK, "heights", f"over {context.setup.layers.reference.value}")]
     if site.signing is not None:
         found.append(Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused"))
-    paths = [board.path for board in boards.values() if board is not None]
-    found += preflight.separation(paths, site.inspection.layer_m, context.setup.home_alt_m)
+    paths = {name: board.path for name, board in boards.items() if board is not None}
+    found.append(preflight.disk(free_bytes, paths, context))
+    found += preflight.separation(list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m)
     for name, fact in facts.items():
         setup, board = context.vehicles[name], boards[name]
         path = board.path if board is not None else None

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -71,6 +72,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(f"{said} See --help.", 2)
     except (KeyboardInterrupt, typer.Abort):
         _fail("interrupted", INTERRUPTED)
+    except OSError as error:
+        if error.filename is None:
+            _internal(error)
+        _fail(f"{error.filename}: {error.strerror}", 2)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
         _internal(error)
     raise SystemExit(code or 0)
@@ -79,7 +84,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _internal(error: BaseException) -> NoReturn:
     """Keep a mistake of ours where it can be reported, and say one line."""
     path = Path(tempfile.gettempdir()) / "faultline-error.txt"
-    path.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    with suppress(OSError):
+        path.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
     _fail(f"internal error: {type(error).__name__}: {error}; please report it with {path}", INTERNAL)
 
 

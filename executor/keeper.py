@@ -5,18 +5,21 @@ from __future__ import annotations
 from contextlib import suppress
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import EventLog, to_plain
+from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.solver import REPLAN_COST
 from executor.build import Ground
-from executor.core.commands import Command, Say, Solve
+from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
-from executor.core.events import Event, SolveEnded
+from executor.core.events import Event, SolveEnded, Tick
 from executor.core.state import FleetState
 from executor.order import Console, Order
 from executor.publishing import Publication
 from executor.runtime.flight import Observer
 from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
 from planner import Plan, Route, Vehicle
+
+CLOCK_SET_S = 2.0
+"""Less than this a clock drifts, or is corrected, without that anybody set it."""
 
 
 class Keeper:
@@ -39,6 +42,7 @@ class Keeper:
         self._log = log
         self._clock = clock
         self._solve: Solve | None = None
+        self._set_s = clock.set_s()
 
     def observer(self) -> Observer:
         """Return what the flight tells of itself."""
@@ -65,6 +69,8 @@ class Keeper:
 
     def applied(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
+        if isinstance(event, Tick):
+            self._look_at_the_clock(now_s)
         if state.replan is not None:
             self._solve = state.replan.solve
         if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
@@ -72,6 +78,18 @@ class Keeper:
         self._console.show(self._context, state, now_s)
         if self._publication is not None:
             self._publication.applied(event, state)
+
+    def _look_at_the_clock(self, now_s: float) -> None:
+        """Write down that the time of day was set: the flight does not go by it, but whoever takes it up again does."""
+        set_s = self._clock.set_s()
+        by_s = set_s - self._set_s
+        if abs(by_s) < CLOCK_SET_S:
+            return
+        self._set_s = set_s
+        self._log.note(now_s, **{CLOCK_SET: by_s})
+        way = "forward" if by_s > 0 else "back"
+        text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
+        self.told(Say(Level.WARNING, text), now_s)
 
     def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
         if solve.revision != event.revision:

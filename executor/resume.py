@@ -12,7 +12,7 @@ from pathlib import Path
 
 from executor import app, serving
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import EventLog, Head, read_decisions, read_events, read_head, to_plain
+from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
 from executor.adapters.rundir import locked, write_json
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.app import Cockpit, Flown
@@ -54,6 +54,8 @@ class Left:
     """What is wrong with the log."""
     undone: tuple[Command, ...]
     """What was decided last, and is not on record as carried out."""
+    set_s: float = 0.0
+    """By how much the computer's time of day was set in the flight."""
 
 
 def read_left(run: Path) -> Ready | Left:
@@ -79,7 +81,7 @@ def read_left(run: Path) -> Ready | Left:
             replayed += len(latest)
     missing = replayed - sum(1 for _ in read_decisions(path))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
-    return Left(begun, read_head(path), state, last_s, tuple(notes), undone)
+    return Left(begun, read_head(path), state, last_s, tuple(notes), undone, clock_set_s(path))
 
 
 def _launched(run: Path) -> bool:
@@ -120,7 +122,8 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
             return report
     # It died between the end of the flight and its report.
     report = report_of(left.begun.context, left.state, left.last_s, said=_said(run))
-    write_json(run / REPORT, report)
+    with suppress(OSError):  # it is shown all the same
+        write_json(run / REPORT, report)
     return report
 
 
@@ -153,7 +156,7 @@ async def take_up(run: Path, console: Console) -> Flown:
             raise LogError(f"{run}: expected a flight that was launched")
         order = order_of(run, left.begun.ground, left.begun.plan)
         serving.check(order.site.web)
-        clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s)
+        clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s, left.set_s)
         log = EventLog(run / LOG, told=app.telling(console))
         for command in left.undone:
             _note(log, command, left.last_s)

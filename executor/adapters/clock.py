@@ -25,7 +25,7 @@ class SystemClock:
     began_unix_s: float = field(default_factory=time.time)
 
     @classmethod
-    def again(cls, speedup: float, began_unix_s: float, last_s: float) -> Self:
+    def again(cls, speedup: float, began_unix_s: float, last_s: float, set_s: float = 0.0) -> Self:
         """Return the clock of a flight that goes on in a new process, maybe on another computer.
 
         It goes on from where the time of day says that it is, which is the only clock that outlives a process and a
@@ -35,8 +35,9 @@ class SystemClock:
             speedup: Of the flight.
             began_unix_s: Seconds since 1970 at which its time was 0.
             last_s: The last time that is on record.
+            set_s: By how much the time of day is known to have been set since the flight began.
         """
-        now_s = max(last_s, (time.time() - began_unix_s) * speedup)
+        now_s = max(last_s, (time.time() - set_s - began_unix_s) * speedup)
         return cls(speedup, _steady_s() - now_s / speedup, began_unix_s)
 
     def now_s(self) -> float:
@@ -46,6 +47,10 @@ class SystemClock:
     def dated_s(self) -> float:
         """Seconds since 1970 by the time of day at construction and the steady clock since."""
         return self.began_unix_s + self.now_s() / self.speedup
+
+    def set_s(self) -> float:
+        """Seconds by which the time of day was set, or drifted, since construction."""
+        return time.time() - self.dated_s()
 
     def label_usec(self) -> int:
         """Microseconds since 1970 at which this moment would lie had the flight been flown at speed 1."""

@@ -31,6 +31,8 @@ DISK_S = 1.0
 ever. A disk that is well takes some milliseconds."""
 GAP = "lines_lost"
 """The key of a note in the place of lines that nobody could write."""
+CLOCK_SET = "clock_set_s"
+"""The key of a note that the computer's time of day was set, by so many seconds."""
 
 _KINDS: dict[str, type] = {
     name: item
@@ -132,6 +134,8 @@ class EventLog:
         """Lines that could not be written yet; of the first a part may have been."""
         self._dropped = 0
         """Lines that were given up since the last one that was kept."""
+        self._now_s = 0.0
+        """Of the last event."""
         self._written = self._synced = 0
         """Lines so far, and how many of them the disk is known to hold."""
         self._syncing: asyncio.Task[None] | None = None
@@ -149,6 +153,7 @@ class EventLog:
 
     def write(self, event: Event, now_s: float) -> None:
         """Append one event."""
+        self._now_s = now_s
         self._write({"t_s": now_s, "event": to_plain(event)}, spare=isinstance(event, Heard | Tick))
 
     def note(self, now_s: float, **fields: object) -> None:
@@ -181,11 +186,17 @@ class EventLog:
         if slow is self._slow:
             return
         self._slow = slow
-        self._told(
+        self._tell(
             f"the disk takes longer than {DISK_S:g} s to write the event log: orders no longer wait for it"
             if slow
             else "the disk writes the event log in time again"
         )
+
+    def _tell(self, text: str) -> None:
+        """Tell the operator, and write it down where there is room again."""
+        self._told(text)
+        self._waiting.append(json.dumps({"t_s": self._now_s, "told": text, "level": "warning"}).encode() + b"\n")
+        self._flush()
 
     def close(self) -> None:
         """Close the file."""
@@ -219,7 +230,7 @@ class EventLog:
         if bool(self._waiting) is not stuck:
             lost = f"; {self.lost} lines are lost" if self.lost else ""
             trouble = "the event log cannot be written: is the disk full? What happens is kept in memory"
-            self._told(trouble if self._waiting else f"the event log is written again{lost}")
+            self._tell(trouble if self._waiting else f"the event log is written again{lost}")
 
     def _flush(self) -> None:
         """Write what waits, as far as there is room."""
@@ -267,6 +278,17 @@ def read_head(path: Path) -> Head:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
+
+
+def clock_set_s(path: Path) -> float:
+    """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
+    total_s = 0.0
+    with path.open("rb") as file:
+        for line in file:
+            if CLOCK_SET.encode() in line:
+                with suppress(ValueError, TypeError, AttributeError):
+                    total_s += float(json.loads(line).get(CLOCK_SET, 0.0))
+    return total_s
 
 
 def _expect_format(path: Path, line: bytes) -> dict[str, Any]:

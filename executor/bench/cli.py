@@ -11,7 +11,7 @@ import typer
 
 from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
-from executor.commands.options import CostName, JsonOption, SecondsOption, SeedOption, SolverName
+from executor.commands.options import CostName, FaultOption, JsonOption, SecondsOption, SeedOption, SolverName
 from planner import Cost
 
 cli = typer.Typer(
@@ -224,17 +224,21 @@ def fleet(
     ] = None,
     minutes: Annotated[float, typer.Option(min=0.1, max=600, help="Of flight, for each number of vehicles.")] = 5.0,
     speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 2.0,
+    fault: FaultOption = None,
     seed: SeedOption = 1,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write fleet.md and fleet.json there.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write fleet.md, fleet.json and fleet.png there.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly simulated fleets and measure the ground station: its work for each vehicle, how long it is blocked, memory.
 
-    The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty.
+    The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty, `--fault uav7:silent@10%` a
+    re-plan for them.
     """
     from executor.bench.fleet import COUNTS, make_fleet
 
-    content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed)
+    content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, faults=fault or ())
     print(json.dumps(content) if as_json else text)
 
 

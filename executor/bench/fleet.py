@@ -1,7 +1,8 @@
 """What a fleet costs the ground station: one flight for each number of vehicles, the executor held to one processor.
 
 Each flight runs the whole executor as `faultline fly` does, in a process of its own that may use one processor; the
-simulated vehicles have the others. Nobody is lost: what is measured is the work of listening, deciding and recording.
+simulated vehicles have the others. What is measured is the work of listening, deciding and recording; with a fault,
+that of re-planning for a fleet, too.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from executor import app as flying
 from executor import build
 from executor.adapters.eventlog import read_head
 from executor.adapters.mavlink.bare import bare_codec_s
+from executor.bench.fleetplot import draw_growth
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import number, page, table
@@ -61,6 +63,8 @@ class Flown:
     events: int
     """In the event log."""
     faults: int
+    """Declared."""
+    replans: int
     cpu_s: float
     """Processor time of the executor's process."""
     codec_s: float
@@ -81,8 +85,10 @@ class Flown:
         return self.memory_mib[-1] - self.memory_mib[len(self.memory_mib) // 4]
 
 
-def measure(counts: Sequence[int], *, minutes: float, speedup: float, seed: int) -> list[Flown]:
-    """Fly once for each number of vehicles.
+def measure(
+    counts: Sequence[int], *, minutes: float, speedup: float, seed: int, faults: Sequence[str] = ()
+) -> list[Flown]:
+    """Fly once for each number of vehicles, with these faults as `faultline simulate` has them.
 
     Raises:
         ExecutorError: a flight that could not begin.
@@ -92,11 +98,11 @@ def measure(counts: Sequence[int], *, minutes: float, speedup: float, seed: int)
         print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
         # A process for each flight: what one leaves behind must not be in the next one's figures.
         with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-            flights.append(pool.submit(fly_one, count, minutes, speedup, seed).result())
+            flights.append(pool.submit(fly_one, count, minutes, speedup, seed, tuple(faults)).result())
     return flights
 
 
-def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
+def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, faults: tuple[str, ...] = ()) -> Flown:
     """Fly one fleet; this runs in a process of its own."""
     with tempfile.TemporaryDirectory(prefix="faultline-fleet-") as folder:
         base, run = Path(folder), Path(folder) / "run"
@@ -110,7 +116,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
         watch = _Watch(minutes * 60.0 / speedup, ours)
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
-        with simulated_fleet(run, (), seed):
+        with simulated_fleet(run, faults, seed):
             flown = asyncio.run(_watched(order, watch))
         began_usec, events = _launched(run / "events.jsonl")
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
@@ -122,6 +128,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int) -> Flown:
             missing=sum(row["frames_missing"] for row in rows),
             events=events,
             faults=len(cast("list[object]", flown.report["faults"])),
+            replans=len(cast("list[object]", flown.report["replans"])),
             cpu_s=watch.cpu_s,
             codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.blocked_ms(),
@@ -223,7 +230,7 @@ def _launched(log: Path) -> tuple[float, int]:
 
 
 COLUMNS = (
-    "vehicles", "minutes", "frames a second", "frames lost", "events", "ms a vehicle and second",
+    "vehicles", "minutes", "faults", "re-plans", "frames a second", "frames lost", "events", "ms a vehicle and second",
     "times pymavlink alone", "of one core, %", "blocked at most, ms", "99.99 %, ms", "memory at a quarter, MiB",
     "at the end, MiB",
 )  # fmt: skip
@@ -233,7 +240,8 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
     """Return the page."""
     rows = [
         (
-            one.vehicles, number(one.minutes), number(one.frames / (60 * one.minutes), 0), one.missing, one.events,
+            one.vehicles, number(one.minutes), one.faults, one.replans, number(one.frames / (60 * one.minutes), 0),
+            one.missing, one.events,
             number(one.cpu_ms, 2), number(one.cpu_s / one.codec_s, 1), number(0.1 * one.cpu_ms * one.vehicles),
             number(one.blocked_ms[2], 0), number(one.blocked_ms[1], 0),
             number(one.memory_mib[len(one.memory_mib) // 4], 0), number(one.memory_mib[-1], 0),
@@ -249,19 +257,30 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
         "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
         f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took."
     )
-    return page("A fleet and its ground station", machine_line(content), said, table(COLUMNS, rows))
+    parts = [machine_line(content), said, table(COLUMNS, rows)]
+    if len(flights) > 1:
+        parts.append("![Processor time, delays of the event loop and memory over the number of vehicles](fleet.png)")
+    return page("A fleet and its ground station", *parts)
 
 
 def make_fleet(
-    counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int
+    counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int, faults: Sequence[str] = ()
 ) -> tuple[dict[str, object], str]:
-    """Measure, and write fleet.md and fleet.json where wanted; returns their content."""
-    flights = measure(counts, minutes=minutes, speedup=speedup, seed=seed)
+    """Measure, and write fleet.md and fleet.json, with a picture of several, where wanted; returns their content."""
+    flights = measure(counts, minutes=minutes, speedup=speedup, seed=seed, faults=faults)
     rows = [asdict(one) | {"cpu_ms": one.cpu_ms, "growth_mib": one.growth_mib} for one in flights]
-    content: dict[str, object] = {"format": "faultline-bench-fleet/1", "machine": machine(), "seed": seed, "rows": rows}
+    content: dict[str, object] = {
+        "format": "faultline-bench-fleet/1",
+        "machine": machine(),
+        "seed": seed,
+        "ordered": list(faults),
+        "rows": rows,
+    }
     text = report_of(flights, machine())
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "fleet.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         (out / "fleet.md").write_text(text, encoding="utf-8")
+        if len(flights) > 1:
+            draw_growth(flights, out / "fleet.png")
     return content, text

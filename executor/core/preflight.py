@@ -14,6 +14,10 @@ from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Posit
 from executor.core.strangers import stranger_words
 from missions import Dialect, FlightPath, Pad, check_separation, estimate
 
+RECORD_BYTES_S = 2500.0
+"""Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
+SPARE_ROOM = 4.0
+"""A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
 AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT."""
 FARTHEST_PAD_M = 200.0
@@ -227,6 +231,16 @@ def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: 
     if left < setup.reserve_pct:
         return Check(Severity.STOP, name, f"{text}, expected at least the reserve of {setup.reserve_pct:g} %")
     return Check(Severity.OK, name, text)
+
+
+def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
+    """Compare the room on the disk with what the record of a flight takes."""
+    flown_s = sum(estimate(path, context.travel, context.setup.motion).duration_s for path in paths.values())
+    needed = RECORD_BYTES_S * flown_s
+    text = f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about {needed / 1e6:.0f} MB"
+    if free_bytes < SPARE_ROOM * needed:
+        return Check(Severity.WARNING, "disk", f"{text}: it may not fit")
+    return Check(Severity.OK, "disk", text)
 
 
 def separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import cast
 
 from executor.simulator.autopilot import STEP_S
@@ -97,7 +97,12 @@ class SimClock:
 
 
 async def run_fleet(
-    fleet: SimFleet, *, stop: asyncio.Event, on_truth: Callable[[Truth], None], ready: asyncio.Event | None = None
+    fleet: SimFleet,
+    *,
+    stop: asyncio.Event,
+    on_truth: Callable[[Truth], None],
+    ready: asyncio.Event | None = None,
+    watched: Callable[[Sequence[SimulatedVehicle]], None] = lambda _: None,
 ) -> None:
     """Fly until ``stop`` is set.
 
@@ -106,6 +111,7 @@ async def run_fleet(
         stop: ends it.
         on_truth: is told what really happens.
         ready: is set when every vehicle has its socket.
+        watched: is shown the vehicles whenever all have lived on.
 
     Raises:
         OSError: a port is taken.
@@ -120,13 +126,19 @@ async def run_fleet(
             links.append(link)
         if ready is not None:
             ready.set()
-        await _fly(links, fleet.speedup, stop, on_truth)
+        await _fly(links, fleet.speedup, stop, on_truth, watched)
     finally:
         for link in links:
             await link.close()
 
 
-async def _fly(links: list[_Link], speedup: float, stop: asyncio.Event, on_truth: Callable[[Truth], None]) -> None:
+async def _fly(
+    links: list[_Link],
+    speedup: float,
+    stop: asyncio.Event,
+    on_truth: Callable[[Truth], None],
+    watched: Callable[[Sequence[SimulatedVehicle]], None],
+) -> None:
     clock = SimClock(speedup, monotonic_s=time.monotonic(), unix_s=time.time())
     tick_s = min(max(STEP_S / speedup, TICK_S[0]), TICK_S[1])
     lived_s = 0.0
@@ -139,6 +151,7 @@ async def _fly(links: list[_Link], speedup: float, stop: asyncio.Event, on_truth
             for event in link.vehicle.drain_events():
                 on_truth(Truth(link.vehicle.name, event.what, event.t_s, clock.unix_s(event.t_s)))
             link.flush()
+        watched([link.vehicle for link in links])
         await _pause(stop, 0.0 if behind else tick_s)
 
 

@@ -63,6 +63,12 @@ def positions_of(logs: list[Path], depot_deg: Place) -> np.ndarray:
 
 def flown(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0, speed_m_s: float = 3.0) -> bool:
     """Whether some unbroken stretch of the positions goes along the segment, at most 1.35 times as fast as asked."""
+    return passes(segment, positions, corridor_m=corridor_m, speed_m_s=speed_m_s) > 0
+
+
+def passes(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0, speed_m_s: float = 3.0) -> int:
+    """How many unbroken stretches of the positions do."""
+    count = 0
     a, b = np.array(segment.a_m), np.array(segment.b_m)
     length = float(np.linalg.norm(b - a))
     unit = (b - a) / length
@@ -81,8 +87,8 @@ def flown(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0, 
         middle = (stretch >= near) & (stretch <= length - near)
         took_s = np.ptp(times[middle]) if middle.sum() > 1 else 0.0
         if took_s >= (np.ptp(stretch[middle]) if middle.sum() > 1 else 0.0) / (1.35 * speed_m_s):
-            return True
-    return False
+            count += 1
+    return count
 
 
 def wrongly_counted(run: Path, report: dict[str, object], *, speed_m_s: float = 3.0) -> list[tuple[str, int]]:

@@ -199,3 +199,14 @@ def test_time_goes_on_and_never_goes_back(began_ago_s: float, last_s: float, exp
     assert clock.now_s() == pytest.approx(expected_s, abs=20.0)
     assert clock.now_s() >= last_s
     assert clock.dated_s() * 1e6 >= (time.time() - began_ago_s) * 1e6
+
+
+def test_a_clock_that_was_set_in_the_flight_is_reckoned_with(tmp_path: Path) -> None:
+    """Set back by an hour in the flight, a minute after its beginning: an hour has not yet to pass."""
+    run = prepared(tmp_path)
+    _, diary = launched(run)
+    diary.log.note(5.0, clock_set_s=-3600.0)
+    found = left(run)
+    assert found.set_s == -3600.0
+    clock = SystemClock.again(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.set_s)
+    assert clock.now_s() == pytest.approx(600.0, abs=20.0)

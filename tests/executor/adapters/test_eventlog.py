@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import json
 import os
 import threading
 import typing
@@ -220,6 +221,8 @@ def test_a_full_disk_is_said_once_and_what_happened_is_written_when_there_is_roo
     assert told[1:] == ["the event log is written again"]
     assert log.lost == 0
     assert list(read_events(path)) == events
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    assert [line["told"] for line in lines if "told" in line] == told
 
 
 def test_on_a_disk_that_stays_full_what_was_decided_is_kept_and_the_gap_is_noted(
@@ -237,9 +240,9 @@ def test_on_a_disk_that_stays_full_what_was_decided_is_kept_and_the_gap_is_noted
     log.close()
     damage: list[str] = []
     back = list(read_events(path, damage.append))
-    assert back == [*((float(second), Tick()) for second in range(5)), (20.0, ended), (21.0, Tick())]
-    assert damage == ["line 7: 15 lines could not be written here"]
-    assert told[1] == "the event log is written again; 15 lines are lost"
+    assert back == [*((float(second), Tick()) for second in range(4)), (20.0, ended), (21.0, Tick())]
+    assert damage == ["line 7: 16 lines could not be written here"]
+    assert told[1] == "the event log is written again; 16 lines are lost"
 
 
 def test_a_log_goes_on_behind_its_last_whole_line(tmp_path: Path) -> None:

@@ -40,6 +40,14 @@ def said(dialect: Dialect = ARDUPILOT, /, **changes: float) -> Facts:
     return Facts("uav1", Heartbeat(number, 0, False, 3, 2), position, 100.0, VERSIONS[dialect.name], parameters)
 
 
+@pytest.mark.parametrize(("free_bytes", "severity"), [(40_000_000_000, Severity.OK), (1_000_000, Severity.WARNING)])
+def test_the_record_of_a_flight_needs_room(free_bytes: int, severity: Severity) -> None:
+    paths = {name: board.path for name, board in FLEET.boards.items() if board is not None}
+    found = preflight.disk(free_bytes, paths, CONTEXT)
+    assert (found.severity, found.subject) == (severity, "disk")
+    assert found.text.startswith(f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about ")
+
+
 def lacking(facts: Facts, name: str) -> Facts:
     """Return the same without the answer to one question."""
     return replace(facts, parameters={key: value for key, value in facts.parameters.items() if key != name})
