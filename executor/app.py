@@ -40,7 +40,7 @@ from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
-from executor.keeper import Keeper, in_force
+from executor.keeper import Keeper, Planned, in_force
 from executor.order import Console, Order
 from executor.publishing import Publication
 from executor.report import Said, report_of, vehicles_of
@@ -128,6 +128,8 @@ class Cockpit:
     log: EventLog
     solver: SolverProcess
     said: Said
+    unkept: tuple[Planned, ...] = ()
+    """Plans that were found before the ground station went away, and are in no file."""
 
 
 async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reopened | None = None) -> Flown:
@@ -139,7 +141,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     """
     context, clock, links = seat.context, seat.clock, seat.links
     publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
-    keeper = Keeper(order, context, console, seat.log, clock, publication)
+    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.unkept)
     if publication is not None:
         publication.plan(seat.state.revision, in_force(order, seat.state.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
@@ -150,6 +152,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
                     raise PreflightFailed("the operator did not say yes; nothing has moved")
                 async with _published(publication, flight, keeper, clock), _beside(keep_judging(flight, seat.solver)):
                     await flight.run(reopened, order.site.flight.connect_timeout_s)
+                    await keeper.settle()
     finally:
         console.done()
         seat.log.close()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
@@ -21,6 +24,9 @@ from planner import Plan, Route, Vehicle
 CLOCK_SET_S = 2.0
 """Less than this a clock drifts, or is corrected, without that anybody set it."""
 
+Planned = tuple[Solve, SolveEnded]
+"""A problem and its answer."""
+
 
 class Keeper:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
@@ -33,8 +39,9 @@ class Keeper:
         log: EventLog,
         clock: SystemClock,
         publication: Publication | None,
+        unkept: Sequence[Planned] = (),
     ) -> None:
-        """Name who is told."""
+        """Name who is told; `unkept` are plans that an earlier process found and did not keep."""
         self._order = order
         self._publication = publication
         self._context = context
@@ -43,6 +50,9 @@ class Keeper:
         self._clock = clock
         self._solve: Solve | None = None
         self._set_s = clock.set_s()
+        self._unkept = list(unkept)
+        """Plans that were found, and are in no file yet."""
+        self._keeping: set[asyncio.Task[None]] = set()
 
     def observer(self) -> Observer:
         """Return what the flight tells of itself."""
@@ -73,8 +83,12 @@ class Keeper:
             self._look_at_the_clock(now_s)
         if state.replan is not None:
             self._solve = state.replan.solve
-        if isinstance(event, SolveEnded) and event.routes is not None and self._solve is not None:
-            self._keep_plan(event, self._solve)
+        if isinstance(event, SolveEnded) and event.routes is not None:
+            solve = self._solve
+            if solve is not None and event.revision == solve.revision:
+                self._unkept.append((solve, event))
+        if self._unkept and (state.replan is None or state.replan.solve_s is None):
+            self._keep_plans()
         self._console.show(self._context, state, now_s)
         if self._publication is not None:
             self._publication.applied(event, state)
@@ -91,19 +105,46 @@ class Keeper:
         text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
         self.told(Say(Level.WARNING, text), now_s)
 
-    def _keep_plan(self, event: SolveEnded, solve: Solve) -> None:
-        if solve.revision != event.revision:
-            return
-        ground = self._order.ground
-        task, plan = _replanned(ground, solve, event)
-        solved = Solved(seed=self._order.plan.solved.seed, solver="search", seconds=event.solve_s)
-        content = make_plan_file(
-            ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
-        )
-        with suppress(OSError):
-            write_plan(self._order.run / f"plan-{event.revision:03d}.json", content)
+    def _keep_plans(self) -> None:
+        """Keep what was planned, in a thread: for fifty vehicles it takes longer than the loop may be blocked.
+
+        It waits until the new missions are on board, which are more urgent and need the same processor.
+        """
+        for planned in self._unkept:
+            task = asyncio.create_task(self._keep(planned))
+            self._keeping.add(task)
+            task.add_done_callback(self._keeping.discard)
+        self._unkept.clear()
+
+    async def _keep(self, planned: Planned) -> None:
+        content = await asyncio.to_thread(_plan_file, self._order, planned)
         if self._publication is not None:
-            self._publication.plan(event.revision, content)
+            self._publication.plan(planned[1].revision, content)
+
+    async def settle(self) -> None:
+        """Wait until everything is kept."""
+        self._keep_plans()
+        for mistake in await asyncio.gather(*self._keeping, return_exceptions=True):
+            if isinstance(mistake, Exception):
+                self._console.say(Level.WARNING, f"a plan could not be kept: {type(mistake).__name__}: {mistake}")
+
+
+def plan_path(run: Path, planned: Planned) -> Path:
+    """Return where a re-plan is kept."""
+    return run / f"plan-{planned[1].revision:03d}.json"
+
+
+def _plan_file(order: Order, planned: Planned) -> PlanFile:
+    """Return a re-plan as a plan file, and keep it where there is room."""
+    ground, (solve, event) = order.ground, planned
+    task, plan = _replanned(ground, solve, event)
+    solved = Solved(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
+    content = make_plan_file(
+        ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
+    )
+    with suppress(OSError):
+        write_plan(plan_path(order.run, planned), content)
+    return content
 
 
 def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:

@@ -20,11 +20,12 @@ from executor.begun import Beginning, beginning
 from executor.build import Ground, ground_of
 from executor.config import read_site
 from executor.core import fleet
-from executor.core.commands import Command, Level, Say
-from executor.core.events import LaunchOrdered, Reopened
+from executor.core.commands import Command, Level, Say, Solve
+from executor.core.events import LaunchOrdered, Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.demo import happenings
 from executor.errors import LogError
+from executor.keeper import Planned, plan_path
 from executor.order import Console, Order
 from executor.publishing import settings_of
 from executor.report import Said, report_of
@@ -54,6 +55,8 @@ class Left:
     """What is wrong with the log."""
     undone: tuple[Command, ...]
     """What was decided last, and is not on record as carried out."""
+    planned: tuple[Planned, ...] = ()
+    """Every plan that was found."""
     set_s: float = 0.0
     """By how much the computer's time of day was set in the flight."""
 
@@ -73,15 +76,20 @@ def read_left(run: Path) -> Ready | Left:
     path, begun, notes = run / LOG, beginning(run), list[str]()
     state, last_s, replayed = begun.state, 0.0, 0
     latest: tuple[Command, ...] = ()
+    solves: dict[int, Solve] = {}
+    planned: list[Planned] = []
     for last_s, event in read_events(path, notes.append):
         latest = ()
+        if isinstance(event, SolveEnded) and event.routes is not None and event.revision in solves:
+            planned.append((solves[event.revision], event))
         # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
         with suppress(Exception):
             state, latest = fleet.step(begun.context, state, event, last_s)
             replayed += len(latest)
+            solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
     missing = replayed - sum(1 for _ in read_decisions(path))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
-    return Left(begun, read_head(path), state, last_s, tuple(notes), undone, clock_set_s(path))
+    return Left(begun, read_head(path), state, last_s, tuple(notes), undone, tuple(planned), clock_set_s(path))
 
 
 def _launched(run: Path) -> bool:
@@ -174,7 +182,8 @@ async def take_up(run: Path, console: Console) -> Flown:
             solver = SolverProcess(setup)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run))
+                said, unkept = _said(run), tuple(one for one in left.planned if not plan_path(run, one).exists())
+                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, said, unkept)
                 return await app.supervise(order, console, seat, reopened)
             finally:
                 await starting

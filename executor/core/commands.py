@@ -100,6 +100,13 @@ class Solve:
 
 
 @dataclass(frozen=True, slots=True)
+class Compose:
+    """More of a re-plan's missions are to be made, by a `MissionsWanted`, as soon as others had their turn."""
+
+    revision: int
+
+
+@dataclass(frozen=True, slots=True)
 class CancelSolve:
     """What the solver works on is of no use any more."""
 
@@ -113,4 +120,4 @@ class Finish:
     reason: str
 
 
-Command = Say | Upload | Start | SendHome | Hold | Resume | LandNow | Solve | CancelSolve | Finish
+Command = Say | Upload | Start | SendHome | Hold | Resume | LandNow | Solve | Compose | CancelSolve | Finish

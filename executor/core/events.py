@@ -82,6 +82,13 @@ class SolveEnded:
 
 
 @dataclass(frozen=True, slots=True)
+class MissionsWanted:
+    """There is time to make more of a re-plan's missions."""
+
+    revision: int
+
+
+@dataclass(frozen=True, slots=True)
 class ReturnAllOrdered:
     """The operator sends everybody home."""
 
@@ -167,6 +174,7 @@ Event = (
     | StartEnded
     | ReturnEnded
     | SolveEnded
+    | MissionsWanted
     | ReturnAllOrdered
     | Reopened
     | Resumed

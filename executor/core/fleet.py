@@ -22,6 +22,7 @@ from executor.core.events import (
     IntentReceived,
     LaunchOrdered,
     LossJudged,
+    MissionsWanted,
     OrderEnded,
     Reopened,
     Resumed,
@@ -82,6 +83,8 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
             return _uploaded(context, state, event, now_s)
         case SolveEnded():
             return replanning.solved(context, state, event, now_s)
+        case MissionsWanted():
+            return replanning.composed(context, state, event, now_s)
         case LossJudged():
             return _judged(state, event, now_s), ()
         case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():

@@ -22,6 +22,7 @@ from executor.core.state import Absence, FleetState, Replan
 from executor.core.vehicle import Before, OnBoard, Stage, VehicleState, aboard, moved_to
 from executor.core.voltage import VoltageState
 from missions import MissionItem, alike, encode
+from planner import segment_of
 
 FLOWN_PCT = 3.0
 """A vehicle on the ground that has used more than this since it was told to start has flown."""
@@ -101,9 +102,12 @@ def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -
     plan = state.replan
     if plan is not None and plan.solve_s is None:
         state = replanning.wanted_again(state, plan)  # the solver died with the ground station
+    elif plan is not None and plan.unmade:
+        state = replace(state, replan=replanning.all_made(context, state, plan))
     commands: list[Command] = []
     ended: list[Event] = []
     strange: list[tuple[str, str]] = []
+    again: dict[str, tuple[Command, ...]] = {}
     for found in event.found:
         if not found.heard:
             commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
@@ -113,6 +117,12 @@ def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -
         commands += one.commands
         ended += one.ended
         strange += one.strange
+        if one.again:
+            again[found.vehicle] = one.again
+    for found in event.found:
+        if found.vehicle in again:
+            state, more = _sent_again(state, found, again[found.vehicle], now_s)
+            commands += more
     return Resumption(state, tuple(commands), tuple(ended), tuple(strange))
 
 
@@ -135,6 +145,8 @@ class _Taken:
     commands: tuple[Command, ...] = ()
     ended: tuple[Event, ...] = ()
     strange: tuple[tuple[str, str], ...] = ()
+    again: tuple[Command, ...] = ()
+    """What sends the rest of a mission, if it is still wanted."""
 
 
 def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -> tuple[FleetState, _Taken]:
@@ -177,26 +189,32 @@ def _half_uploaded(
         state, said = _caught_up(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
         if not replanning.still_fits(state.vehicles[found.vehicle], offer):
-            state, more = _given_up(state, plan, found.vehicle, now_s)
-            return state, _Taken((*said, *more))
+            state, plan, let_go = replanning.let_go(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
+            state, more = replanning.ended_if_done(state, now_s)
+            return state, _Taken((*said, let_go, *more))
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         why = "its mission is a mixture of two, and it flies beyond what is new"
         return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
     state = state.put(changed(state.vehicles[found.vehicle], before=None))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is not whole on board; it is sent again"
     again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
-    return state, _Taken((*said, Say(Level.WARNING, text), again))
+    return state, _Taken(said, again=(Say(Level.WARNING, text), again))
 
 
-def _given_up(state: FleetState, plan: Replan, name: str, now_s: float) -> Stepped:
-    """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
-    plan = replace(plan, pending=plan.pending - {name})
-    state = state.put(changed(state.vehicles[name], pending=None))
-    trigger = f"{name}: flew on before its new mission came"
-    state = replace(state, replan=plan, urgent=True, trigger=trigger, trigger_s=now_s)
+def _sent_again(state: FleetState, found: Found, again: tuple[Command, ...], now_s: float) -> Stepped:
+    """Send the rest of a mission, unless others have flown a part of it meanwhile and it can still be let go of."""
+    name, plan = found.vehicle, state.replan
+    if plan is None:
+        return state, again
+    vehicle, mission = state.vehicles[name], plan.missions[name]
+    flown = {segment for visit in mission.visits if state.inspected.get(segment := segment_of(visit), name) != name}
+    old = None if vehicle.board is None else _match(found, vehicle.board.revision)
+    if not flown or not (mission.fresh or (old is not None and old.whole)):
+        return state, again
+    why = f"others flew {replanning.listed(frozenset(flown))} of its new mission meanwhile"
+    state, plan, said = replanning.let_go(state, plan, name, why, now_s)
     state, more = replanning.ended_if_done(state, now_s)
-    text = f"{name}: has flown beyond where its new mission of re-plan {plan.solve.revision} begins; planning anew"
-    return state, (Say(Level.INFO, text), *more)
+    return state, (said, *more)
 
 
 def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, _Taken]:

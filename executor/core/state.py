@@ -10,6 +10,7 @@ from executor.core.changed import changed
 from executor.core.commands import Level, Solve
 from executor.core.coverage import Flown
 from executor.core.degraded import Told
+from executor.core.events import NewRoute
 from executor.core.intents import IntentRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
@@ -37,8 +38,10 @@ class Replan:
     """Real seconds that the solver took; None while it works."""
     solved_s: float = 0.0
     uncovered: tuple[int, ...] = ()
+    unmade: tuple[NewRoute, ...] = ()
+    """Routes whose missions are still to be made: of a large fleet that takes longer than anybody should wait."""
     missions: Mapping[str, NewMission] = field(default_factory=lambda: MappingProxyType({}))
-    """What goes on board whom."""
+    """What goes on board whom, as far as it is made."""
     pending: frozenset[str] = frozenset()
     """Vehicles whose new mission is not on board yet."""
     failed: tuple[str, ...] = ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from executor.core import commands, events, fleet
 from executor.core.commands import Command
@@ -153,15 +154,17 @@ class Flight:
             case commands.Say():
                 self._observer.said(command, now_s)
             case commands.Upload():
-                self._job(command.vehicle, self._upload(command))
+                self._job(command.vehicle, partial(self._upload, command))
             case commands.Start(vehicle):
-                self._job(vehicle, self._start(vehicle))
+                self._job(vehicle, partial(self._start, vehicle))
             case commands.SendHome(vehicle):
-                self._job(vehicle, self._send_home(vehicle))
+                self._job(vehicle, partial(self._send_home, vehicle))
             case commands.Hold(vehicle) | commands.Resume(vehicle) | commands.LandNow(vehicle):
-                self._job(vehicle, self._order(command))
+                self._job(vehicle, partial(self._order, command))
             case commands.Solve():
                 self._spawn(self._solve(command), f"solve {command.revision}")
+            case commands.Compose(revision):
+                asyncio.get_running_loop().call_soon(self.apply, events.MissionsWanted(revision))
             case commands.CancelSolve(revision):
                 self._solver.cancel(revision)
             case commands.Finish():
@@ -173,7 +176,7 @@ class Flight:
             return None
         return self._tasks.create_task(work, name=name)
 
-    def _job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
+    def _job(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]]) -> None:
         """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time."""
         before = self._jobs.get(vehicle)
         if before is not None:
@@ -182,14 +185,10 @@ class Flight:
         if task is not None:
             self._jobs[vehicle] = task
 
-    async def _settled(self, work: Coroutine[None, None, None]) -> None:
+    async def _settled(self, work: Callable[[], Coroutine[None, None, None]]) -> None:
         """Tell a vehicle something once the decision is on record and outlives a power loss."""
-        try:
-            await self._sink.settle()
-        except BaseException:
-            work.close()
-            raise
-        await work
+        await self._sink.settle()
+        await work()
 
     async def _upload(self, command: commands.Upload) -> None:
         dialect = self.context.vehicles[command.vehicle].dialect

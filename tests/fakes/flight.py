@@ -15,6 +15,7 @@ from executor.core import fleet
 from executor.core.commands import (
     CancelSolve,
     Command,
+    Compose,
     Finish,
     Hold,
     LandNow,
@@ -32,6 +33,7 @@ from executor.core.events import (
     Heard,
     IntentReceived,
     LaunchOrdered,
+    MissionsWanted,
     OrderEnded,
     ReturnEnded,
     SolveEnded,
@@ -342,6 +344,8 @@ class Story:
                 self.later(0.4, lambda: self._obeyed(name, command))
             case Solve():
                 self.later(self.solve_s, lambda: self._solved(command))
+            case Compose(revision):
+                self.later(STEP_S, lambda: MissionsWanted(revision))
             case Finish():
                 self.over = True
             case Say() | CancelSolve():

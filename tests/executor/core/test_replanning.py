@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from executor.core.commands import CancelSolve, Finish, Level, Start
-from executor.core.events import ReturnAllOrdered, SolveEnded, UploadEnded
+from executor.core import replanning
+from executor.core.commands import CancelSolve, Compose, Finish, Level, Start
+from executor.core.events import IntentReceived, MissionsWanted, ReturnAllOrdered, SolveEnded, UploadEnded
+from executor.core.intents import Action, Intent
 from executor.core.vehicle import FaultKind, Stage
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, story, under_way
+from tests.fakes.flight import Story
 from tests.fakes.solver import fail, leave_out, share_out
 
 
@@ -213,3 +218,60 @@ def test_a_vehicle_landing_when_the_plan_was_made_may_fly_what_was_left() -> Non
     flight.crafts["uav2"].mute = True
     flight.finish()
     assert {3, 4, 5} <= {segment for segment, by in flight.state.inspected.items() if by == "uav1"}
+
+
+def composing(monkeypatch: pytest.MonkeyPatch) -> Story:
+    """A flight of four in which uav2 is lost, and of the survivors' missions one has been made."""
+    monkeypatch.setattr(replanning, "VISITS_AT_ONCE", 1)
+    flight = under_way(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9))
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: flight.state.replan is not None and bool(flight.state.replan.unmade))
+    return flight
+
+
+def test_a_large_fleets_missions_are_made_in_turns(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = composing(monkeypatch)
+    plan = flight.state.replan
+    assert plan is not None
+    [first] = flight.uploads()
+    assert plan.pending == {first.vehicle, *(route.vehicle for route in plan.unmade)}
+    assert set(plan.missions) == {first.vehicle}
+    flight.finish()
+    assert {upload.vehicle for upload in flight.uploads()} == plan.pending
+    assert len(flight.given(Compose)) == len(plan.pending) - 1
+    assert set(flight.state.inspected) == set(range(8))
+    assert len(flight.state.records) == 1
+
+
+def test_who_is_lost_before_its_turn_is_planned_around(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = composing(monkeypatch)
+    assert flight.state.replan is not None
+    last = flight.state.replan.unmade[-1].vehicle
+    flight.happen(IntentReceived(Intent("w1", Action.EXCLUDE, last, "page")))
+    flight.finish()
+    assert last not in {upload.vehicle for upload in flight.uploads()}
+    assert len(flight.state.records) == 2
+    assert set(flight.state.inspected) == set(range(8))
+
+
+def test_who_flew_on_before_its_turn_keeps_its_mission(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = composing(monkeypatch)
+    plan = flight.state.replan
+    assert plan is not None
+    last = plan.unmade[-1].vehicle
+    [offer] = [offer for offer in plan.solve.survivors if offer.vehicle == last]
+    flight.state = flight.state.put(replace(flight.vehicle(last), waypoint=offer.kept + 1))
+    for _ in plan.unmade:
+        flight.happen(MissionsWanted(plan.solve.revision))
+    assert last not in {upload.vehicle for upload in flight.uploads()}
+    assert flight.vehicle(last).pending is None
+    assert any(f"{last}: flew on before its new mission came" in line for line in flight.said())
+    assert flight.state.urgent
+
+
+def test_nothing_more_is_made_of_a_plan_that_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = composing(monkeypatch)
+    flight.happen(ReturnAllOrdered())
+    sent = len(flight.uploads())
+    flight.finish()
+    assert len(flight.uploads()) == sent

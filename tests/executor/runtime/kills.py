@@ -75,8 +75,19 @@ class MortalSky(Sky):
         self.silenced: frozenset[str] = frozenset()
         """Vehicles that will not be heard again."""
 
+        self.ends_unmade = asyncio.Event()
+        """Set when it died while missions were still to be made; then nothing is written any more."""
+        self.dies_unmade = False
+
     def write(self, event: Event, now_s: float) -> None:
         super().write(event, now_s)
+        plan = self.flight.state.replan
+        if self.dies_unmade and plan is not None and plan.unmade:
+            self.ends_unmade.set()
+            for link in self.links.values():
+                link.cut = True
+        if self.ends_unmade.is_set():
+            return
         self.log.append((now_s, event))
         self.solved += isinstance(event, SolveEnded)
 
@@ -138,8 +149,13 @@ class Outcome:
         return any("does not count" in line.text or "not proven" in line.text for line in self.sky.said)
 
 
-async def flown(seed: int) -> Outcome:
-    """Fly, with a loss or without, and with one to three deaths of the ground station at random instants."""
+async def flown(seed: int, *, at_unmade: bool = False) -> Outcome:
+    """Fly, with a loss or without, and with one to three deaths of the ground station at random instants.
+
+    Args:
+        seed: Of everything that is chosen.
+        at_unmade: There is a loss, and the first death comes while missions are still to be made.
+    """
     chance = random.Random(seed)
     ready = fleet_of({**THREE, "uav4": ()}, autopilot=chance.choice(["ardupilot", "px4"]))
     sky = MortalSky(ready, chance.choice([CLEAN, SLOW, SLOW]))
@@ -148,13 +164,22 @@ async def flown(seed: int) -> Outcome:
     judge = Judge(ready.context, sky.flyers, both)
     watching = asyncio.create_task(judge.watch())
     await sky.load()
-    lost = sky.doomed = frozenset({"uav2"}) if chance.random() < 0.6 else frozenset()
+    lost = sky.doomed = frozenset({"uav2"}) if chance.random() < 0.6 or at_unmade else frozenset()
     silence = asyncio.create_task(_silence(sky, lost, chance.uniform(15.0, 80.0)))
     moments: list[str] = []
     task = asyncio.create_task(sky.flight.run())
     try:
-        for _ in range(chance.choice([1, 1, 1, 2, 3])):
-            if not await _dies(sky, task, chance, moments):
+        for death in range(chance.choice([1, 1, 1, 2, 3])):
+            if at_unmade and death == 0:
+                sky.dies_unmade = True
+                async with asyncio.timeout(PATIENCE_S):
+                    await sky.ends_unmade.wait()
+                moments.append("unmade")
+                task.cancel()
+                await asyncio.wait([task])
+                sky.dies_unmade = False
+                sky.ends_unmade.clear()
+            elif not await _dies(sky, task, chance, moments):
                 break
             reopened = await _away(sky, chance)
             task = asyncio.create_task(sky.flight.run(reopened, 15.0))

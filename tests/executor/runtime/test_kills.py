@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from executor.core import replanning
 from tests.executor.runtime.kills import flown
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
@@ -13,6 +14,18 @@ pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 async def test_a_flight_that_was_killed_ends_well(seed: int) -> None:
     outcome = await flown(seed)
     assert outcome.moments
+    assert outcome.wrongs() == []
+    assert not outcome.twice() or outcome.explained()
+
+
+@pytest.mark.parametrize("seed", [1003, 1009])
+async def test_a_flight_that_was_killed_while_its_missions_were_made_ends_well(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every mission takes a turn of its own, and at one of them the ground station dies."""
+    monkeypatch.setattr(replanning, "VISITS_AT_ONCE", 1)
+    outcome = await flown(seed, at_unmade=True)
+    assert outcome.moments[0] == "unmade"
     assert outcome.wrongs() == []
     assert not outcome.twice() or outcome.explained()
 
