@@ -153,8 +153,9 @@ async def flown(folder: Path, seed: int) -> Outcome:
     async with _in_the_air(ground, faults, seed, witness):
         call = ["fly", str(site), "--plan", str(plan), "--run", str(run)]
         for deaths in itertools.count():
-            async with called(*call, "--yes", "--json") as station:
-                if deaths < 2 and (deaths == 0 or chance.random() < 0.4):
+            dies = deaths == 0 or (deaths == 1 and chance.random() < 0.4)
+            async with called(*call, "--yes", *([] if dies else ["--json"])) as station:
+                if dies:
                     moments.append(await _dies(station, chance, lost=bool(lost), first=deaths == 0))
                 else:
                     out, err = await ended(station)
