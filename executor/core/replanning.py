@@ -111,13 +111,13 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     state = replace(state, orphans_since_s=since)
     if now_s < state.wait_until_s or (not state.urgent and not state.ordered and now_s - since < PROOF_GRACE_S):
         return state, ()
+    offers = tuple(offer for vehicle in state.vehicles.values() if (offer := survivor(context, vehicle, now_s)))
+    if not offers:
+        return _nobody(replace(state, ordered=False), alone)
     if not state.urgent and not state.ordered:
         state, alone = _count_attempts(state, alone)
         if not alone:
             return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
-    offers = tuple(offer for vehicle in state.vehicles.values() if (offer := survivor(context, vehicle, now_s)))
-    if not offers:
-        return _nobody(replace(state, ordered=False), alone)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     if not alone and not freed:
         return replace(state, ordered=False), ()

@@ -67,7 +67,7 @@ def flown(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0, 
 
 
 def passes(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0, speed_m_s: float = 3.0) -> int:
-    """How many unbroken stretches of the positions do."""
+    """How often the positions do; who turns back on the way has not."""
     count = 0
     a, b = np.array(segment.a_m), np.array(segment.b_m)
     length = float(np.linalg.norm(b - a))
@@ -81,13 +81,15 @@ def passes(segment: Segment, positions: np.ndarray, *, corridor_m: float = 12.0,
         stretch, times = along[begin:end], positions[begin:end, 0]
         if len(stretch) < 3 or np.diff(times).max() > 6.0:
             continue
-        near = min(6.0, length / 3)
-        if stretch.min() > near or stretch.max() < length - near:
-            continue
-        middle = (stretch >= near) & (stretch <= length - near)
-        took_s = np.ptp(times[middle]) if middle.sum() > 1 else 0.0
-        if took_s >= (np.ptp(stretch[middle]) if middle.sum() > 1 else 0.0) / (1.35 * speed_m_s):
-            count += 1
+        near, left = min(6.0, length / 3), None
+        for at, time_s in zip(stretch.tolist(), times.tolist(), strict=True):
+            side = -1 if at <= near else 1 if at >= length - near else 0
+            if side == 0:
+                continue
+            # From the last moment at one end to the first at the other.
+            if left is not None and left[0] == -side:
+                count += time_s - left[2] >= abs(at - left[1]) / (1.35 * speed_m_s)
+            left = (side, at, time_s)
     return count
 
 

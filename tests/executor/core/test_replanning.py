@@ -173,6 +173,20 @@ def test_a_segment_flown_too_fast_is_flown_again() -> None:
     assert flight.state.records[0].ended_s - flight.state.records[0].begun_s < 5.0
 
 
+def test_a_segment_that_was_flown_too_fast_last_of_all_is_flown_again() -> None:
+    """On its way home it is too near for a new mission; that nobody could take it then is no attempt."""
+    ready = fleet_of({"uav1": (0, 2)}, pylons=3)
+    flight = story(replace(ready, context=replace(ready.context, horizon_s=60.0)))
+    flight.run(lambda: set(flight.state.inspected) == {0})
+    flight.crafts["uav1"].speed = 2.0
+    flight.run(lambda: bool(flight.vehicle("uav1").runs_broken))
+    flight.crafts["uav1"].speed = 1.0
+    flight.finish()
+    assert set(flight.state.inspected) == {0, 1}
+    assert [problem.open_segments for problem in flight.solves()] == [(1,)]
+    assert not any("left for later" in line for line in flight.said())
+
+
 def test_a_segment_that_nobody_can_prove_is_left_in_the_end() -> None:
     flight = story()
     for craft in flight.crafts.values():
