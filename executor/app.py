@@ -53,6 +53,8 @@ from missions import (
     encode,
 )
 
+LOADED_AT_ONCE = 10
+"""Vehicles that are given their first mission at the same time: a radio has its limits, and so has a simulator."""
 LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
 
@@ -310,8 +312,13 @@ async def _load(
     console: Console,
 ) -> list[Check]:
     found: list[Check] = []
+    turn = asyncio.Semaphore(LOADED_AT_ONCE)
 
     async def one(name: str, board: OnBoard | None) -> None:
+        async with turn:
+            await load(name, board)
+
+    async def load(name: str, board: OnBoard | None) -> None:
         dialect, link = context.vehicles[name].dialect, links[name]
         height = await asking.prepare_return(link, clock, dialect, context.return_height_m(name))
         found.append(preflight.return_height(context, name, height))

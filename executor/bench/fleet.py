@@ -26,6 +26,7 @@ from executor import app as flying
 from executor import build
 from executor.adapters.eventlog import read_head
 from executor.adapters.mavlink.bare import bare_codec_s
+from executor.bench.errors import BenchError
 from executor.bench.fleetplot import draw_growth
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
@@ -36,6 +37,7 @@ from executor.core.context import Context
 from executor.core.preflight import Check
 from executor.core.state import FleetState
 from executor.demo import simulated_fleet
+from executor.errors import ExecutorError
 from executor.order import Order, keep
 from executor.planning import Wanted, first_plan
 from planner import Cost
@@ -90,15 +92,22 @@ def measure(
 ) -> list[Flown]:
     """Fly once for each number of vehicles, with these faults as `faultline simulate` has them.
 
+    A flight that could not begin is said and left out.
+
     Raises:
-        ExecutorError: a flight that could not begin.
+        BenchError: none could.
     """
     flights = []
     for count in counts:
         print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
         # A process for each flight: what one leaves behind must not be in the next one's figures.
         with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-            flights.append(pool.submit(fly_one, count, minutes, speedup, seed, tuple(faults)).result())
+            try:
+                flights.append(pool.submit(fly_one, count, minutes, speedup, seed, tuple(faults)).result())
+            except ExecutorError as error:
+                print(f"{count} vehicles: {error}", file=sys.stderr)
+    if not flights:
+        raise BenchError("fleet: expected at least one flight that could begin")
     return flights
 
 
