@@ -11,8 +11,10 @@ from planner.construct import copy_of, empty_state, problem_of, random_state
 from planner.evaluate import BUDGET_TOLERANCE_PCT, completions_s, route_duration_s, route_energy_pct, spent_pct
 from planner.exact import covers
 from planner.kernels.arrays import FloatArray, Problem, State
+from planner.kernels.loss import SAME_TIME_S, Clock, Loss, Timing, set_clock
+from planner.kernels.repair import Desk
 from planner.kernels.tours import measure
-from planner.kernels.window import SAME_TIME_S, Clock, Desk, Loss, Repairs, Timing, set_clock, try_loss
+from planner.kernels.window import Repairs, try_loss
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.replan import Remainder, remaining
 from planner.window import LossRow, Repair

@@ -14,9 +14,11 @@ from planner.construct import copy_of, problem_of, random_state
 from planner.costs import Cost
 from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
+from planner.kernels.loss import Loss
+from planner.kernels.repair import Desk
 from planner.kernels.robust import Limits, Walk, assess, earliest, set_clocks, take_repairs, walk
 from planner.kernels.tours import measure
-from planner.kernels.window import Desk, Loss, Repairs
+from planner.kernels.window import Repairs
 from planner.losses import base_of, clock_of, desk_of, loss_of, no_repairs, timing_of
 from planner.model import Instance, Plan, Route
 from planner.robust import WindowResult

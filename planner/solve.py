@@ -65,7 +65,7 @@ def solve(
 
 
 def warm_up() -> None:
-    """Load all kernels, compiling them if no earlier process has: some 10 seconds once, then under a second."""
+    """Load the search's kernels, compiling them if no process has before: some 10 seconds once, then under one."""
     instance = build_instance(
         [[[10.0, 0.0], [20.0, 0.0]], [[20.0, 0.0], [20.0, 10.0]]],
         (0.0, 0.0),

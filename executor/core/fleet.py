@@ -34,10 +34,11 @@ from executor.core.events import (
     UploadEnded,
 )
 from executor.core.faults import View
+from executor.core.hearing import fold
 from executor.core.messages import Heartbeat, Position
 from executor.core.state import FleetState, Outlook, SaidLine, Separation
 from executor.core.strangers import stranger_words
-from executor.core.vehicle import FaultKind, OnBoard, Stage, VehicleState, aboard, fold, moved_to
+from executor.core.vehicle import FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 

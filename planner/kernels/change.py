@@ -9,9 +9,10 @@ from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Probl
 from planner.kernels.chance import below, uniform
 from planner.kernels.compiled import inner
 from planner.kernels.insertion import cheapest_place
+from planner.kernels.loss import CLOCK, Clock
+from planner.kernels.repair import DESK, Desk
 from planner.kernels.ruin import position_of, remove_strings
 from planner.kernels.tours import insert
-from planner.kernels.window import CLOCK, DESK, Clock, Desk
 
 TRIES = 6
 """How often such a place is looked for."""

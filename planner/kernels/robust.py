@@ -30,29 +30,10 @@ from planner.kernels.arrays import (
 from planner.kernels.chance import below, uniform
 from planner.kernels.change import change
 from planner.kernels.compiled import inner, kernel
+from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Clock, Loss, Timing, begin_loss, set_clock
+from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, copy_owners, energy, repair
 from planner.kernels.tours import copy_route, measure, orient
-from planner.kernels.window import (
-    CLOCK,
-    DESK,
-    LOSS,
-    REPAIRS,
-    SAME_TIME_S,
-    TIMING,
-    Clock,
-    Desk,
-    Loss,
-    Repairs,
-    Timing,
-    begin_loss,
-    begin_repair,
-    copy_all,
-    copy_owners,
-    energy,
-    repair,
-    repair_of,
-    scan,
-    set_clock,
-)
+from planner.kernels.window import REPAIRS, Repairs, repair_of, scan
 
 UNKNOWN = 200
 """How much more effort a repair takes that follows none."""

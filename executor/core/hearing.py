@@ -1,0 +1,246 @@
+"""One message of a vehicle into what is known of it: its place, its battery, its link, its inspections."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+
+from executor.core import battery, linkquality
+from executor.core.battery import BatteryState
+from executor.core.changed import changed
+from executor.core.context import Scene
+from executor.core.coverage import Flown, Sample, follow
+from executor.core.messages import (
+    Battery,
+    DoubleHeard,
+    FlightMessage,
+    Heartbeat,
+    LandedState,
+    MissionCurrent,
+    OrderSeen,
+    Position,
+    Radio,
+    StationHeard,
+    StatusText,
+    SystemStatus,
+    Traffic,
+)
+from executor.core.modes import is_mission_mode
+from executor.core.vehicle import Fix, Stage, VehicleState
+from executor.core.voltage import Report, Thresholds, VoltageState, measured
+from missions import Phase
+
+_ALARM = re.compile(
+    r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)",
+    re.IGNORECASE,
+)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
+
+LONGEST_SILENCE_S = 600.0
+"""Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
+JUMP_GAP_S = 10.0
+"""After a longer gap a position says nothing of a jump."""
+
+
+@dataclass(frozen=True, slots=True)
+class Folded:
+    """A vehicle after a message, and the segment that the message proved to be inspected."""
+
+    state: VehicleState
+    inspected: int | None = None
+    flown: Flown | None = None
+    """How it was flown."""
+    broken: str = ""
+    """Why an inspection under way does not count any more."""
+    text: StatusText | None = None
+
+
+def fold(  # noqa: PLR0911 - one return for each kind of message
+    context: Scene, state: VehicleState, message: FlightMessage, now_s: float
+) -> Folded:
+    """Take one message into the state."""
+    match message:
+        case Heartbeat():
+            other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
+            since = now_s if other else state.mode_since_s
+            armed_once = state.armed_once or message.armed
+            flew = state.flew_mission
+            if not flew and state.took_off and message.armed and state.name in context.vehicles:
+                flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
+            return Folded(
+                changed(
+                    state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
+                    armed_once=armed_once, flew_mission=flew,
+                )
+            )  # fmt: skip
+        case Position():
+            return _positioned(context, changed(state, heard_s=now_s), message, now_s)
+        case Battery():
+            return Folded(_powered(context, state, message, now_s))
+        case SystemStatus():
+            return Folded(_status(context, state, message, now_s))
+        case MissionCurrent(seq, total):
+            return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total)), seq))
+        case LandedState(on_ground):
+            return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
+        case StatusText(_, said):
+            alarm = (said, now_s) if _ALARM.search(said) else state.alarm
+            return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
+        case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
+            return Folded(_about(context, state, message, now_s))
+        case _:
+            return Folded(changed(state, heard_s=now_s))
+
+
+def _about(
+    context: Scene,
+    state: VehicleState,
+    message: Traffic | Radio | OrderSeen | StationHeard | DoubleHeard,
+    now_s: float,
+) -> VehicleState:
+    """Take what others say about a vehicle, which does not mean that it was heard."""
+    match message:
+        case StationHeard() | DoubleHeard():
+            return changed(state, strangers=state.strangers | {message})
+        case Traffic():
+            window_s = context.limits.loss_window_s
+            return changed(state, quality=linkquality.counted(state.quality, message, now_s, window_s))
+        case Radio():
+            return changed(state, quality=linkquality.heard_radio(state.quality, message, now_s))
+        case OrderSeen():
+            return changed(state, ordered_mode_s=now_s)
+
+
+def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float) -> VehicleState:
+    packs = state.packs
+    if message.remaining_pct is not None:
+        # Of several packs the emptiest one ends the flight.
+        packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
+    single = len(packs) <= 1  # the counters of several packs are not one account
+    if message.consumed_ah is not None and single and state.armed:
+        counted = battery.counted(state.battery, message.consumed_ah, now_s, context.limits)
+        state = changed(state, battery=counted)
+    charge = state.battery
+    if message.remaining_pct is not None:
+        percent = min(dict(packs).values())
+        if single and _rounds_twice(context, state):
+            state = changed(state, roundings=replace(state.roundings, rounded=percent, rounded_s=now_s))
+            percent = state.roundings.percent
+        charge = _charged(context, state, percent, message.charge_state, now_s)
+    volts = state.volts
+    if message.voltage_v and single:
+        report = Report(message.voltage_v, message.current_a, message.cells_v)
+        volts = _measured(context, state, report, now_s)
+    return changed(state, heard_s=now_s, packs=packs, battery=charge, volts=volts, battery_faults=message.faults)
+
+
+def _status(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> VehicleState:
+    charge, volts = state.battery, state.volts
+    if message.remaining_pct is not None and _unreported(context, state, now_s):
+        charge = _charged(context, state, message.remaining_pct, 0, now_s)
+    elif message.remaining_pct is not None and len(state.packs) == 1 and _rounds_twice(context, state):
+        state = changed(state, roundings=replace(state.roundings, ceiled=message.remaining_pct, ceiled_s=now_s))
+        charge = _charged(context, state, state.roundings.percent, charge.charge_state, now_s)
+    if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
+        volts = _measured(context, state, Report(message.voltage_v), now_s)
+    return changed(state, heard_s=now_s, battery=charge, volts=volts, unhealthy=message.unhealthy)
+
+
+def _measured(context: Scene, state: VehicleState, report: Report, now_s: float) -> VoltageState:
+    limits = context.limits
+    known = report.current_a is not None and report.current_a > 0
+    step = limits.voltage_step if known else limits.voltage_step_blind
+    thresholds = Thresholds(step, limits.cell_low_v, limits.cell_spread_v)
+    return measured(state.volts, report, thresholds, now_s, flying=state.armed and state.took_off)
+
+
+def _unreported(context: Scene, state: VehicleState, now_s: float) -> bool:
+    # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
+    return now_s - state.battery.reported_s > context.limits.battery_stale_s
+
+
+def _rounds_twice(context: Scene, state: VehicleState) -> bool:
+    """Return whether it is PX4 with nothing finer than its percentage."""
+    return (
+        battery.is_blind(state.battery)
+        and state.name in context.vehicles
+        and context.vehicles[state.name].dialect.name == "px4"
+    )
+
+
+def _charged(
+    context: Scene, state: VehicleState, remaining_pct: float, charge_state: int, now_s: float
+) -> BatteryState:
+    # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
+    known = state.battery
+    if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
+        return battery.swapped(known, remaining_pct, charge_state, now_s, context.prior)
+    return battery.reported(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
+
+
+def _at_item(state: VehicleState, seq: int) -> VehicleState:
+    if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
+        return state
+    waypoint = state.board.waypoint_of[seq]
+    if waypoint is None or state.stage not in {Stage.FLYING, Stage.STARTING}:
+        return state
+    return changed(state, waypoint=waypoint)
+
+
+def _positioned(context: Scene, state: VehicleState, message: Position, now_s: float) -> Folded:
+    if state.fix is not None and -60.0 < message.boot_s - state.fix.boot_s <= 0.0:
+        return Folded(state)  # overtaken on the way by a newer one, or a duplicate
+    place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
+    velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
+    fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
+    drained = state.battery
+    elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
+    if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
+        drained = battery.drawn(drained, context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s)
+    anchor = state.anchor
+    if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:
+        anchor = fix
+    took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
+    jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
+    state = changed(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump)
+    return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
+
+
+def _jump(context: Scene, before: Fix | None, fix: Fix, elapsed_s: float) -> tuple[float, float] | None:
+    """Return how far a position lies from where the velocities lead, if that is worth a word."""
+    if before is None or not 0.0 < elapsed_s < JUMP_GAP_S:
+        return None
+    east, north = (
+        (one + other) / 2 * elapsed_s for one, other in zip(before.velocity_m_s[:2], fix.velocity_m_s[:2], strict=True)
+    )
+    off_m = math.dist(fix.place_m, (before.place_m[0] + east, before.place_m[1] + north))
+    # Over a longer gap a turn may have been flown in between.
+    return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
+
+
+def _apart_m(one: Fix, other: Fix) -> float:
+    return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
+
+
+def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
+    leg = state.leg
+    if state.board is None or leg is None or state.stage is not Stage.FLYING:
+        return Folded(state)
+    # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
+    visit = state.run_visit if state.run_visit is not None and state.run is not None else leg.visit
+    if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
+        visit = leg.visit
+    if visit is None:
+        return Folded(state)
+    track = state.board.tracks[visit]
+    run = state.run if state.run_visit == visit else None
+    step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
+    state = changed(state, run=step.run, run_visit=visit)
+    if step.done:
+        return Folded(state, inspected=track.segment, flown=step.flown)
+    if step.broken:
+        broken = (*state.runs_broken, (track.segment, step.broken))
+        return Folded(changed(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
+    return Folded(state)

@@ -1,0 +1,117 @@
+"""What a loss leaves, in the numbering of the whole instance: nothing is copied for what is left open.
+
+A loss changes where survivors start, what they may still spend, and which segments are open; ``begin_loss`` writes
+that into arrays of its own. ``planner.replan.remaining`` is the definition of the state after a loss.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+
+from planner.kernels.arrays import CUBE, FLOATS, INTS, PROBLEM, STATE, TABLE, FloatArray, IntArray, Problem, State
+from planner.kernels.compiled import inner, kernel
+
+SAME_TIME_S = 1e-9
+"""As in replan.py: a visit that ends this little after the loss has ended."""
+
+
+class Timing(NamedTuple):
+    """What a loss needs besides the energies of ``Problem``."""
+
+    move_s: FloatArray
+    """(p, 2n, 2n): seconds of the moves."""
+    start_s: FloatArray
+    """(k, 2n)"""
+    home_s: FloatArray
+    """(k, 2n)"""
+    idle_s: FloatArray
+    """(k,)"""
+    depot: FloatArray
+    """(k, 2n): energy from the landing place to the end of a visit, with the vehicle's own consumption."""
+    airborne: IntArray
+    """(k,): 1 for vehicles that are in the air when the plan starts."""
+
+
+class Clock(NamedTuple):
+    """When and at what expense the visits of a plan end."""
+
+    ends_s: FloatArray
+    """(k, n): when visit p of a route ends."""
+    spent: FloatArray
+    """(k, n): what its vehicle has spent by then."""
+    durations_s: FloatArray
+    """(k,): landing place reached."""
+
+
+class Loss(NamedTuple):
+    """The problem that a loss leaves."""
+
+    problem: Problem
+    """With ``start``, ``idle`` and ``budget`` of its own; a budget below 0 is that of a vehicle that does not fly."""
+    is_open: IntArray
+    """(n,): 1 for segments to be visited."""
+    done: IntArray
+    """(k,): how many visits of the plan have ended."""
+
+
+TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS), Timing)
+CLOCK = nb.types.NamedTuple((TABLE, TABLE, FLOATS), Clock)
+LOSS = nb.types.NamedTuple((PROBLEM, INTS, INTS), Loss)
+
+
+@kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64))
+def set_clock(problem: Problem, timing: Timing, base: State, clock: Clock, route: int) -> None:
+    """Set times and expenses of a route that is measured."""
+    length = base.lengths[route]
+    if length == 0:
+        clock.durations_s[route] = timing.idle_s[route]
+        return
+    move_s = timing.move_s[problem.profile[route]]
+    visits = base.visits[route]
+    now_s = timing.start_s[route, visits[0]]
+    spent = base.legs[route, 0]
+    clock.ends_s[route, 0] = now_s
+    clock.spent[route, 0] = spent
+    for position in range(1, length):
+        now_s += move_s[visits[position - 1], visits[position]]
+        spent += base.legs[route, position]
+        clock.ends_s[route, position] = now_s
+        clock.spent[route, position] = spent
+    clock.durations_s[route] = now_s + timing.home_s[route, visits[length - 1]]
+
+
+@inner(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS))
+def begin_loss(
+    problem: Problem, timing: Timing, base: State, clock: Clock, lost: int, at_s: float, fly_again: bool, loss: Loss
+) -> None:
+    """Set ``loss`` to what the loss of a vehicle at a time leaves of the plan ``base``."""
+    for segment in range(len(base.route_of)):
+        loss.is_open[segment] = int(base.route_of[segment] < 0)
+    for route in range(len(base.lengths)):
+        length = base.lengths[route]
+        done = 0
+        while done < length and clock.ends_s[route, done] <= at_s + SAME_TIME_S:
+            done += 1
+        loss.done[route] = done
+        loss.problem.idle[route] = 0.0
+        first_open = done
+        if route == lost:
+            loss.problem.budget[route] = -1.0
+        elif done < length:
+            visit = base.visits[route, done]
+            loss.problem.budget[route] = max(0.0, problem.budget[route] - clock.spent[route, done])
+            move = problem.move[problem.profile[route], visit]
+            for other in range(len(move)):
+                loss.problem.start[route, other] = problem.consumption[route] * move[other]
+            loss.problem.idle[route] = problem.home[route, visit]
+            first_open = done + 1
+        else:
+            left = max(0.0, problem.budget[route] - base.loads[route])
+            loss.problem.budget[route] = left if fly_again else -1.0
+            start = problem.start if length == 0 and timing.airborne[route] == 0 else timing.depot
+            for other in range(start.shape[1]):
+                loss.problem.start[route, other] = start[route, other]
+        for position in range(first_open, length):
+            loss.is_open[base.visits[route, position] >> 1] = 1
