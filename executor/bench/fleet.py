@@ -40,6 +40,7 @@ from executor.demo import simulated_fleet
 from executor.errors import ExecutorError
 from executor.order import Order, keep
 from executor.planning import Wanted, first_plan
+from executor.runtime import turns
 from planner import Cost
 
 COUNTS = (1, 10, 20, 50, 100)
@@ -126,7 +127,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, faults: tu
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
         with simulated_fleet(run, faults, seed):
-            flown = asyncio.run(_watched(order, watch))
+            flown = turns.run(_watched(order, watch))
         began_usec, events = _launched(run / "events.jsonl")
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
         return Flown(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import sys
 from collections.abc import Mapping
@@ -36,6 +35,7 @@ from executor.order import Order, keep
 from executor.planning import Wanted
 from executor.publishing import settings_of
 from executor.report import checked
+from executor.runtime import turns
 from executor.sortie import left_over, next_sortie, sortie_words
 from missions import read_plan, write_plan
 from planner import Cost
@@ -64,7 +64,7 @@ def demo(
     order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     keep(order)
     with simulated_fleet(directory, faults, seed):
-        flown = asyncio.run(flying.fly(order, console))
+        flown = turns.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -123,7 +123,7 @@ def fly(
         planning.fits(routes, ground, str(plan))
     order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
     keep(order)
-    flown = asyncio.run(flying.fly(order, console))
+    flown = turns.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -145,7 +145,7 @@ def preflight(
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
     order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
-    found = asyncio.run(examine(order, console))
+    found = turns.run(examine(order, console))
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
@@ -169,7 +169,7 @@ def resume(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     if isinstance(left, resuming.Ready):
         order = resuming.order_of(directory, left.ground, left.plan)
-        _finish_flight(order, asyncio.run(resuming.begin_again(directory, left, console)), as_json=as_json)
+        _finish_flight(order, turns.run(resuming.begin_again(directory, left, console)), as_json=as_json)
         return
     order = resuming.order_of(directory, left.begun.ground, left.begun.plan)
     report = resuming.over(directory, left)
@@ -181,7 +181,7 @@ def resume(
         console.say(Level.INFO, line)
     if not console.confirm("Take this flight up again?"):
         raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
-    _finish_flight(order, asyncio.run(resuming.take_up(directory, console)), as_json=as_json)
+    _finish_flight(order, turns.run(resuming.take_up(directory, console)), as_json=as_json)
 
 
 def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:

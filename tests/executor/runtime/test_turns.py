@@ -1,0 +1,83 @@
+"""A fleet that speaks all at once keeps nobody waiting."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+from selectors import EVENT_READ
+
+import pytest
+
+from executor.runtime.turns import AT_ONCE, InTurns, run
+
+VEHICLES = 20
+MESSAGES = 5
+
+
+@pytest.fixture
+def ports() -> Iterator[list[socket.socket]]:
+    """Ports at which a fleet spoke at the same moment."""
+    with ExitStack() as stack:
+        ours = []
+        for _ in range(VEHICLES):
+            here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+            stack.callback(here.close)
+            stack.callback(there.close)
+            here.setblocking(False)
+            for _ in range(MESSAGES):
+                there.send(b"heard")
+            ours.append(here)
+        yield ours
+
+
+def test_nobody_waits_longer_than_it_takes_to_hear_all(ports: list[socket.socket]) -> None:
+    with InTurns() as selector:
+        for port in ports:
+            selector.register(port, EVENT_READ)
+        rounds = [{key.fd for key, _ in selector.select(0)} for _ in range(12)]
+    assert all(len(one) == AT_ONCE for one in rounds)
+    everybody, enough = {port.fileno() for port in ports}, -(-VEHICLES // AT_ONCE)
+    for begin in range(len(rounds) - enough + 1):
+        assert set().union(*rounds[begin : begin + enough]) == everybody
+
+
+def test_fewer_are_taken_together(ports: list[socket.socket]) -> None:
+    with InTurns() as selector:
+        for port in ports[:AT_ONCE]:
+            selector.register(port, EVENT_READ)
+        assert len(selector.select(0)) == AT_ONCE
+        selector.unregister(ports[0])
+        assert len(selector.select(0)) == AT_ONCE - 1
+
+
+def test_others_have_their_turn_between_the_messages_of_a_fleet(ports: list[socket.socket]) -> None:
+    heard: list[str] = []
+
+    async def listen() -> None:
+        loop = asyncio.get_running_loop()
+        every = asyncio.Event()
+
+        def read(port: socket.socket) -> None:
+            port.recv(100)
+            heard.append("message")
+            if heard.count("message") == VEHICLES * MESSAGES:
+                every.set()
+
+        def other() -> None:
+            heard.append("other")
+            if not every.is_set():
+                loop.call_later(0.0, other)
+
+        for port in ports:
+            loop.add_reader(port, read, port)
+        other()
+        await every.wait()
+        for port in ports:
+            loop.remove_reader(port)
+
+    run(listen())
+    most = max(len(one) for one in "".join("m" if what == "message" else "o" for what in heard).split("o"))
+    assert heard.count("message") == VEHICLES * MESSAGES
+    assert most <= 2 * AT_ONCE  # a deadline that comes due in a round is seen to in the next one
