@@ -22,9 +22,9 @@ QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""
 RETRY_S = 5.0
 FLEW_ON = "flew on before its new mission came"
-VISITS_AT_ONCE = 10
-"""Of the missions that are made in one turn of the loop: 10 ms, or 70 where there are many ways around pads. Those of
-fifty vehicles together would take a quarter of a second."""
+WAYS_AT_ONCE = 500
+"""Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
+Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
 
 
 def orphans(context: Context, state: FleetState) -> frozenset[int]:
@@ -207,11 +207,11 @@ def composed(
 
 
 def _compose(context: Context, state: FleetState, plan: Replan, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
-    """Make and send the next missions, with `VISITS_AT_ONCE` or one vehicle's; the others wait for their turn."""
+    """Make and send the next missions, with `WAYS_AT_ONCE` or one vehicle's; the others wait for their turn."""
     commands: list[Command] = []
     offers = {offer.vehicle: offer for offer in plan.solve.survivors}
-    unmade, visits = list(plan.unmade), 0
-    while unmade and visits < VISITS_AT_ONCE:
+    unmade, ways = list(plan.unmade), 0
+    while unmade and ways < WAYS_AT_ONCE:
         route = unmade.pop(0)
         if route.vehicle not in plan.pending:
             continue  # its fault came first
@@ -223,7 +223,7 @@ def _compose(context: Context, state: FleetState, plan: Replan, now_s: float) ->
         mission = _new_mission(context, vehicle, offer, route.visits)
         plan = replace(plan, missions=MappingProxyType({**plan.missions, route.vehicle: mission}))
         commands.append(Upload(route.vehicle, plan.solve.revision, mission.path, offer.airborne))
-        visits += len(mission.visits)
+        ways += (len(route.visits) + 1) * len(context.vehicles)
     plan = replace(plan, unmade=tuple(unmade))
     if unmade:
         commands.append(Compose(plan.solve.revision))

@@ -236,7 +236,7 @@ def test_a_vehicle_landing_when_the_plan_was_made_may_fly_what_was_left() -> Non
 
 def composing(monkeypatch: pytest.MonkeyPatch) -> Story:
     """A flight of four in which uav2 is lost, and of the survivors' missions one has been made."""
-    monkeypatch.setattr(replanning, "VISITS_AT_ONCE", 1)
+    monkeypatch.setattr(replanning, "WAYS_AT_ONCE", 1)
     flight = under_way(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9))
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.state.replan is not None and bool(flight.state.replan.unmade))

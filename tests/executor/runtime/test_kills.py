@@ -23,7 +23,7 @@ async def test_a_flight_that_was_killed_while_its_missions_were_made_ends_well(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every mission takes a turn of its own, and at one of them the ground station dies."""
-    monkeypatch.setattr(replanning, "VISITS_AT_ONCE", 1)
+    monkeypatch.setattr(replanning, "WAYS_AT_ONCE", 1)
     outcome = await flown(seed, at_unmade=True)
     assert outcome.moments[0] == "unmade"
     assert outcome.wrongs() == []
