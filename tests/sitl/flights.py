@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,7 @@ from executor.core.context import Context
 from executor.core.preflight import Check
 from executor.core.state import FleetState
 from executor.order import Order, keep
+from executor.runtime import turns
 from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
 from tests.e2e.tlog import messages
@@ -142,7 +142,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, relayed)
     console = WatchfulConsole(story)
     with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
-        asyncio.run(app.fly(order, console))
+        turns.run(app.fly(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)
