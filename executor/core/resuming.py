@@ -12,13 +12,14 @@ from types import MappingProxyType
 
 from executor.core import replanning
 from executor.core.changed import changed
-from executor.core.commands import Command, Level, Say, Start, Upload
+from executor.core.commands import Command, Level, Say, SendHome, Start, Upload
 from executor.core.context import Context
+from executor.core.declare import left_plan, withdrawn
 from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.linkquality import LinkQuality
 from executor.core.meanwhile import NOTHING, flown_meanwhile
 from executor.core.modes import is_mission_mode
-from executor.core.state import Absence, FleetState, Replan
+from executor.core.state import Absence, FleetState, NewMission, Replan
 from executor.core.vehicle import Before, OnBoard, Stage, VehicleState, aboard, moved_to
 from executor.core.voltage import VoltageState
 from missions import MissionItem, alike, encode
@@ -192,6 +193,8 @@ def _half_uploaded(
             state, plan, let_go = replanning.let_go(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
             state, more = replanning.ended_if_done(state, now_s)
             return state, _Taken((*said, let_go, *more))
+    elif not mission.fresh and new is not None and _at_its_end(found, new):
+        return _stranded(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         why = "its mission is a mixture of two, and it flies beyond what is new"
         return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
@@ -199,6 +202,29 @@ def _half_uploaded(
     text = f"{found.vehicle}: the new mission of re-plan {revision} is not whole on board; it is sent again"
     again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
     return state, _Taken(said, again=(Say(Level.WARNING, text), again))
+
+
+def _at_its_end(found: Found, new: Match) -> bool:
+    """Return whether a vehicle flies to the last item of a new mission's beginning, or hovers there.
+
+    ArduPilot says then that its mission is complete: what is put on board later moves nothing, and what could move it
+    again begins the whole list anew. Item 0 is its home, which it never flies to, and what it says after an end.
+    """
+    return found.items == new.alike and found.seq is not None and (found.seq == 0 or found.seq >= new.alike - 1)
+
+
+def _stranded(
+    context: Context, state: FleetState, found: Found, mission: NewMission, revision: int, now_s: float
+) -> tuple[FleetState, _Taken]:
+    """Bring a vehicle home whose mission was cut short by our death: it is well, and may fly again."""
+    vehicle = state.vehicles[found.vehicle]
+    board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
+    state, said = _caught_up(context, state, vehicle, board, found.seq)
+    why = "reached the end of what was on board of its new mission"
+    state = state.put(left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s))
+    state, more = withdrawn(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
+    text = f"{found.vehicle}: {why}; it is told to return, and may fly again"
+    return state, _Taken((*said, Say(Level.WARNING, text), *more, SendHome(found.vehicle)))
 
 
 def _sent_again(state: FleetState, found: Found, again: tuple[Command, ...], now_s: float) -> Stepped:

@@ -191,12 +191,12 @@ def test_an_upload_that_ended_unheard_is_not_repeated() -> None:
     assert set(flight.state.inspected) == EVERYTHING
 
 
-def mixture(flight: Story, name: str, alike_new: int, seq: int) -> Found:
-    """A vehicle with the beginning of the new mission and the rest of the old one."""
+def mixture(flight: Story, name: str, alike_new: int, seq: int, items: int = 9) -> Found:
+    """A vehicle with the beginning of the new mission, and the rest of the old one where that was longer."""
     board = flight.state.vehicles[name].board
     assert board is not None
     matches = (Match(board.revision, 2, whole=False), Match(flight.state.revision, alike_new, whole=False))
-    return Found(name, True, seq, 9, matches)
+    return Found(name, True, seq, items, matches)
 
 
 def test_a_mixture_that_is_still_flown_at_its_new_beginning_is_made_whole() -> None:
@@ -222,6 +222,20 @@ def test_who_flies_the_end_of_a_mixture_comes_home() -> None:
     assert fault.kind is FaultKind.INTERRUPTION
     assert flight.sent_home() == [name]
     flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+@pytest.mark.parametrize("seq", [0, 6])
+def test_who_hovers_where_half_of_a_new_mission_ended_comes_home_and_flies_again(seq: int) -> None:
+    """ArduPilot flies what came, says that its mission is complete, and a list that follows moves nothing."""
+    flight = lost_and_solved()
+    name = flight.uploads()[0].vehicle
+    die(flight, 1.0)
+    come_back(flight, 1.0, **{name: mixture(flight, name, alike_new=7, seq=seq, items=7)})
+    assert flight.sent_home() == [name]
+    assert any(f"{name}: reached the end of what was on board" in line for line in flight.said())
+    flight.finish()
+    assert all(vehicle.fault is None for other, vehicle in flight.state.vehicles.items() if other != "uav2")
     assert set(flight.state.inspected) == EVERYTHING
 
 
