@@ -181,7 +181,7 @@ def _clear(
     start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
-    # `_met` for legs from one place, by squares and component for component: this is what a way around takes its time for.
+    # `_met` for legs from one place, by squares and by component: a way around takes its time here.
     along_e, along_n = (goals_m - start_m).T
     off_e, off_n = (centres_m - start_m).T[..., np.newaxis]
     share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)
