@@ -14,7 +14,7 @@ from executor.core import replanning
 from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say, SendHome, Start, Upload
 from executor.core.context import Context
-from executor.core.declare import left_plan, withdrawn
+from executor.core.declare import left_plan, on_mission, withdrawn
 from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.linkquality import LinkQuality
 from executor.core.meanwhile import NOTHING, flown_meanwhile
@@ -193,7 +193,8 @@ def _half_uploaded(
             state, plan, let_go = replanning.let_go(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
             state, more = replanning.ended_if_done(state, now_s)
             return state, _Taken((*said, let_go, *more))
-    elif not mission.fresh and new is not None and _at_its_end(found, new):
+    elif not mission.fresh and new is not None and _at_its_end(found, new) and on_mission(context, vehicle):
+        # In any other mode its own failsafe knows better: a landing must not become a flight home.
         return _stranded(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         why = "its mission is a mixture of two, and it flies beyond what is new"

@@ -239,6 +239,18 @@ def test_who_hovers_where_half_of_a_new_mission_ended_comes_home_and_flies_again
     assert set(flight.state.inspected) == EVERYTHING
 
 
+def test_who_comes_home_by_itself_with_half_of_a_new_mission_is_left_to_that() -> None:
+    """Its own failsafe may be landing it on the last of its battery."""
+    flight = lost_and_solved()
+    name = flight.uploads()[0].vehicle
+    die(flight, 1.0)
+    flight.crafts[name].go_home()
+    come_back(flight, 1.0, **{name: mixture(flight, name, alike_new=7, seq=0, items=7)})
+    assert flight.sent_home() == []
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
 def test_who_carries_what_nobody_here_put_there_comes_home() -> None:
     flight = under_way()
     die(flight, 5.0)
