@@ -91,6 +91,10 @@ class Network:
         """Whether ground and structure height of every pylon are known."""
         return all(pylon.elevation_m is not None and pylon.height_m is not None for pylon in self.pylons)
 
+    def segment_name(self, segment: int) -> str:
+        """Return a segment by what its file calls it; by its number where it has no name."""
+        return self.segments[segment].label or f"segment {segment}"
+
     def within(self, radius_m: float) -> Network:
         """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot.
 

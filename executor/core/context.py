@@ -92,6 +92,10 @@ class Context(Scene):
         """How many segments this flight is for."""
         return len(self.wanted)
 
+    def segment_name(self, segment: int) -> str:
+        """Return a segment by the name of the asset, as people call it."""
+        return self.setup.network.segment_name(segment)
+
     def return_height_m(self, name: str) -> float:
         """Return the height over its own home at which a vehicle must come home by itself, straight and level.
 

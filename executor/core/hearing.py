@@ -12,9 +12,12 @@ from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.coverage import Flown, Sample, follow
 from executor.core.messages import (
+    Attitude,
     Battery,
     DoubleHeard,
+    FenceStatus,
     FlightMessage,
+    Gps,
     Heartbeat,
     LandedState,
     MissionCurrent,
@@ -25,6 +28,7 @@ from executor.core.messages import (
     StatusText,
     SystemStatus,
     Traffic,
+    Wind,
 )
 from executor.core.modes import is_mission_mode
 from executor.core.vehicle import Fix, Stage, VehicleState
@@ -85,6 +89,14 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
             return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total)), seq))
         case LandedState(on_ground):
             return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
+        case Gps():
+            return Folded(changed(state, heard_s=now_s, gps=message))
+        case Wind():
+            return Folded(changed(state, heard_s=now_s, wind=message))
+        case Attitude():
+            return Folded(changed(state, heard_s=now_s, attitude=message))
+        case FenceStatus(breached):
+            return Folded(changed(state, heard_s=now_s, fence_breached=breached))
         case StatusText(_, said):
             alarm = (said, now_s) if _ALARM.search(said) else state.alarm
             return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)

@@ -23,14 +23,21 @@ class Action(Enum):
     EXCLUDE = "exclude"
     """Treat it as lost, by the operator's word."""
     INCLUDE = "include"
-    """Take a vehicle on the ground, with a fresh battery, back into the plan."""
+    """Take a vehicle back into the plan: one on the ground takes off from its pad for that, one that its pilot has
+    returned to its mission goes on."""
+    DISARM = "disarm"
+    """Stop the motors of a vehicle that is down."""
+    PREPARE = "prepare"
+    """Change the parameters that were told and put the missions on board: the answer to the first question."""
+    TAKE_OFF = "take-off"
+    """Begin the flight: the answer to the question before the take-off."""
     REPLAN = "replan"
     """Plan everything anew that is still to be flown."""
     ABORT = "abort"
     """Everybody returns."""
 
 
-FOR_ALL = frozenset({Action.REPLAN, Action.ABORT})
+FOR_ALL = frozenset({Action.REPLAN, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
 
 
@@ -57,6 +64,8 @@ class Intent:
     """None for what concerns everybody."""
     source: str
     """Who asks: page, mqtt, terminal."""
+    confirmed: bool = False
+    """Whether who asks has answered the second question, where there is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,3 +82,5 @@ class IntentRecord:
     """Vehicles whose own answer is still to come."""
     ended_s: float | None = None
     """When it came to its end; None while it is under way."""
+    question: str = ""
+    """What has to be confirmed first, where that is why it is refused: asked again with `confirmed` it is done."""

@@ -82,6 +82,39 @@ class LandedState:
 
 
 @dataclass(frozen=True, slots=True)
+class Attitude:
+    """ATTITUDE."""
+
+    roll_deg: float
+    pitch_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gps:
+    """GPS_RAW_INT."""
+
+    fix: int
+    """GPS_FIX_TYPE: 0 no GPS, 1 no fix, 2 two-dimensional, 3 three-dimensional, 4 differential, 5 and 6 RTK."""
+    satellites: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """WIND_COV of PX4, WIND of ArduPilot."""
+
+    speed_m_s: float
+    from_deg: float
+    """Where the air comes from, clockwise from north."""
+
+
+@dataclass(frozen=True, slots=True)
+class FenceStatus:
+    """FENCE_STATUS."""
+
+    breached: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Home:
     """HOME_POSITION."""
 
@@ -225,6 +258,10 @@ FlightMessage = (
     | Battery
     | SystemStatus
     | LandedState
+    | Attitude
+    | Gps
+    | Wind
+    | FenceStatus
     | Home
     | MissionCurrent
     | MissionReached

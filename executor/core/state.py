@@ -102,6 +102,39 @@ class SaidLine:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class CheckLine:
+    """One line of the checklist before the flight."""
+
+    severity: str
+    """ok, warning or stop."""
+    subject: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the crew is asked before anything goes on."""
+
+    id: str
+    """prepare or take-off: the action that answers it with yes."""
+    text: str
+    lines: tuple[str, ...]
+    """What it is about, line by line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Briefing:
+    """What a crew reads before the flight."""
+
+    checks: tuple[CheckLine, ...] = ()
+    """The checklist, in the order in which a crew reads it."""
+    question: Question | None = None
+    """What it is asked now."""
+    answered: str = ""
+    """The id of the question that was answered with yes, from the page or over MQTT."""
+
+
 KEPT_LINES = 200
 
 
@@ -155,6 +188,7 @@ class FleetState:
     """(vehicle, fault) of vehicles that were taken back into the plan."""
     outlook: Mapping[str, Outlook] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that flies its mission: what its loss would mean; computed seldom."""
+    briefing: Briefing = field(default_factory=Briefing)
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""

@@ -10,7 +10,7 @@ from executor.core.changed import changed
 from executor.core.context import Context
 from executor.core.coverage import Run, Track
 from executor.core.linkquality import LinkQuality
-from executor.core.messages import DoubleHeard, Heartbeat, StationHeard
+from executor.core.messages import Attitude, DoubleHeard, Gps, Heartbeat, StationHeard, Wind
 from executor.core.roundings import Roundings
 from executor.core.voltage import VoltageState
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
@@ -188,6 +188,11 @@ class VehicleState:
     """Whether the operator ordered it to land where it was."""
     began_pct: float | None = None
     """What its battery held at its last start."""
+    gps: Gps | None = None
+    wind: Wind | None = None
+    """As it measures it."""
+    attitude: Attitude | None = None
+    fence_breached: bool = False
 
     @property
     def airborne(self) -> bool:

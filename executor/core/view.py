@@ -12,7 +12,7 @@ from executor.core import energy
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.modes import mode_name
-from executor.core.state import FleetState
+from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 
@@ -60,11 +60,13 @@ class ProgressView:
     done: int
     """Segments of its route behind it."""
     total: int
-    segment: int | None
+    segment: int | None = None
     """The segment that it inspects or flies to."""
-    phase: str | None
+    segment_name: str | None = None
+    """The same by the name of the asset."""
+    phase: str | None = None
     """takeoff, transit, inspect, return or land."""
-    segment_share: float | None
+    segment_share: float | None = None
     """How much of the segment is behind it, from 0 to 1."""
 
 
@@ -81,13 +83,33 @@ class LossView:
 
 
 @dataclass(frozen=True, slots=True)
+class WindView:
+    """Wind."""
+
+    speed_m_s: float
+    from_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class TakenView:
+    """A vehicle in other hands than ours: it is not commanded from here."""
+
+    since_s: float
+    """On the flight's clock."""
+    kept_s: float
+    """How long its segments are still kept for it; 0 when they were given away."""
+    returned: bool
+    """Whether its pilot has put it back on its mission: it may be included."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleView:
     """One vehicle."""
 
     name: str
     sysid: int
     state: str
-    """ground, starting, flying, holding, returning, landing, landed or lost."""
+    """ground, starting, flying, holding, pilot, returning, landing, landed, down or lost."""
     mode: str | None
     armed: bool
     layer: int
@@ -106,6 +128,29 @@ class VehicleView:
     excluded: bool
     loss: LossView | None
     """None while it is not known, or where there is nothing to lose."""
+    lands_in_s: float | None
+    """How long it should take until it is back on its pad; None where nobody knows."""
+    gps_fix: int | None
+    """GPS_FIX_TYPE."""
+    satellites: int | None
+    voltage_v: float | None
+    wind: WindView | None
+    """As it measures it."""
+    taken: TakenView | None
+    """Who has it, if it is not flown from here."""
+    offered: bool
+    """Whether it could take over work, and waits for the crew's word."""
+
+
+@dataclass(frozen=True, slots=True)
+class OfferView:
+    """Vehicles on the ground that could take over work."""
+
+    vehicles: tuple[str, ...]
+    segments: tuple[int, ...]
+    """What nobody has."""
+    text: str
+    """Whose pads must be clear, and for what."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +184,8 @@ class IntentView:
     outcome: str
     text: str
     at_s: float
+    question: str
+    """What has to be confirmed before it is done; empty if nothing has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +212,11 @@ class FleetView:
     """The last decisions, the oldest first."""
     intents: tuple[IntentView, ...]
     """The last ones, the oldest first."""
+    checks: tuple[CheckLine, ...]
+    """The checklist, in the order in which a crew reads it."""
+    question: Question | None
+    """What the crew is asked now, before the flight."""
+    offer: OfferView | None
 
 
 def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
@@ -189,10 +241,13 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         intents=tuple(
             IntentView(
                 one.intent.id, one.intent.action.value, one.intent.vehicle, one.intent.source, one.outcome.value,
-                one.text, round(one.at_s, 2),
+                one.text, round(one.at_s, 2), one.question,
             )
             for one in tuple(state.intents.values())[-INTENTS:]
         ),
+        checks=state.briefing.checks,
+        question=state.briefing.question,
+        offer=None,
     )  # fmt: skip
 
 
@@ -214,13 +269,20 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         link_age_s=None if vehicle.heard_s is None else round(max(0.0, now_s - vehicle.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
         stale=vehicle.stale,
-        progress=_progress(vehicle),
+        progress=_progress(context, vehicle),
         fault=None if vehicle.fault is None else vehicle.fault.reason,
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         excluded=vehicle.excluded,
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
         if known and outlook is not None
         else None,
+        lands_in_s=None,
+        gps_fix=None if vehicle.gps is None else vehicle.gps.fix,
+        satellites=None if vehicle.gps is None else vehicle.gps.satellites,
+        voltage_v=vehicle.volts.voltage_v,
+        wind=None if vehicle.wind is None else WindView(vehicle.wind.speed_m_s, vehicle.wind.from_deg),
+        taken=None,
+        offered=False,
     )
 
 
@@ -278,22 +340,22 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
     )
 
 
-def _progress(vehicle: VehicleState) -> ProgressView:
+def _progress(context: Context, vehicle: VehicleState) -> ProgressView:
     board, leg = vehicle.board, vehicle.leg
     if board is None:
-        return ProgressView(0, 0, None, None, None)
+        return ProgressView(0, 0)
     total = len(board.visits)
     if not vehicle.airborne:
         done = 0 if vehicle.stage in {Stage.GROUND, Stage.STARTING} else total - len(vehicle.remaining_visits())
-        return ProgressView(done, total, None, None, None)
+        return ProgressView(done, total)
     done = total - len(vehicle.remaining_visits())
     if vehicle.stage is Stage.RETURNING:
-        return ProgressView(done, total, None, (Phase.LAND if vehicle.lands else Phase.RETURN).value, None)
+        return ProgressView(done, total, phase=(Phase.LAND if vehicle.lands else Phase.RETURN).value)
     if leg is None or leg.visit is None:
-        return ProgressView(done, total, None, None if leg is None else leg.phase.value, None)
+        return ProgressView(done, total, phase=None if leg is None else leg.phase.value)
     track = board.tracks[leg.visit]
     share = _share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
-    return ProgressView(done, total, track.segment, leg.phase.value, share)
+    return ProgressView(done, total, track.segment, context.segment_name(track.segment), leg.phase.value, share)
 
 
 def _share(track: Track, vehicle: VehicleState) -> float:
