@@ -196,7 +196,7 @@ def test_ardupilot_says_where_the_wind_comes_from_below_zero_too() -> None:
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -1.0, 1e6])
 def test_a_wind_that_is_none_is_not_passed_on(wrong: float) -> None:
     assert heard(mav.MAVLink_wind_message(90.0, wrong, 0.0)) == [None]
-    if not wrong == -1.0:  # the other way, that is a wind
+    if wrong != -1.0:  # the other way, that is a wind
         assert heard(mav.MAVLink_wind_cov_message(0, wrong, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0)) == [None]
 
 
