@@ -57,6 +57,8 @@ class Flight:
         self._solver = solver
         self._observer = observer
         self._jobs: dict[str, asyncio.Task[None]] = {}
+        self._whole: set[str] = set()
+        """Vehicles whose present job is an upload."""
         self._tasks: asyncio.TaskGroup | None = None
         self._over = asyncio.Event()
         self._mistakes: set[str] = set()
@@ -154,13 +156,17 @@ class Flight:
             case commands.Say():
                 self._observer.said(command, now_s)
             case commands.Upload():
-                self._job(command.vehicle, partial(self._upload, command))
+                self._job(command.vehicle, partial(self._upload, command), whole=True)
             case commands.Start(vehicle):
                 self._job(vehicle, partial(self._start, vehicle))
             case commands.SendHome(vehicle):
                 self._job(vehicle, partial(self._send_home, vehicle))
             case commands.Hold(vehicle) | commands.Resume(vehicle) | commands.LandNow(vehicle):
                 self._job(vehicle, partial(self._order, command))
+            case commands.Disarm(vehicle):
+                self._job(vehicle, partial(self._disarm, command))
+            case commands.HandsOff(vehicle):
+                self._hands_off(vehicle)
             case commands.Solve():
                 self._spawn(self._solve(command), f"solve {command.revision}")
             case commands.Compose(revision):
@@ -176,14 +182,30 @@ class Flight:
             return None
         return self._tasks.create_task(work, name=name)
 
-    def _job(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]]) -> None:
-        """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time."""
+    def _job(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]], *, whole: bool = False) -> None:
+        """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time.
+
+        Args:
+            vehicle: Who.
+            work: What.
+            whole: Whether it is brought to its end even when a person takes the vehicle: half a mission on board is
+                worse for its pilot than a whole one, and neither moves it.
+        """
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
         task = self._spawn(self._settled(work), vehicle)
         if task is not None:
             self._jobs[vehicle] = task
+            self._whole.discard(vehicle)
+            if whole:
+                self._whole.add(vehicle)
+
+    def _hands_off(self, vehicle: str) -> None:
+        """Say nothing more to a vehicle that a person has."""
+        job = self._jobs.get(vehicle)
+        if job is not None and vehicle not in self._whole:
+            job.cancel()
 
     async def _settled(self, work: Callable[[], Coroutine[None, None, None]]) -> None:
         """Tell a vehicle something once the decision is on record and outlives a power loss."""
@@ -210,7 +232,7 @@ class Flight:
 
     async def _send_home(self, vehicle: str) -> None:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason))
+        self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused))
 
     async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> None:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
@@ -221,7 +243,13 @@ class Flight:
                 action, done = Action.RESUME, await procedures.resume(link, self._clock, dialect, speed_m_s)
             case commands.LandNow():
                 action, done = Action.LAND, await procedures.land(link, self._clock, dialect)
-        self.apply(events.OrderEnded(command.vehicle, action, done.accepted, done.reason))
+        self.apply(events.OrderEnded(command.vehicle, action, done.accepted, done.reason, done.lost, done.refused))
+
+    async def _disarm(self, command: commands.Disarm) -> None:
+        done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
+        self.apply(
+            events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
+        )
 
     async def _solve(self, command: commands.Solve) -> None:
         self.apply(await self._solver.solve(command))
