@@ -310,7 +310,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     state, more = _decided(context, state, vehicle, raised, now_s)
     commands.extend(more)
-    state, more = _owed(context, state, name, now_s)
+    state, more = _owed(context, state, name)
     return state, (*commands, *more)
 
 
@@ -360,7 +360,7 @@ def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, 
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
-def _owed(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+def _owed(context: Context, state: FleetState, name: str) -> Stepped:
     """Say that an inspection does not count once its vehicle has left the segment without proof."""
     vehicle = state.vehicles[name]
     if vehicle.owed is None or vehicle.board is None:

@@ -34,10 +34,10 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
     if vehicle.fault is not None:
         hold = replace(hold, given_away=True)
     vehicle = replace(
-        moved_to(vehicle, Stage.PILOT), taken=hold, errand=None, held_s=None, run=None, cleared_s=None, cause=Cause.PERSON,
-        anchor=None,
+        moved_to(vehicle, Stage.PILOT), taken=hold, errand=None, held_s=None, run=None, cleared_s=None, anchor=None,
+        cause=Cause.PERSON,
     )  # fmt: skip
-    state, more = _unsolved(state.put(vehicle), vehicle.name, now_s)
+    state, more = _unsolved(state.put(vehicle), vehicle.name)
     if on_ground:
         text = f"{vehicle.name}: was armed on the ground, not from here, mode {mode}: keep clear of it"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
@@ -46,7 +46,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
 
 
-def _unsolved(state: FleetState, name: str, now_s: float) -> Stepped:
+def _unsolved(state: FleetState, name: str) -> Stepped:
     """Plan anew without a vehicle if it is part of what is being solved; what goes on board already goes on."""
     plan = state.replan
     if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:

@@ -1,4 +1,4 @@
-"""A person takes a vehicle: nothing is commanded, its work is kept and then given away, and it comes back by consent."""
+"""A person takes a vehicle: nothing is commanded, its work is kept, then given away; it comes back by consent."""
 
 from __future__ import annotations
 
