@@ -17,7 +17,7 @@ from contextlib import (
 )
 from dataclasses import dataclass
 
-from executor import build, serving
+from executor import build, changes, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
 from executor.adapters.mavlink import endpoints
@@ -41,6 +41,7 @@ from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
 from executor.keeper import Keeper, Planned, in_force
+from executor.kept import reported
 from executor.order import Console, Order
 from executor.publishing import Publication
 from executor.report import Said, report_of, vehicles_of
@@ -105,17 +106,36 @@ async def _fly(
     stops = [check for check in found if check.severity is Severity.STOP]
     if stops:
         raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
-    found += await _load(context, links, clock, boards, console)
-    said = Said(facts, found)
-    write_json(run / "vehicles.json", vehicles_of(context, said))
-    path = run / "events.jsonl"
-    log = EventLog(path, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
-    seat = Cockpit(context, fleet.initial(boards), links, clock, log, solver, said)
     try:
+        found += await _prepared(order, context, links, clock, console)
+        await _load(context, links, clock, boards, console)
+        said = Said(facts, found)
+        write_json(run / "vehicles.json", vehicles_of(context, said))
+        log = EventLog(
+            run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
+        )
+        seat = Cockpit(context, fleet.initial(boards), links, clock, log, solver, said)
         return await supervise(order, console, seat)
-    except PreflightFailed:
-        path.unlink()  # there is nothing to be taken up again
+    except BaseException as error:
+        if isinstance(error, PreflightFailed):
+            (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
+        await changes.give_back(run, links, clock, console)
         raise
+
+
+async def _prepared(
+    order: Order, context: Context, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
+) -> list[Check]:
+    """Tell what the flight changes on board, ask once, and set it.
+
+    Raises:
+        PreflightFailed: the operator did not say yes, or there is no record to give it back from.
+    """
+    proposal = await changes.read_changes(context, links, clock)
+    console.checks(proposal.checks)
+    if proposal.changes and not console.confirm(changes.question(proposal)):
+        raise PreflightFailed("the operator did not say yes; nothing was changed on board")
+    return [*proposal.checks, *await changes.apply_changes(order.run, proposal, context, links, clock, console)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +178,10 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
     finally:
         console.done()
         seat.log.close()
+    ended_s = clock.now_s()
+    given_back = await changes.give_back(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
-    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, seat.said)
+    report = report_of(context, flight.state, ended_s, order.truths(clock), frames, seat.said, reported(given_back))
     try:
         write_json(order.run / "report.json", report)
     except OSError as error:
@@ -310,28 +332,23 @@ async def _load(
     clock: SystemClock,
     boards: Mapping[str, OnBoard | None],
     console: Console,
-) -> list[Check]:
-    found: list[Check] = []
+) -> None:
     turn = asyncio.Semaphore(LOADED_AT_ONCE)
 
-    async def one(name: str, board: OnBoard | None) -> None:
+    async def one(name: str, board: OnBoard) -> None:
         async with turn:
             await load(name, board)
 
-    async def load(name: str, board: OnBoard | None) -> None:
-        dialect, link = context.vehicles[name].dialect, links[name]
-        height = await asking.prepare_return(link, clock, dialect, context.return_height_m(name))
-        found.append(preflight.return_height(context, name, height))
-        console.checks(found[-1:])
-        if board is not None:
-            mission = encode(board.path, dialect)
-            await asking.load(name, link, clock, dialect, mission)
-            console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
+    async def load(name: str, board: OnBoard) -> None:
+        dialect = context.vehicles[name].dialect
+        mission = encode(board.path, dialect)
+        await asking.load(name, links[name], clock, dialect, mission)
+        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
 
     async with asyncio.TaskGroup() as tasks:
         for name, board in boards.items():
-            tasks.create_task(one(name, board))
-    return found
+            if board is not None:
+                tasks.create_task(one(name, board))
 
 
 class _Interrupts:
