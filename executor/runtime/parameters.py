@@ -17,6 +17,8 @@ from missions import Dialect
 
 HEARD_S = 5.0
 """Without a heartbeat for so long a vehicle does not answer; they come once a second."""
+ARMED_S = 3.0
+"""A vehicle that is heard and armed for so long is armed."""
 CALL_S = 1.0
 ROUNDS = 4
 """Of looking at what is on board, while something is given back."""
@@ -109,11 +111,14 @@ async def give_back(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: flo
 async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s: float) -> str:
     """Wait for a vehicle at rest; returns what is in the way, empty if nothing is.
 
-    It is called meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat
+    Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat
     has said which autopilot it is: they write integers in two ways.
     """
-    until_s = clock.now_s() + max(heard_s, procedures.PATIENCE_REAL_S * clock.speedup)
-    while not watch.rests and clock.now_s() < until_s:
+    began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
+    while not watch.rests:
+        patience_s = max(heard_s if watch.heartbeat is None else ARMED_S, least_s)
+        if clock.now_s() >= began_s + patience_s:
+            break
         link.send(SendParamRequest(one.name))
         watch.came.clear()
         try:
