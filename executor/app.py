@@ -6,7 +6,7 @@ import asyncio
 import gc
 import shutil
 import signal
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import (
     AbstractAsyncContextManager,
     AsyncExitStack,
@@ -103,10 +103,8 @@ async def _fly(
     facts = await _interviews(order, links, clock, console)
     context, boards, found = examined(order, facts)
     console.checks(found)
-    stops = [check for check in found if check.severity is Severity.STOP]
-    if stops:
-        raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
     try:
+        _must_not_stop(found)
         found += await _prepared(order, context, links, clock, console)
         await _load(context, links, clock, boards, console)
         said = Said(facts, found)
@@ -119,8 +117,15 @@ async def _fly(
     except BaseException as error:
         if isinstance(error, PreflightFailed):
             (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
+        # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
         await changes.give_back(run, links, clock, console)
         raise
+
+
+def _must_not_stop(found: Sequence[Check]) -> None:
+    stops = [check for check in found if check.severity is Severity.STOP]
+    if stops:
+        raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
 
 
 async def _prepared(

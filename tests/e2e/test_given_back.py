@@ -182,6 +182,17 @@ async def test_nobody_says_yes(tmp_path: Path) -> None:
     assert "no parameter was changed from here" in err
 
 
+async def test_a_preflight_that_says_no_leaves_nothing_changed(tmp_path: Path) -> None:
+    site, _ = site_file(tmp_path, pylons=4, vehicles=2, speedup=SPEEDUP, autopilot="px4")
+    async with on_pads(site, "px4", "uav2:refuse-upload@0s") as fleet:
+        async with called("fly", str(site), "--yes", "--run", str(tmp_path / "run")) as flight:
+            _, err = await ended(flight)
+        assert flight.returncode == 2
+        assert "uav2: the mission is not on board" in err
+        assert "uav1: RTL_RETURN_ALT 33.25, RTL_CONE_ANG 25, RTL_DESCEND_ALT 12.5 restored" in err
+        assert fleet.as_before
+
+
 async def test_a_flight_that_is_taken_up_again_gives_back_what_its_first_process_changed(tmp_path: Path) -> None:
     site, _ = site_file(tmp_path, pylons=4, vehicles=2, speedup=SPEEDUP, autopilot="px4")
     run = tmp_path / "run"
