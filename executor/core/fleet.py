@@ -141,6 +141,8 @@ def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
     for vehicle in state.vehicles.values():
         if vehicle.board is None or not vehicle.board.visits:
             continue
+        if vehicle.armed:
+            continue  # somebody else has armed it since it was looked at
         planned |= {segment_of(visit) for visit in vehicle.board.visits}
         state, start = _start(context, state, vehicle, now_s)
         commands.append(start)
@@ -222,7 +224,7 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
     heard = f"{vehicle.name}: link regained"
     if vehicle.armed and custody.in_other_hands(vehicle):
-        state, more = takeover.taken(context, state, vehicle, now_s)
+        state, more = takeover.taken(context, state, vehicle)
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
         vehicle = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
@@ -321,7 +323,7 @@ def _decided(
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and custody.takes_over(vehicle, now_s) and not lost:
-        return takeover.taken(context, state, vehicle, now_s)
+        return takeover.taken(context, state, vehicle)
     if raised and raised[0][0].name == "mode" and custody.missed_us(context, state.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
     if raised:
@@ -348,7 +350,7 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
         state, more = homeward.sent_home(context, state, back, now_s)
         return state, (Say(Level.FAULT, text), *more)
     if vehicle.armed and custody.takes_over(vehicle, now_s):
-        return takeover.taken(context, state, vehicle, now_s)
+        return takeover.taken(context, state, vehicle)
     return state, ()
 
 

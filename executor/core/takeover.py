@@ -23,7 +23,7 @@ RETURNED_AFTER_S = 1.0
 """So long it is on its mission again before anybody says so: a switch goes through other positions on its way."""
 
 
-def taken(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Let go of a vehicle that a person has taken; its segments are kept for it for a while."""
     beat = vehicle.heartbeat
     mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -62,6 +63,8 @@ class Flight:
         self._tasks: asyncio.TaskGroup | None = None
         self._over = asyncio.Event()
         self._mistakes: set[str] = set()
+        self._stops: list[Callable[[], None]] = []
+        self._answer = asyncio.Event()
 
     def apply(self, event: Event) -> None:
         """Write an event down, apply it, and carry out what was decided.
@@ -97,6 +100,8 @@ class Flight:
     def _apply(self, event: Event, now_s: float) -> None:
         self._sink.write(event, now_s)
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
+        if self.state.briefing.answered:
+            self._answer.set()
         self._observer.applied(event, self.state, now_s)
         for command in decided:
             self._observer.decided(command, now_s)
@@ -112,24 +117,44 @@ class Flight:
         Raises:
             ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
         """
-        stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
         try:
             async with asyncio.TaskGroup() as tasks:
                 self._tasks = tasks
                 if reopened is not None:
                     self.apply(reopened)
-                    self.apply(await self._reunion(patience_real_s))
-                tick = tasks.create_task(self._tick(), name="tick")
-                if reopened is None:
-                    self.apply(events.LaunchOrdered())
-                await self._over.wait()
-                tick.cancel()
-                for job in self._jobs.values():
-                    job.cancel()
+                with self.listening():
+                    if reopened is not None:
+                        self.apply(await self._reunion(patience_real_s))
+                    tick = tasks.create_task(self._tick(), name="tick")
+                    if reopened is None:
+                        self.apply(events.LaunchOrdered())
+                    await self._over.wait()
+                    tick.cancel()
+                    for job in self._jobs.values():
+                        job.cancel()
         finally:
             self._tasks = None
-            for stop in stops:
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take what the vehicles say; before a flight too, so that who looks sees them."""
+        if self._stops:
+            yield  # it listens already
+            return
+        self._stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
+        try:
+            yield
+        finally:
+            for stop in self._stops:
                 stop()
+            self._stops = []
+
+    async def answered(self, action: Action) -> bool:
+        """Wait until what is asked before the flight is answered with yes, from wherever; returns true."""
+        while self.state.briefing.answered != action.value:
+            self._answer.clear()
+            await self._answer.wait()
+        return True
 
     async def _reunion(self, patience_real_s: float) -> events.Resumed:
         return await reunion.asked(self.context, lambda: self.state, self._links, self._clock, patience_real_s)
