@@ -22,6 +22,8 @@ from tests.stories.world import Flown
 OURS = 255
 KNOWS_S = 1.5
 """Until a change on board is known on the ground, and what was on its way has arrived."""
+ON_ITS_WAY_S = 0.3
+"""A command that was sent before it happened arrives within this."""
 LANDING_KNOWN_S = 3.0
 """A landing begins without a word: the landed state comes once a second."""
 OBEYS_S = 60.0
@@ -196,9 +198,11 @@ class Judge:
     def _hands_off(self) -> Iterator[Finding]:
         for name in self.names:
             for span in self.hands(name):
-                from_s = self._known_s(name, span.from_s) + KNOWS_S
+                from_s = self._known_s(name, span.from_s)
                 for order in self.orders(name):
-                    if from_s <= order.t_s < span.to_s and not self._wished(name, order.t_s):
+                    # An upload may be on its way; nobody orders a mode within the same moment by chance.
+                    known_s = from_s + (ON_ITS_WAY_S if order.what.startswith("order command") else KNOWS_S)
+                    if known_s <= order.t_s < span.to_s and not self._wished(name, order.t_s):
                         yield Finding("hands", order.t_s, f"{name}: {order.what!r} though it was taken ({span.what})")
 
     def _own_emergencies(self) -> Iterator[Finding]:

@@ -123,7 +123,8 @@ TAKEOVERS = (
     Story("another station sends it home", (told(on_segment("uav2"), "uav2:station=RTL"),)),
     Story(
         "another station stops it, and sends it on",
-        (told(on_segment("uav2"), "uav2:station={pause}"), told(after("uav2", "station ", 45), "uav2:station={mission}"),
+        (told(on_segment("uav2"), "uav2:station={pause}"),
+         told(after("uav2", "station ", 45), "uav2:station={mission}"),
          wants(after("uav2", "station ", 50), Action.INCLUDE, "uav2")),
     ),
     Story(

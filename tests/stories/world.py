@@ -45,6 +45,7 @@ LOOK_S = 1.0
 PATIENCE_S = 90.0
 """How long a crew waits on the ground for a flight that does not end, before it says that it is over."""
 READY_S = 60.0
+OFFER_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,8 @@ class Sky(World):
         self.story, self.autopilot = story, autopilot
         self.clock, self.sink = LoopClock(), Sink()
         self.solver = FakeSolver(takes_s=story.solve_s)
-        site = site_of(tuple(story.fleet), autopilot, **story.tables)
+        flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
+        site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
         self._ground = ground_for(site, line_east(story.pylons))
         self._setup = build.setup_of(self._ground)
         self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
@@ -276,7 +278,7 @@ class Sky(World):
             moment.do(self)
 
     def _look(self) -> None:
-        for name, radio in self.radios.items():
+        for radio in self.radios.values():
             radio.vehicle.autopilot.frame.happened("at")
             self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
         view = self.view
