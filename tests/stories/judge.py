@@ -15,6 +15,7 @@ from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
 from executor.core.intents import Action, Outcome
 from executor.simulator import Truth, parse_fault
+from executor.simulator.autopilot import STEP_S
 from executor.simulator.faults import FaultKind
 from tests.stories.story import MISSION
 from tests.stories.world import Flown
@@ -122,6 +123,11 @@ class Judge:
         """Return when somebody else had it: from the takeover until it was returned and the crew took it back."""
         mission, auto = MISSION[self.flown.autopilot]["mission"], self._returned_suffices()
         happened = [(one.t_s, one.what) for one in self.happened(name, "pilot ", "station ", "kill")]
+        # Who chooses the mode that is flown already changes nothing that anybody could see.
+        modes = [one.t_s for one in self.happened(name, "mode ")]
+        happened = [
+            (at_s, what) for at_s, what in happened if what == "kill" or any(0 <= mode - at_s < 0.1 for mode in modes)
+        ]
         happened += [(at_s, "included") for at_s in self._included(name)]
         spans: list[Span] = []
         taken: tuple[float, str] | None = None
@@ -191,7 +197,7 @@ class Judge:
     def _wished(self, name: str, at_s: float) -> bool:
         """Return whether a person asked for this: an order follows a wish that was not refused."""
         return any(
-            intent.id not in self._refused and 0 <= at_s - asked_s <= OBEYS_S and intent.vehicle == name
+            intent.id not in self._refused and -STEP_S <= at_s - asked_s <= OBEYS_S and intent.vehicle == name
             for asked_s, intent in self._asked
         )
 
@@ -296,6 +302,9 @@ class Judge:
             return f"it is {away_m:.0f} m from there"
         if (truth.up_m or 0.0) > 1.0:
             return f"it is {truth.up_m:.0f} m up"
+        ended = [one.what for one in self.happened(name, "landed", "wreck", "fell", "crash") if one.t_s <= at_s]
+        if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= ON_PAD_M:
+            return "it has landed on its pad"
         armed = re.search(r"\barmed\b", line.text) is not None and "disarmed" not in line.text
         return "" if armed == self.armed(name, at_s) or not armed else "it is disarmed"
 
@@ -378,6 +387,7 @@ class Judge:
             self._known_s(name, span.from_s) + SHOWN_S <= at_s < span.to_s
             and not self._wished(name, at_s)
             and self.armed(name, at_s)
+            and not self._overruled(name, at_s)
             for span in self.hands(name)
         )
         wrecked = any(one.t_s + ANNOUNCED_S <= at_s for one in self.happened(name, "wreck"))
@@ -394,6 +404,11 @@ class Judge:
             if at_s - down_s > SHOWN_S:
                 return "its motors are off"
         return ""
+
+    def _overruled(self, name: str, at_s: float) -> bool:
+        """Return whether a failsafe acts although somebody has it, as it does when the link is lost."""
+        causes = [one.what for one in self.happened(name, "pilot ", "station ", "failsafe ") if one.t_s <= at_s]
+        return bool(causes) and causes[-1].startswith("failsafe")
 
     def _landed_untrue(self, name: str, at_s: float) -> str:
         ended = [one.what for one in self.happened(name, "kill", "crash", "landed", "fell") if one.t_s <= at_s]

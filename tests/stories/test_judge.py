@@ -18,6 +18,7 @@ AWAY = (49.602, 15.6)
 LAUNCH_S, END_S = 10.0, 400.0
 LAUNCHED: tuple[tuple[float, Event], ...] = ((LAUNCH_S, LaunchOrdered()),)
 BEGUN = ((10.5, "order command 400 1"), (10.6, "armed"), (11.0, "took_off"))
+LOITERS = ((50.0, "pilot LOITER"), (50.0, "mode LOITER"))
 ENDED = ((300.0, "descends"), (320.0, "landed"), (322.0, "disarmed"))
 
 
@@ -60,16 +61,16 @@ def test_a_flight_that_never_ends() -> None:
 
 
 def test_an_order_to_a_vehicle_that_its_pilot_has() -> None:
-    taken = flown(*BEGUN, (50.0, "pilot LOITER"), (51.2, "order command 176 1 6"), *ENDED)
+    taken = flown(*BEGUN, *LOITERS, (51.2, "order command 176 1 6"), *ENDED)
     assert rules(taken) == ["hands"]
     # A crew that wants it so is obeyed, and a question about a message is no order.
     assert rules(asked(taken, 51.0, Action.RETURN)) == []
     assert rules(asked(taken, 51.0, Action.RETURN, Outcome.REFUSED)) == ["hands"]
-    assert rules(flown(*BEGUN, (50.0, "pilot LOITER"), (51.2, "order command 511 33"), *ENDED)) == []
+    assert rules(flown(*BEGUN, *LOITERS, (51.2, "order command 511 33"), *ENDED)) == []
 
 
 def test_a_vehicle_is_its_pilots_until_it_is_returned_and_included() -> None:
-    happened = (*BEGUN, (50.0, "pilot LOITER"), (80.0, "pilot AUTO"), (100.0, "order mission 9"), *ENDED)
+    happened = (*BEGUN, *LOITERS, (80.0, "pilot AUTO"), (100.0, "order mission 9"), *ENDED)
     assert rules(flown(*happened)) == ["hands"]
     assert rules(asked(flown(*happened), 95.0, Action.INCLUDE)) == []
 
@@ -116,7 +117,7 @@ def test_a_fault_of_nothing_and_a_takeover_by_nobody() -> None:
 
 
 def test_a_page_that_shows_what_is_not() -> None:
-    taken = flown(*BEGUN, (50.0, "pilot LOITER"), *ENDED)
+    taken = flown(*BEGUN, *LOITERS, *ENDED)
     assert rules(replace(taken, shown=(Shown(60.0, "uav1", "returning"),))) == ["page"]
     assert rules(replace(taken, shown=(Shown(60.0, "uav1", "pilot"), Shown(330.0, "uav1", "landed")))) == []
 
