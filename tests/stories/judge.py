@@ -122,13 +122,8 @@ class Judge:
     def hands(self, name: str) -> list[Span]:
         """Return when somebody else had it: from the takeover until it was returned and the crew took it back."""
         mission, auto = MISSION[self.flown.autopilot]["mission"], self._returned_suffices()
-        happened = [(one.t_s, one.what) for one in self.happened(name, "pilot ", "station ", "kill")]
-        # Who chooses the mode that is flown already changes nothing that anybody could see.
-        modes = [one.t_s for one in self.happened(name, "mode ")]
-        happened = [
-            (at_s, what) for at_s, what in happened if what == "kill" or any(0 <= mode - at_s < 0.1 for mode in modes)
-        ]
-        happened += [(at_s, "included") for at_s in self._included(name)]
+        happened = [(one.t_s, one.what) for one in self._by_others(name)]
+        happened += [(at_s, "included") for at_s in (*self._included(name), *self._taken_back(name))]
         spans: list[Span] = []
         taken: tuple[float, str] | None = None
         for at_s, what in sorted(happened):
@@ -139,6 +134,27 @@ class Judge:
                 spans.append(Span(taken[0], at_s, taken[1]))
                 taken = None
         return [*spans, Span(taken[0], self.end_s, taken[1])] if taken is not None else spans
+
+    def _by_others(self, name: str) -> list[Truth]:
+        """Return what others did to it; who chooses the mode that is flown already does nothing that is to be seen."""
+        modes = [one.t_s for one in self.happened(name, "mode ")]
+        return [
+            one
+            for one in self.happened(name, "pilot ", "station ", "kill")
+            if one.what == "kill" or any(0 <= at_s - one.t_s < 0.1 for at_s in modes)
+        ]
+
+    def _taken_back(self, name: str) -> list[float]:
+        """Return when the crew took it out of its pilot's hands, asked twice."""
+        commands = {Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND}
+        return [
+            at_s
+            for at_s, intent in self._asked
+            if intent.action in commands
+            and intent.vehicle == name
+            and intent.confirmed
+            and intent.id not in self._refused
+        ]
 
     def _returned_suffices(self) -> bool:
         return self.flown.story.tables.get("flight", {}).get("pilot_return") == "auto"
@@ -390,9 +406,9 @@ class Judge:
             and not self._overruled(name, at_s)
             for span in self.hands(name)
         )
-        wrecked = any(one.t_s + ANNOUNCED_S <= at_s for one in self.happened(name, "wreck"))
-        if wrecked:
-            return "" if state == "down" else "it lies on its back"
+        wrecks = [one.t_s for one in self.happened(name, "wreck") if one.t_s <= at_s]
+        if wrecks:
+            return "" if state == "down" or at_s - wrecks[0] < ANNOUNCED_S else "it lies on its back"
         if held:
             return "" if state == "pilot" else "somebody else has it"
         if state == "landed" and self.armed(name, at_s) and self.armed(name, at_s - SHOWN_S):
@@ -407,8 +423,9 @@ class Judge:
 
     def _overruled(self, name: str, at_s: float) -> bool:
         """Return whether a failsafe acts although somebody has it, as it does when the link is lost."""
-        causes = [one.what for one in self.happened(name, "pilot ", "station ", "failsafe ") if one.t_s <= at_s]
-        return bool(causes) and causes[-1].startswith("failsafe")
+        causes = [*self._by_others(name), *self.happened(name, "failsafe ")]
+        before = [one for one in causes if one.t_s <= at_s]
+        return bool(before) and max(before, key=lambda one: one.t_s).what.startswith("failsafe")
 
     def _landed_untrue(self, name: str, at_s: float) -> str:
         ended = [one.what for one in self.happened(name, "kill", "crash", "landed", "fell") if one.t_s <= at_s]
@@ -422,6 +439,8 @@ class Judge:
             for one in self.happened(name, "disarmed", "wreck"):
                 if one.t_s < self.flown.began_s or distance_m(place(one), self.flown.pads[name]) <= ON_PAD_M:
                     continue
+                if any(wreck.t_s < one.t_s for wreck in self.happened(name, "wreck")):
+                    continue  # its motors are off now; where it lies was told
                 known_s = self._known_s(name, one.t_s)
                 if known_s + ANNOUNCED_S > self.end_s or self._silent(name, known_s + 2.0, 0.0):
                     continue
