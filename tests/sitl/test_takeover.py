@@ -67,10 +67,11 @@ def own_commands(flight: Flown, autopilot: Autopilot) -> list[tuple[float, int]]
     folder = flight.run.parent / "sim" / VICTIM
     if autopilot is ARDUPILOT:
         log = DFReader.DFReader_binary(str(max(folder.glob("logs/*.BIN"))))
-        found = []
+        found: list[tuple[float, int]] = []
         while (message := log.recv_match(type=["MAVC"])) is not None:
             if message.SS == 255 and message.SC == 190:
                 found.append((message.TimeUS / 1e6, message.Cmd))
+        log.filehandle.close()
         return found
     data = ULog(str(max(folder.rglob("*.ulg"), key=lambda path: path.stat().st_size))).get_dataset("vehicle_command")
     values = data.data
