@@ -112,8 +112,8 @@ async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s
     """Wait for a vehicle at rest; returns what is in the way, empty if nothing is.
 
     Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
-    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said which
-    autopilot it is: they write integers in two ways.
+    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said
+    which autopilot it is: they write integers in two ways.
     """
     began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
     while not watch.rests:
