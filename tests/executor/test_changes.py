@@ -271,8 +271,9 @@ async def test_a_setting_that_comes_late_is_taken_back_as_well(tmp_path: Path) -
     link = pads.links["uav1"]
     link.sent.clear()
     asked = asyncio.ensure_future(pads.give_back())
-    while SendParamRequest("RTL_CONE_ANG") not in [message for _, message in link.sent]:
-        await asyncio.sleep(0.01)
+    while SendParamRequest("RTL_DESCEND_ALT") not in [message for _, message in link.sent]:
+        link.spoken_to.clear()
+        await link.spoken_to.wait()
     await asyncio.sleep(0.5)  # it has said that it is as it was
     pads.vehicles["uav1"].parameters = set_for_flight
     await asked
