@@ -56,6 +56,9 @@ class Terminal:
     def confirm(self, question: str) -> bool:
         return bool(question)
 
+    async def ask(self, question: str) -> bool:
+        return self.confirm(question)
+
     def show(self, context: Context, state: FleetState, now_s: float) -> None: ...
 
     def done(self) -> None: ...
