@@ -184,9 +184,12 @@ def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[Over
 
 def return_over_ground_m(setup: FlightSetup) -> OverGround:
     """Return the highest that a vehicle's own level return is over the lowest ground that is known."""
-    highest = max(setup.layers.vehicles, key=setup.layers.return_up_m)
-    up_m = setup.layers.return_up_m(highest)
-    network = setup.network
+    # Some autopilots take whole metres only, and a vehicle gets the next higher one.
+    ups_m = {
+        pad.vehicle: math.ceil(setup.return_height_m(pad.vehicle)) + setup.frame.up_m(pad.alt_m) for pad in setup.pads
+    }
+    highest = max(ups_m, key=ups_m.__getitem__)
+    up_m, network = ups_m[highest], setup.network
     walls = _walls(network)
     if walls is None:
         return OverGround(up_m, highest, "")
@@ -199,7 +202,9 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     ceiling_m = setup.inspection.ceiling_m
     found = []
     heights = over_ground_m(setup, paths)
-    remedies = "fewer vehicles or a smaller layer_m make it lower; a higher ceiling_m takes a permit"
+    remedies = (
+        "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher ceiling_m needs a permit"
+    )
     if heights is not None and heights[1].height_m > ceiling_m:
         high = heights[1]
         found.append(
@@ -210,7 +215,7 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     if own.height_m > ceiling_m:
         where = f" near {own.near}" if own.near else ""
         found.append(
-            f"by itself {own.vehicle} comes home level, {own.height_m:.0f} m over the ground{where}, above "
+            f"the RTL of {own.vehicle} is level, {own.height_m:.0f} m over the ground{where}, above "
             f"inspection.ceiling_m {ceiling_m:g}: {remedies}"
         )
     return found

@@ -28,6 +28,7 @@ from executor.commands.planned import announced, first_plan, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
 from executor.errors import SiteError
+from executor.heights import PlannedHeights, planned_heights
 from executor.planning import Solver, Wanted
 from executor.sortie import left_over
 from missions import (
@@ -112,13 +113,14 @@ def plan(
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
     content = first_plan(ground, console, wanted, left_over(after, ground) if after is not None else None)
+    heights = planned_heights(ground, content)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.adapters.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture))
-    _print_plan(content, as_json=as_json)
+    _print_plan(content, as_json=as_json, heights=heights)
 
 
 def _plan_front(
@@ -283,10 +285,11 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )
 
 
-def _print_plan(content: PlanFile, *, as_json: bool) -> None:
-    uncovered = planning.segment_ids(content, content.plan)
+def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
+    uncovered = planning.left_out(content)
     if as_json:
-        print(json.dumps(plan_document(content)))
+        more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
+        print(json.dumps({**plan_document(content), **more}))
         return
     for route in content.plan.routes:
         vehicle = content.vehicles[route.vehicle]
@@ -301,5 +304,9 @@ def _print_plan(content: PlanFile, *, as_json: bool) -> None:
             f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
             "vehicle may be lost"
         )
+    if heights is not None:
+        print(f"heights: {heights.words}")
+        for line in heights.warnings:
+            print(f"warning: {line}")
     if uncovered:
-        print(f"the budgets do not cover segments {', '.join(map(str, uncovered))}")
+        print(f"the budgets do not cover {', '.join(uncovered)}")

@@ -166,8 +166,8 @@ def _metres(feature: _Feature, key: str) -> float | None:
 
 
 def _third_m(coordinates: object) -> float | None:
-    known = isinstance(coordinates, Sequence) and len(coordinates) > 2
-    return float(coordinates[2]) if known and is_number(coordinates[2]) else None
+    third_m = coordinates[2] if isinstance(coordinates, Sequence) and len(coordinates) > 2 else None
+    return float(third_m) if is_number(third_m) else None
 
 
 def _depot(feature: _Feature, known: LocalFrame | None) -> tuple[LocalFrame, bool]:
