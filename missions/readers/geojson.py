@@ -107,7 +107,8 @@ def parse_geojson(text: str, *, source: str, frame: LocalFrame | None, alt_known
             f"{source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m of the "
             "site's [depot], or elevation_m of the file's"
         )
-    return Network(tuple(pylons.pylons), tuple(_segments(pylons, features)), frame, source)
+    segments = _segments(pylons, features)
+    return Network(tuple(pylons.pylons), tuple(segments), frame, source)
 
 
 def _segments(pylons: _Pylons, features: Sequence[_Feature]) -> list[Segment]:
