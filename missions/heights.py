@@ -20,7 +20,7 @@ FLAT_GROUND_M = 5.0
 """Ground that is claimed to be flat is nowhere known to be farther than this from the depot's height."""
 TALLEST_M = 400.0
 """No structure is taller: the towers of the crossing to Zhoushan have 380 m."""
-TALL_M = 75.0
+TALL_M = 60.0
 """A line of which half of the pylons are taller than this is in feet, or above sea level, unless the site says so."""
 SHORTEST_M = 2.0
 """A pylon that is lower than this is one whose height was not filled in."""

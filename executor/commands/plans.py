@@ -27,6 +27,7 @@ from executor.commands.options import (
 from executor.commands.planned import announced, first_plan, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
+from executor.core.heights import too_low
 from executor.errors import SiteError
 from executor.heights import PlannedHeights, planned_heights
 from executor.planning import Solver, Wanted
@@ -134,6 +135,7 @@ def _plan_front(
 ) -> None:
     plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
     console.progress("")
+    heights = [planned_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
@@ -155,6 +157,8 @@ def _plan_front(
             _print_trade(str(number), content)
         for name, content in references.items():
             _print_trade(name, content)
+        for line in dict.fromkeys(line for one in heights for line in one.warnings):
+            print(f"warning: {line}")
 
 
 def _front_point(content: PlanFile) -> FrontPoint:
@@ -235,6 +239,9 @@ def export(
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
     setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for line in too_low(setup, list(build.paths_of(setup, routes).values())):
+        raise SiteError(f"{plan}: heights: {line}")
     dialect = dialect_for(autopilot.value)
     write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
     writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
