@@ -90,6 +90,7 @@ def inspection_of(site: Site, network: Network) -> Inspection:
         layer_m=table.layer_m,
         flat=network.flat,
         ceiling_m=table.ceiling_m,
+        return_ceiling_m=table.return_ceiling_m,
     )
 
 

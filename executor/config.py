@@ -64,7 +64,9 @@ class InspectionTable(_Table):
     heights: Literal["known", "flat"] = "known"
     """flat claims that the ground is everywhere as high as the depot's, where the network does not know it."""
     ceiling_m: Positive = 120.0
-    """No mission and no return goes higher than this over the ground; more needs a permit."""
+    """No mission goes higher than this over the ground; more needs a permit."""
+    return_ceiling_m: Positive | None = None
+    """The same for the vehicles' own returns, which are level and higher over hills; by default `ceiling_m`."""
     standoff_m: NotNegative = 5.0
     """Beside the line, always on the same side."""
     speed_m_s: Positive = 3.0

@@ -142,9 +142,7 @@ def report_of(
             for vehicle in state.vehicles.values()
         ],
         "checks": said.plain_checks(),
-        "heights": heights.document(
-            context.setup, [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
-        ),
+        "heights": _heights(context, state),
         "absences": [
             {
                 "until_s": round(absence.until_s - began_s, 1),
@@ -157,17 +155,21 @@ def report_of(
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
         "inspection_speed_m_s": context.inspection_speed_m_s,
         "inspections": [_inspection(context, state, segment) for segment in sorted(state.flown)],
-        "not_counted": [
-            {
-                "vehicle": vehicle.name,
-                "segment": segment,
-                "name": context.segment_name(segment),
-                "reason": reason,
-            }
-            for vehicle in state.vehicles.values()
-            for segment, reason in vehicle.runs_broken
-        ],
+        "not_counted": _not_counted(context, state),
     }
+
+
+def _heights(context: Context, state: FleetState) -> dict[str, object]:
+    paths = [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
+    return heights.document(context.setup, paths)
+
+
+def _not_counted(context: Context, state: FleetState) -> list[dict[str, object]]:
+    return [
+        {"vehicle": vehicle.name, "segment": segment, "name": context.segment_name(segment), "reason": reason}
+        for vehicle in state.vehicles.values()
+        for segment, reason in vehicle.runs_broken
+    ]
 
 
 def _inspection(context: Context, state: FleetState, segment: int) -> dict[str, object]:

@@ -200,23 +200,22 @@ def return_over_ground_m(setup: FlightSetup) -> OverGround:
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     """Return in words which missions and which own returns go higher over the ground than ``ceiling_m``."""
     ceiling_m = setup.inspection.ceiling_m
+    return_ceiling_m = setup.inspection.return_ceiling_m or ceiling_m
     found = []
     heights = over_ground_m(setup, paths)
-    remedies = (
-        "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher ceiling_m needs a permit"
-    )
+    remedies = "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher"
     if heights is not None and heights[1].height_m > ceiling_m:
         high = heights[1]
         found.append(
             f"the mission of {high.vehicle} goes {high.height_m:.0f} m over the ground near {high.near}, above "
-            f"inspection.ceiling_m {ceiling_m:g}: {remedies}"
+            f"{ceiling_m:g}: {remedies} inspection.ceiling_m needs a permit"
         )
     own = return_over_ground_m(setup)
-    if own.height_m > ceiling_m:
+    if own.height_m > return_ceiling_m:
         where = f" near {own.near}" if own.near else ""
         found.append(
             f"the RTL of {own.vehicle} is level, {own.height_m:.0f} m over the ground{where}, above "
-            f"inspection.ceiling_m {ceiling_m:g}: {remedies}"
+            f"{return_ceiling_m:g}: {remedies} inspection.return_ceiling_m needs a permit"
         )
     return found
 

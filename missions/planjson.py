@@ -32,6 +32,7 @@ from planner import (
 FORMAT = "faultline-plan/1"
 
 _INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
+_CEILINGS = ("ceiling_m", "return_ceiling_m")
 FLAT, KNOWN = "flat", "known"
 """What ``inspection.heights`` may say."""
 
@@ -135,7 +136,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
 
 
 def _inspection_document(inspection: Inspection) -> dict[str, object]:
-    figures = {key: getattr(inspection, key) for key in (*_INSPECTION_KEYS, "ceiling_m")}
+    figures = {key: getattr(inspection, key) for key in (*_INSPECTION_KEYS, *_CEILINGS)}
     return {**figures, "heights": FLAT if inspection.flat else KNOWN}
 
 
@@ -299,10 +300,9 @@ def _parsed_inspection(fields: Fields | None) -> Inspection | None:
     heights = fields.content.get("heights", KNOWN)
     if heights not in {FLAT, KNOWN}:
         raise fields.fail("heights", f"{FLAT!r} or {KNOWN!r}")
-    ceiling_m = fields.optional_number("ceiling_m")
     figures = {key: fields.number(key) for key in _INSPECTION_KEYS}
+    ceilings = {key: fields.number(key) for key in _CEILINGS if fields.content.get(key) is not None}
     try:
-        inspection = Inspection(**figures, flat=heights == FLAT)
-        return inspection if ceiling_m is None else replace(inspection, ceiling_m=ceiling_m)
+        return replace(Inspection(**figures, flat=heights == FLAT), **ceilings)  # type: ignore[arg-type]
     except SafetyError as error:
         raise PlanFileError(f"{fields.source}: {error}") from error

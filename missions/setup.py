@@ -15,6 +15,7 @@ from missions.network import Network
 from missions.pads import PAD_SPACING_M, Pad, place_pads
 from missions.safety import Layers, plan_layers, tracks_m
 
+FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 LOWEST_FLIGHT_M = 5.0
 """A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
 
@@ -34,7 +35,9 @@ class Inspection:
     flat: bool = False
     """Whether the ground is claimed to be as high as the depot's everywhere."""
     ceiling_m: float = 120.0
-    """No flight goes higher than this over the ground."""
+    """No mission goes higher than this over the ground."""
+    return_ceiling_m: float | None = None
+    """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
 
     def __post_init__(self) -> None:
         """Check all figures.
@@ -42,8 +45,10 @@ class Inspection:
         Raises:
             SafetyError: a figure is not a positive number, or the standoff a negative one.
         """
-        for key in ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m"):
+        for key in FIGURES:
             value = getattr(self, key)
+            if key == "return_ceiling_m" and value is None:
+                continue
             if not math.isfinite(value) or value < 0 or (value == 0 and key != "standoff_m"):
                 raise SafetyError(f"inspection.{key}: expected a positive number, got {value}")
 

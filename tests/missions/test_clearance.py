@@ -124,14 +124,13 @@ def test_over_the_ceiling_is_named_with_what_helps() -> None:
     names = [f"uav{number}" for number in range(1, 7)]
     setup = flight_setup(network, names, Inspection())
     [text] = check_ceiling(setup, [])
-    assert text.startswith(
-        "the RTL of uav1 is level, 144 m over the ground near V105.5, above inspection.ceiling_m 120"
-    )
-    assert text.endswith("less of the network make it lower; a higher ceiling_m needs a permit")
+    assert text.startswith("the RTL of uav1 is level, 144 m over the ground near V105.5, above 120: fewer vehicles")
+    assert text.endswith("less of the network make it lower; a higher inspection.return_ceiling_m needs a permit")
     lower = flight_setup(network, names, replace(setup.inspection, ceiling_m=80.0))
     mission, _ = check_ceiling(lower, [flight_path(lower, "uav6", range(0, 66, 2))])
     assert mission.startswith("the mission of uav6 goes 97 m over the ground near V10")
     assert check_ceiling(flight_setup(network, names, Inspection(ceiling_m=150.0)), []) == []
+    assert check_ceiling(flight_setup(network, names, Inspection(return_ceiling_m=150.0)), []) == []
 
 
 def test_take_off_and_landing_are_no_flight_over_the_ground() -> None:
