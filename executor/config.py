@@ -40,7 +40,8 @@ class DepotTable(_Table):
 
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    alt_m: Annotated[float, Field(ge=-500, le=9000)] = 0.0
+    alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
+    """Above mean sea level; must be known where the network knows its ground, from here or from the network's file."""
 
 
 class NetworkTable(_Table):
@@ -51,6 +52,8 @@ class NetworkTable(_Table):
     """Takes the segments whose two pylons are both nearer to the depot than this."""
     crs: str | None = None
     """The grid of a graph file's metres, such as EPSG:32633; without it they are true east and north."""
+    tallest_m: Positive | None = None
+    """Of all structures: says of a line of giants that its heights are metres over ground."""
 
 
 class InspectionTable(_Table):
@@ -58,6 +61,12 @@ class InspectionTable(_Table):
 
     height_m: Positive = 15.0
     """Over the pylon tops where the network knows them, else over the depot's ground."""
+    heights: Literal["known", "flat"] = "known"
+    """flat claims that the ground is everywhere as high as the depot's, where the network does not know it."""
+    ceiling_m: Positive = 120.0
+    """No mission goes higher than this over the ground; more needs a permit."""
+    return_ceiling_m: Positive | None = None
+    """The same for the vehicles' own returns, which are level and higher over hills; by default `ceiling_m`."""
     standoff_m: NotNegative = 5.0
     """Beside the line, always on the same side."""
     speed_m_s: Positive = 3.0

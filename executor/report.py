@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from executor.core import firmware
+from executor.core import firmware, heights
 from executor.core.context import Context
 from executor.core.ports import LinkCounts
 from executor.core.preflight import Check, Facts
@@ -123,6 +123,7 @@ def report_of(
         "segments_total": context.segments,
         "segments_inspected": len(state.inspected),
         "segments_uncovered": uncovered,
+        "uncovered_names": [context.segment_name(segment) for segment in uncovered],
         "finished": not uncovered,
         "duration_s": round(ended_s - began_s, 1),
         "faults": [_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))],
@@ -144,6 +145,7 @@ def report_of(
         ],
         "checks": said.plain_checks(),
         "parameters": list(parameters),
+        "heights": _heights(context, state),
         "absences": [
             {
                 "until_s": round(absence.until_s - began_s, 1),
@@ -155,19 +157,29 @@ def report_of(
         "inferred": sorted(state.inferred & set(state.inspected)),
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
         "inspection_speed_m_s": context.inspection_speed_m_s,
-        "inspections": [_inspection(state, segment) for segment in sorted(state.flown)],
-        "not_counted": [
-            {"vehicle": vehicle.name, "segment": segment, "reason": reason}
-            for vehicle in state.vehicles.values()
-            for segment, reason in vehicle.runs_broken
-        ],
+        "inspections": [_inspection(context, state, segment) for segment in sorted(state.flown)],
+        "not_counted": _not_counted(context, state),
     }
 
 
-def _inspection(state: FleetState, segment: int) -> dict[str, object]:
+def _heights(context: Context, state: FleetState) -> dict[str, object]:
+    paths = [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
+    return heights.document(context.setup, paths)
+
+
+def _not_counted(context: Context, state: FleetState) -> list[dict[str, object]]:
+    return [
+        {"vehicle": vehicle.name, "segment": segment, "name": context.segment_name(segment), "reason": reason}
+        for vehicle in state.vehicles.values()
+        for segment, reason in vehicle.runs_broken
+    ]
+
+
+def _inspection(context: Context, state: FleetState, segment: int) -> dict[str, object]:
     flown = state.flown[segment]
     return {
         "segment": segment,
+        "name": context.segment_name(segment),
         "vehicle": state.inspected[segment],
         "speed_mean_m_s": round(flown.mean_m_s, 2),
         "speed_max_m_s": None if flown.max_m_s is None else round(flown.max_m_s, 2),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
@@ -70,7 +69,7 @@ def next_sortie(ground: Ground, report: Mapping[str, object], seed: int) -> Plan
 
 def sortie_words(plan: PlanFile, file: Path) -> str:
     """Return what the crew can do with the next sortie."""
-    left = [plan.segments[number].id for number in plan.plan.uncovered]
+    left = planning.left_out(plan)
     names = ", ".join(vehicle.name for vehicle in plan.vehicles)
-    beyond = f"; segments {json.dumps(left)} are beyond the budgets" if left else ""
+    beyond = f"; beyond the budgets: {', '.join(left)}" if left else ""
     return f"the next sortie is planned in {file} for {names} with full batteries{beyond}"

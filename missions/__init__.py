@@ -8,6 +8,16 @@
 'NAV_TAKEOFF'
 """
 
+from missions.clearance import (
+    OverGround,
+    check_ceiling,
+    check_clearance,
+    check_everywhere,
+    lowest_over_tops_m,
+    margin_m,
+    over_ground_m,
+    return_over_ground_m,
+)
 from missions.compare import alike, differences
 from missions.dialects import (
     ARDUPILOT,
@@ -32,6 +42,7 @@ from missions.errors import (
 from missions.estimate import Estimate, LegEstimate, estimate
 from missions.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
 from missions.geo import LocalFrame
+from missions.heights import implausible, settled
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
@@ -74,6 +85,7 @@ __all__ = [
     "Motion",
     "Network",
     "NetworkError",
+    "OverGround",
     "Pad",
     "Phase",
     "PlanFile",
@@ -91,6 +103,9 @@ __all__ = [
     "Waypoint",
     "Window",
     "alike",
+    "check_ceiling",
+    "check_clearance",
+    "check_everywhere",
     "check_plan",
     "check_separation",
     "column_radius_m",
@@ -104,8 +119,12 @@ __all__ = [
     "flag_current",
     "flight_path",
     "flight_setup",
+    "implausible",
+    "lowest_over_tops_m",
     "make_plan_file",
+    "margin_m",
     "open_task",
+    "over_ground_m",
     "parse_qgc_plan",
     "parse_qgc_waypoints",
     "place_pads",
@@ -115,7 +134,9 @@ __all__ = [
     "qgc_waypoints",
     "read_network",
     "read_plan",
+    "return_over_ground_m",
     "separation_m",
+    "settled",
     "tracks_m",
     "whole_task",
     "write_plan",

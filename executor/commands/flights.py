@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -51,11 +51,14 @@ def demo(
     seed: SeedOption = 1,
     fault: FaultOption = None,
     autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,
+    flat: Annotated[bool, typer.Option("--flat", help="Of a network without heights: its ground is flat.")] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
+    content = demo_site(
+        network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
+    )
     faults = fault if fault is not None else ["uav2:silent@40%"]
     site = check_site(content, "demo")
     ground = build.ground_of(site, Path())
@@ -197,7 +200,7 @@ def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
     else:
         print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
         if report["segments_uncovered"]:
-            print(f"not inspected: {report['segments_uncovered']}")
+            print(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report["finished"]:

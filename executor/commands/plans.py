@@ -27,7 +27,9 @@ from executor.commands.options import (
 from executor.commands.planned import announced, first_plan, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
+from executor.core.heights import too_low
 from executor.errors import SiteError
+from executor.heights import PlannedHeights, planned_heights
 from executor.planning import Solver, Wanted
 from executor.sortie import left_over
 from missions import (
@@ -112,13 +114,14 @@ def plan(
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
     content = first_plan(ground, console, wanted, left_over(after, ground) if after is not None else None)
+    heights = planned_heights(ground, content)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.adapters.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture))
-    _print_plan(content, as_json=as_json)
+    _print_plan(content, as_json=as_json, heights=heights)
 
 
 def _plan_front(
@@ -132,6 +135,7 @@ def _plan_front(
 ) -> None:
     plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
     console.progress("")
+    heights = [planned_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
@@ -153,6 +157,8 @@ def _plan_front(
             _print_trade(str(number), content)
         for name, content in references.items():
             _print_trade(name, content)
+        for line in dict.fromkeys(line for one in heights for line in one.warnings):
+            print(f"warning: {line}")
 
 
 def _front_point(content: PlanFile) -> FrontPoint:
@@ -233,6 +239,9 @@ def export(
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
     setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for line in too_low(setup, list(build.paths_of(setup, routes).values())):
+        raise SiteError(f"{plan}: heights: {line}")
     dialect = dialect_for(autopilot.value)
     write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
     writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
@@ -283,10 +292,11 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )
 
 
-def _print_plan(content: PlanFile, *, as_json: bool) -> None:
-    uncovered = planning.segment_ids(content, content.plan)
+def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
+    uncovered = planning.left_out(content)
     if as_json:
-        print(json.dumps(plan_document(content)))
+        more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
+        print(json.dumps({**plan_document(content), **more}))
         return
     for route in content.plan.routes:
         vehicle = content.vehicles[route.vehicle]
@@ -301,5 +311,9 @@ def _print_plan(content: PlanFile, *, as_json: bool) -> None:
             f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
             "vehicle may be lost"
         )
+    if heights is not None:
+        print(f"heights: {heights.words}")
+        for line in heights.warnings:
+            print(f"warning: {line}")
     if uncovered:
-        print(f"the budgets do not cover segments {', '.join(map(str, uncovered))}")
+        print(f"the budgets do not cover {', '.join(uncovered)}")

@@ -21,7 +21,7 @@ def default_network_path() -> Path:
 def read_network(
     path: Path | str,
     *,
-    depot: tuple[float, float, float] | None = None,
+    depot: tuple[float, float, float | None] | None = None,
     crs: str | None = None,
     radius_m: float | None = None,
 ) -> Network:
@@ -30,7 +30,8 @@ def read_network(
     Args:
         path: The file.
         depot: Latitude and longitude in degrees and height above mean sea level in metres. Graph files need it;
-            for a GeoJSON file it wins over the file's own depot.
+            for a GeoJSON file it wins over the file's own depot. Without a height the file's own depot gives it; a file
+            of flat ground needs none.
         crs: For graph files whose offsets are metres of a map grid, e.g. ``EPSG:32633``; otherwise they are metres
             east and north of the depot.
         radius_m: Keep only segments with both pylons nearer than this to the depot.
@@ -45,7 +46,8 @@ def read_network(
     if head.startswith("{"):
         if crs is not None:
             raise NetworkError(f"{path}: crs: expected none for GeoJSON, which is always WGS 84; got {crs!r}")
-        network = parse_geojson(head, source=str(path), frame=frame)
+        alt_known = depot is None or depot[2] is not None
+        network = parse_geojson(head, source=str(path), frame=frame, alt_known=alt_known)
     elif "pylons_position" in text:
         if frame is None:
             raise NetworkError(
@@ -66,10 +68,10 @@ def _text_of(path: Path) -> str:
         raise NetworkError(f"{path}: file: expected a readable network file: {error.strerror}") from error
 
 
-def _frame_of(path: Path, depot: tuple[float, float, float] | None) -> LocalFrame | None:
+def _frame_of(path: Path, depot: tuple[float, float, float | None] | None) -> LocalFrame | None:
     if depot is None:
         return None
     try:
-        return LocalFrame(*depot)
+        return LocalFrame(depot[0], depot[1], depot[2] or 0.0)
     except ValueError as error:
         raise NetworkError(f"{path}: depot: {error}") from error

@@ -62,13 +62,17 @@ class Place:
         content = json.dumps({"type": "FeatureCollection", "features": list(features)})
         (self.folder / "line.geojson").write_text(content if text is None else text, encoding="utf-8")
 
-    def site(self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "") -> None:
+    def site(
+        self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "", heights: str = "flat"
+    ) -> None:
         vehicles = "".join(
             f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\nsysid = {number}\n'
             f'autopilot = "ardupilot"\nbudget_pct = {budget_pct}\n'
             for number, port in enumerate(free_ports(2), start=1)
         )
-        text = f'[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n[network]\nfile = "{file}"\n{extra}\n{vehicles}'
+        depot = f"[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n"
+        network = f'[network]\nfile = "{file}"\n{extra}\n[inspection]\nheights = "{heights}"\n'
+        text = depot + network + vehicles
         (self.folder / "site.toml").write_text(text, encoding="utf-8")
 
     def path(self, name: str) -> str:
@@ -202,11 +206,13 @@ def test_a_network_that_the_budgets_cannot_cover_is_planned_as_far_as_they_reach
     place.site(budget_pct=0.9)
     code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2", "--json")
     assert code == 0
-    left = json.loads(out)["uncovered"]
+    answer = json.loads(out)
+    left = answer["uncovered"]
     assert left
     code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2")
     assert code == 0
-    assert f"the budgets do not cover segments {', '.join(map(str, left))}" in out
+    names = [segment["name"] for number in left for segment in answer["segments"] if segment["id"] == number]
+    assert f"the budgets do not cover {', '.join(names)}" in out
 
 
 def test_what_a_loss_would_mean(place: Place) -> None:

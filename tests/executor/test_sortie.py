@@ -54,7 +54,9 @@ def test_what_is_beyond_the_budgets_is_named(ground: Ground) -> None:
     assert plan is not None
     left = [plan.segments[number].id for number in plan.plan.uncovered]
     assert left
-    assert f"segments {left} are beyond the budgets" in sortie_words(plan, Path("next.json"))
+    assert f"beyond the budgets: {', '.join(f'segment {number}' for number in left)}" in sortie_words(
+        plan, Path("next.json")
+    )
 
 
 @pytest.mark.parametrize("case", [report([]), report([], "uav1"), report([1], *NAMES)])
