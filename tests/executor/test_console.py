@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-import pytest
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import replace
+from io import StringIO
+from threading import Event
 
-from executor.console import TerminalConsole
+import pytest
+from rich.console import Console
+
+from executor.console import TerminalConsole, drawn
 from executor.core.commands import Level
+from executor.core.preflight import Check, Severity
+from executor.core.view import OfferView, TakenView, fleet_view
+from tests.executor.core.stories import under_way
 
 BELL = "\a"
 
@@ -32,10 +45,102 @@ def test_the_bell_rings_at_a_fault_alone(capsys: pytest.CaptureFixture[str]) -> 
 def test_a_file_gets_no_bell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     TerminalConsole(quiet=False, yes=True).say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
-    assert capsys.readouterr().err == " 309.4 X uav2: link, silent for 10.1 s\n"
+    assert capsys.readouterr().err == "   T+5:09 X uav2: link, silent for 10.1 s\n"
 
 
 @pytest.mark.usefixtures("terminal")
 def test_quiet_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     TerminalConsole(quiet=True, yes=True).say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
     assert capsys.readouterr().err == ""
+
+
+def test_before_the_take_off_no_time_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    TerminalConsole(quiet=False, yes=True).say(Level.INFO, "waiting for 3 vehicles")
+    assert capsys.readouterr().err == "            waiting for 3 vehicles\n"
+
+
+def test_what_a_terminal_would_obey_is_not_passed_on(capsys: pytest.CaptureFixture[str]) -> None:
+    console = TerminalConsole(quiet=False, yes=True)
+    console.say(Level.INFO, "uav1: \x1b[2Jcrash\r\nuav2: ready\u202e", 0.0)
+    console.checks([Check(Severity.OK, "a\x07b", "[bold]as it is[/bold]")])
+    said = capsys.readouterr().err
+    assert not {"\x1b", "\r", "\x07", "\u202e"} & set(said)
+    assert "crash uav2: ready" in said
+    assert "[bold]as it is[/bold]" in said
+
+
+@contextmanager
+def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Give the program a terminal to read from; yields the end at which somebody types."""
+    typed, read = os.openpty()
+    with os.fdopen(read, encoding="utf-8") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        yield typed
+        os.close(typed)
+
+
+def answered(console: TerminalConsole, question: str, typed: int, text: bytes) -> bool:
+    """Type until the question is answered: what was typed before it was there does not count."""
+    with ThreadPoolExecutor(1) as beside:
+        answer = beside.submit(console.ask, question)
+        while not answer.done():
+            os.write(typed, text)
+            wait({answer}, timeout=0.05)
+        return answer.result()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [(b"y\n", True), (b"YES\n", True), (b"n\n", False), (b"\n", False), (b"yo\n", False)]
+)
+def test_a_question_shows_how_it_is_answered(
+    text: bytes, expected: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with keyboard(monkeypatch) as typed:
+        assert answered(TerminalConsole(quiet=False, yes=False), "Take off?", typed, text) is expected
+    assert "Take off? [y/N] " in capsys.readouterr().err
+
+
+def test_a_question_that_is_answered_elsewhere_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    withdrawn = Event()
+    withdrawn.set()
+    with keyboard(monkeypatch):
+        assert not TerminalConsole(quiet=False, yes=False).ask("Take off?", withdrawn)
+
+
+def test_ctrl_c_is_no(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with keyboard(monkeypatch):
+        monkeypatch.setattr("executor.console.select.select", interrupted)
+        assert not TerminalConsole(quiet=False, yes=False).confirm("Take this flight up again?")
+    assert capsys.readouterr().err.endswith("[y/N] \n")
+
+
+def test_nobody_to_ask_is_no() -> None:
+    assert not TerminalConsole(quiet=False, yes=False).confirm("Take off?")
+    assert TerminalConsole(quiet=False, yes=True).confirm("Take off?")
+
+
+def test_the_table_speaks_of_spans_states_and_places() -> None:
+    flight = under_way()
+    view = fleet_view(flight.context, flight.state, flight.now_s)
+    first, second, third = view.vehicles
+    first = replace(first, state="holding", gps_fix=3, satellites=14, lands_in_s=187.0)
+    first = replace(first, progress=replace(first.progress, done=3, total=7, inspected=10, segment_name="P4-P5"))
+    second = replace(second, state="pilot", taken=TakenView(flight.now_s, 24.0, returned=False))
+    third = replace(third, state="down", fault="down, armed", fault_kind="down")
+    offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span: is its pad clear?")
+    terminal = Console(width=140, record=True, file=StringIO())
+    terminal.print(drawn(replace(view, vehicles=(first, second, third), offer=offer)))
+    shown = terminal.export_text()
+    rows = [" ".join(line.split()) for line in shown.splitlines()]
+    assert rows[0].startswith("T+1:")
+    assert "segments inspected" in rows[0]
+    assert any(
+        "uav1 holding inspects P4-P5 3 of 7 10" in row and "3D, 14 sat" in row and "3:07" in row for row in rows
+    )
+    assert any(row.startswith("uav2 with its pilot: last at 49.5999") for row in rows)
+    assert "uav2: hands off; its segments are kept for it for 0:24" in rows
+    assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
+    assert rows[-1] == "? uav4 can take over 1 span: is its pad clear?"
