@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from threading import Event
 
-from rich.box import SIMPLE
 from rich.console import Console as Terminal
 from rich.console import Group
 from rich.live import Live
@@ -26,7 +25,7 @@ DRAWS_PER_S = 4.0
 LOOKS_S = 0.2
 """How often somebody who waits for an answer looks whether the question still stands."""
 LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
-COLUMNS = ("vehicle", "state", "where", "route", "inspected", "battery", "GPS", "link", "lands in")
+COLUMNS = ("vehicle", "state", "where", "route", "inspected", "battery", "GPS", "link", "home in")
 FOUND_BY_PLACE = frozenset({"lost", "down", "pilot"})
 """States in which somebody may have to walk there."""
 _STYLES = {Level.INFO: "", Level.WARNING: "yellow", Level.FAULT: "bold red"}
@@ -156,7 +155,7 @@ class TerminalConsole:
 
 def drawn(view: FleetView) -> Group:
     """Return the fleet as a table, and below it who is to be found where and what the crew is asked."""
-    table = Table(title_justify="left", box=SIMPLE, pad_edge=False)
+    table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for column in COLUMNS:
         table.add_column(column, justify="left" if column in LEFT_ALIGNED else "right")
     clock = words.since_take_off(view.flight_s)

@@ -24,12 +24,12 @@ def minutes(seconds: float) -> str:
 
 
 def since_take_off(seconds: float | None) -> str:
-    """Return a time since the order to take off; nothing before it.
+    """Return a time since the order to take off; nothing for what was before it.
 
     >>> since_take_off(754.2), since_take_off(None)
     ('T+12:34', '')
     """
-    return "" if seconds is None else f"T+{minutes(seconds)}"
+    return "" if seconds is None or seconds < 0.0 else f"T+{minutes(seconds)}"
 
 
 def place(lat_deg: float, lon_deg: float) -> str:

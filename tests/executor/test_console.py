@@ -137,9 +137,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     rows = [" ".join(line.split()) for line in shown.splitlines()]
     assert rows[0].startswith("T+1:")
     assert "segments inspected" in rows[0]
-    assert any(
-        "uav1 holding inspects P4-P5 3 of 7 10" in row and "3D, 14 sat" in row and "3:07" in row for row in rows
-    )
+    assert any("uav1 holding inspects P4-P5 3 of 7 10" in row and "3D, 14 sat" in row and "3:07" in row for row in rows)
     assert any(row.startswith("uav2 with its pilot: last at 49.5999") for row in rows)
     assert "uav2: hands off; its segments are kept for it for 0:24" in rows
     assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
