@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import select
+import asyncio
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from threading import Event
+from contextlib import contextmanager, suppress
 
 from rich.console import Console as Terminal
 from rich.console import Group
@@ -22,8 +21,6 @@ from executor.core.state import FleetState
 from executor.core.view import FleetView, VehicleView, fleet_view
 
 DRAWS_PER_S = 4.0
-LOOKS_S = 0.2
-"""How often somebody who waits for an answer looks whether the question still stands."""
 LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
 COLUMNS = ("vehicle", "state", "where", "route", "inspected", "battery", "GPS", "link", "home in")
 FOUND_BY_PLACE = frozenset({"lost", "down", "pilot"})
@@ -89,26 +86,52 @@ class TerminalConsole:
             self._print(Text.assemble("  ", (mark, style), about))
 
     def confirm(self, question: str) -> bool:
-        """Ask before something moves; without somebody to answer the answer is no."""
-        return self._yes or self.ask(question)
-
-    def ask(self, question: str, withdrawn: Event | None = None) -> bool:
-        """Ask, and wait for the answer; it may wait in a thread while the flight's loop goes on.
-
-        Args:
-            question: What the answer yes is for; anything else means no, and so do Ctrl-C and the end of the input.
-            withdrawn: Set when nobody needs the answer any more, as it was given elsewhere.
-        """
+        """Ask while nothing else goes on; without somebody to answer the answer is no, and so it is at Ctrl-C."""
+        if self._yes:
+            return True
         if not sys.stdin.isatty():
             return False
+        try:
+            with self._asking(question):
+                return _is_yes(sys.stdin.readline())
+        except KeyboardInterrupt:
+            self._terminal.print()
+            return False
+
+    async def ask(self, question: str) -> bool:
+        """Ask while the vehicles are listened to; without somebody to answer the answer is no.
+
+        Whoever waits for it may stop to wait: it was answered elsewhere then.
+        """
+        if self._yes:
+            return True
+        if not sys.stdin.isatty():
+            return False
+        loop = asyncio.get_running_loop()
+        line: asyncio.Future[str] = loop.create_future()
+
+        def typed() -> None:
+            if not line.done():
+                line.set_result(sys.stdin.readline())
+
+        with self._asking(question):
+            loop.add_reader(sys.stdin.fileno(), typed)
+            try:
+                return _is_yes(await line)
+            except asyncio.CancelledError:
+                self._terminal.print()
+                raise
+            finally:
+                loop.remove_reader(sys.stdin.fileno())
+
+    @contextmanager
+    def _asking(self, question: str) -> Iterator[None]:
+        """Show a question for as long as it waits for its answer."""
         _forget_typed()
         self._asked = Text(f"{words.shown(question)} [y/N] ")
         self._terminal.print(self._asked, end="")
         try:
-            return _typed(withdrawn).strip().lower() in {"y", "yes"}
-        except KeyboardInterrupt:
-            self._terminal.print()
-            return False
+            yield
         finally:
             self._asked = None
 
@@ -216,7 +239,7 @@ def taken(vehicle: VehicleView) -> str:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:
         return f"hands off; its segments are kept for it for {words.minutes(hands.kept_s)}"
-    return "hands off; its segments are not kept for it any more"
+    return "hands off; nothing is kept for it"
 
 
 def _forget_typed() -> None:
@@ -228,9 +251,5 @@ def _forget_typed() -> None:
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
-def _typed(withdrawn: Event | None) -> str:
-    with suppress(OSError, ValueError):  # where nobody can wait for the input: it is read at once then
-        while not select.select([sys.stdin], [], [], LOOKS_S)[0]:
-            if withdrawn is not None and withdrawn.is_set():
-                return ""
-    return sys.stdin.readline()
+def _is_yes(line: str) -> bool:
+    return line.strip().lower() in {"y", "yes"}

@@ -103,6 +103,7 @@ def report_of(
     truths: Sequence[Happening] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
+    parameters: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, object]:
     """Return the content of report.json.
 
@@ -114,6 +115,7 @@ def report_of(
         frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
             many were not believed.
         said: What the vehicles said before the flight, and what was found then.
+        parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
     uncovered = sorted(context.wanted - set(state.inspected))
@@ -143,6 +145,7 @@ def report_of(
             for vehicle in state.vehicles.values()
         ],
         "checks": said.plain_checks(),
+        "parameters": list(parameters),
         "absences": [
             {
                 "until_s": round(absence.until_s - began_s, 1),

@@ -44,7 +44,7 @@ def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
         "depot": DEPOT,
         "network": {"file": network},
         "energy": {"capacity_ah": CAPACITY_AH},
-        "flight": {"speedup": speedup},
+        "flight": {"speedup": speedup, "fly_again": "auto"},
         "vehicle": [
             {
                 "name": f"uav{number}",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
+import signal
+import subprocess
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import replace
 from io import StringIO
-from threading import Event
+from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 from rich.console import Console
@@ -79,42 +82,78 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         os.close(typed)
 
 
-def answered(console: TerminalConsole, question: str, typed: int, text: bytes) -> bool:
-    """Type until the question is answered: what was typed before it was there does not count."""
-    with ThreadPoolExecutor(1) as beside:
-        answer = beside.submit(console.ask, question)
-        while not answer.done():
-            os.write(typed, text)
-            wait({answer}, timeout=0.05)
-        return answer.result()
+async def answered(console: TerminalConsole, typed: int, text: bytes) -> bool:
+    """Type once the question is there."""
+    answer = asyncio.create_task(console.ask("Take off?"))
+    await asyncio.sleep(0)
+    os.write(typed, text)
+    return await answer
 
 
 @pytest.mark.parametrize(
     ("text", "expected"), [(b"y\n", True), (b"YES\n", True), (b"n\n", False), (b"\n", False), (b"yo\n", False)]
 )
-def test_a_question_shows_how_it_is_answered(
+@pytest.mark.asyncio
+async def test_a_question_shows_how_it_is_answered(
     text: bytes, expected: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with keyboard(monkeypatch) as typed:
-        assert answered(TerminalConsole(quiet=False, yes=False), "Take off?", typed, text) is expected
-    assert "Take off? [y/N] " in capsys.readouterr().err
+        assert await answered(TerminalConsole(quiet=False, yes=False), typed, text) is expected
+    assert capsys.readouterr().err == "Take off? [y/N] "
 
 
-def test_a_question_that_is_answered_elsewhere_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    withdrawn = Event()
-    withdrawn.set()
+@pytest.mark.asyncio
+async def test_what_was_typed_before_the_question_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    with keyboard(monkeypatch) as typed:
+        os.write(typed, b"y\n")
+        assert not await answered(TerminalConsole(quiet=False, yes=False), typed, b"n\n")
+
+
+@pytest.mark.usefixtures("terminal")
+@pytest.mark.asyncio
+async def test_a_line_that_comes_meanwhile_leaves_the_question_last(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console = TerminalConsole(quiet=False, yes=False)
+    with keyboard(monkeypatch) as typed:
+        answer = asyncio.create_task(console.ask("Take off?"))
+        await asyncio.sleep(0)
+        console.say(Level.WARNING, "uav2: nothing heard for 3.1 s")
+        os.write(typed, b"y\n")
+        assert await answer
+    assert capsys.readouterr().err.split("\n")[-1] == "Take off? [y/N] "
+
+
+@pytest.mark.asyncio
+async def test_a_question_that_was_answered_elsewhere_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     with keyboard(monkeypatch):
-        assert not TerminalConsole(quiet=False, yes=False).ask("Take off?", withdrawn)
+        answer = asyncio.create_task(TerminalConsole(quiet=False, yes=False).ask("Take off?"))
+        await asyncio.sleep(0)
+        answer.cancel()
+        await asyncio.gather(answer, return_exceptions=True)
+    assert answer.cancelled()
 
 
-def test_ctrl_c_is_no(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    with keyboard(monkeypatch):
-        monkeypatch.setattr("executor.console.select.select", interrupted)
-        assert not TerminalConsole(quiet=False, yes=False).confirm("Take this flight up again?")
-    assert capsys.readouterr().err.endswith("[y/N] \n")
+def test_ctrl_c_is_no(tmp_path: Path) -> None:
+    """In a process of its own, on a terminal of its own: no traceback, and the line is ended."""
+    script = tmp_path / "ask.py"
+    text = "print(TerminalConsole(quiet=False, yes=False).confirm('Take off?'))"
+    script.write_text(f"from executor.console import TerminalConsole\n{text}\n", encoding="utf-8")
+    typed, read = os.openpty()
+    command = [sys.executable, str(script)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(command, stdin=read, stdout=PIPE, stderr=PIPE, env=environment) as process:
+        assert process.stderr is not None
+        said = b""
+        while b"[y/N] " not in said:
+            said += os.read(process.stderr.fileno(), 100)
+        process.send_signal(signal.SIGINT)
+        out, rest = process.communicate()
+    os.close(typed)
+    os.close(read)
+    assert out == b"False\n"
+    assert rest.endswith(b"\n")
+    assert b"Traceback" not in rest
 
 
 def test_nobody_to_ask_is_no() -> None:

@@ -75,6 +75,9 @@ class WatchfulConsole:
     def confirm(self, question: str) -> bool:
         return bool(question)
 
+    async def ask(self, question: str) -> bool:
+        return self.confirm(question)
+
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         story, vehicle = self._story, state.vehicles[VICTIM]
         if self.struck_s is None:
@@ -155,7 +158,12 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
     return check_site(
         {
             "network": {"file": "default", "radius_m": story.radius_m},
-            "flight": {"speedup": story.speedup, "connect_timeout_s": 90.0, "ready_timeout_s": 240.0},
+            "flight": {
+                "speedup": story.speedup,
+                "connect_timeout_s": 90.0,
+                "ready_timeout_s": 240.0,
+                "fly_again": "auto",
+            },
             "faults": dict(story.faults),
             "web": {"port": story.page},
             "vehicle": [

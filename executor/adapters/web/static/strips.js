@@ -224,7 +224,7 @@ function hands(vehicle, state) {
   const opening = began ? `Hands off since ${began}. ` : "Hands off. ";
   if (taken.returned) return "Its pilot has put it back on its mission: include it to go on.";
   if (taken.kept_s > 0) return `${opening}Its segments are kept for it for ${clock(taken.kept_s)}.`;
-  return `${opening}Its segments are not kept for it any more.`;
+  return `${opening}Nothing is kept for it.`;
 }
 
 async function copied(place, button) {
