@@ -158,7 +158,11 @@ class TerminalConsole:
 
     def _print(self, line: Text) -> None:
         """Show a line; a question that waits for its answer stays the last one."""
-        if self._asked is None or not self._terminal.is_terminal:
+        if self._asked is None:
+            self._terminal.print(line)
+            return
+        if not self._terminal.is_terminal:
+            self._terminal.print()
             self._terminal.print(line)
             return
         self._terminal.print("", end="\r\x1b[2K")

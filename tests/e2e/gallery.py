@@ -28,7 +28,7 @@ from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Gps, Wind
 from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
 from executor.core.vehicle import OnBoard, Stage, VehicleState, aboard
-from executor.core.view import FleetView, OfferView, TakenView, VehicleView, fleet_view
+from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
 from missions import Network, Segment, flight_path
 from planner import Plan, Route
 from tests.executor.builders import ground_for, site_of
@@ -120,7 +120,7 @@ def _fitted(state: FleetState) -> FleetState:
 
 
 def _eta(seconds: float) -> Touch:
-    return lambda vehicle: replace(vehicle, lands_in_s=seconds)
+    return lambda vehicle: replace(vehicle, lands_in_s=seconds, loss=LossView(True, (), 4.0))
 
 
 def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scene:

@@ -14,6 +14,12 @@ pytestmark = [
 ]
 
 
+BEYOND = """[...document.querySelectorAll(".strip *, #briefing *, #offer *, #lines *")].filter((one) =>
+  one.getClientRects().length && one.getBoundingClientRect().right > one.closest("section").getBoundingClientRect().right
+).map((one) => one.textContent)"""
+"""What of the page runs over the edge of its part."""
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("name", SCENES)
 async def test_a_moment_says_what_it_must(name: str, layout: str) -> None:
@@ -25,6 +31,7 @@ async def test_a_moment_says_what_it_must(name: str, layout: str) -> None:
                 await expect(page.locator(place)).to_contain_text(words)
                 await expect(page.locator(place)).to_be_visible()
             assert await page.evaluate("document.documentElement.scrollWidth") <= size[0]
+            assert await page.evaluate(BEYOND) == []
             await expect(page.locator("#banner")).to_be_hidden()
 
 

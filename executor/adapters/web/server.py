@@ -102,6 +102,7 @@ class WebServer:
         self._server: uvicorn.Server | None = None
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._socket: socket.socket | None = None
+        self._ending: asyncio.Future[None] | None = None
         self.address = ""
         """Where the page is, once it listens."""
 
@@ -147,10 +148,20 @@ class WebServer:
         loop, server = self._loop, self._server
         if loop is not None and server is not None:
             with suppress(RuntimeError):  # it has ended by itself
-                loop.call_soon_threadsafe(setattr, server, "should_exit", True)
+                loop.call_soon_threadsafe(self._end, server)
         self._thread.join(ANSWER_S)
         if self._socket is not None:
             self._socket.close()
+
+    def _end(self, server: uvicorn.Server) -> None:
+        """Show everybody how it ended, and stop."""
+
+        async def end() -> None:
+            await self._newest.put(self._present.state())
+            await self._newest.close()
+            server.should_exit = True
+
+        self._ending = asyncio.ensure_future(end())
 
     def _run(self) -> None:
         asyncio.run(self._serve())

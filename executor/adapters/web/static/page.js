@@ -110,7 +110,7 @@ function trouble(nowMs) {
   }
   const behindS = freshness.ageS(nowMs);
   if (behindS > STALE_S * freshness.speedup) {
-    if (state.finished) return ["The flight is over; this page shows its end", false];
+    if (state.finished) return ["The flight is over; this page shows its end", false, true];
     const who = freshness.failed ? "The ground station does not answer" : "The link to this page is behind";
     const shown = state.flight_s === null ? "" : ` ${since(state.flight_s)},`;
     const now = state.flight_s === null ? "" : `; the flight is at ${since(state.flight_s + behindS)}`;
@@ -133,6 +133,7 @@ function watch() {
   const old = found !== null && found[1];
   document.body.classList.toggle("old", old);
   if (old && state !== null) strips.show(state, freshness.ageS());
+  banner.classList.toggle("over", found !== null && found[2] === true);
   if (found !== null) write(banner, found[0]);
 }
 

@@ -19,6 +19,8 @@ const KEYS = { hold: "H", resume: "R", return: "B", land: "L", exclude: "X", inc
 const ALL = ["include", "hold", "resume", "return", "land", "exclude", "disarm"];
 const INTENT_S = 90;
 const OLD_S = 3;
+const LOSSY = 0.01;
+const CALM_M_S = 0.5;
 // States in which somebody may have to walk there.
 const FOUND = new Set(["lost", "down", "pilot"]);
 
@@ -32,7 +34,7 @@ const TEMPLATE = `
   <div class="row flown"><span>Route</span><div class="gauge steps"><i class="level"></i><i class="part"></i></div></div>
   <div class="row flown"><span></span><span class="note route"></span></div>
   <div class="row"><span>Link</span><span class="note"><span class="link"></span> · <span class="gps"></span><span class="if"> · <span class="quiet">lost now:</span> <span class="loss"></span></span></span></div>
-  <div class="row at"><span class="when"></span><span class="note"><span class="place"></span> <button class="copy" title="Copy the coordinates">Copy</button> <span class="since"></span><span class="air"><span class="arrow" aria-hidden="true">↓</span> <span class="wind"></span></span></span></div>
+  <div class="row at"><span class="when"></span><span class="note"><span class="place"></span> <button class="copy" title="Copy the coordinates">Copy</button> <span class="since"></span><span class="air">wind <span class="arrow" aria-hidden="true">↓</span> <span class="wind"></span></span></span></div>
   <p class="told"></p>
   <div class="actions"></div>`;
 
@@ -169,7 +171,9 @@ export class Strips {
   link(strip, vehicle) {
     const find = (selector) => strip.querySelector(selector);
     const heard = vehicle.link_age_s === null ? "never heard" : `${age(vehicle.link_age_s + this.behindS)} old`;
-    write(find(".link"), vehicle.link_loss === null ? heard : `${heard} · ${number(100 * vehicle.link_loss)} % lost`);
+    // Of one that is silent the share says nothing.
+    const lossy = vehicle.link_loss !== null && vehicle.link_loss >= LOSSY && !vehicle.stale && vehicle.state !== "lost";
+    write(find(".link"), lossy ? `${heard} · ${number(100 * vehicle.link_loss)} % of frames lost` : heard);
     write(find(".gps"), gps(vehicle));
     find(".gps").classList.toggle("poor", vehicle.gps_fix !== null && vehicle.gps_fix < LEAST_FIX);
     find(".if").hidden = !["flying", "holding", "starting"].includes(vehicle.state) || vehicle.fault !== null || vehicle.loss === null;
@@ -190,7 +194,9 @@ export class Strips {
     find(".air").hidden = wind === null || last;
     if (wind === null) return;
     find(".arrow").style.transform = `rotate(${wind.from_deg}deg)`;
-    write(find(".wind"), `${number(wind.speed_m_s, 1)} m/s from ${windFrom(wind.from_deg)}`);
+    const calm = wind.speed_m_s < CALM_M_S;
+    find(".arrow").hidden = calm;
+    write(find(".wind"), calm ? "calm" : `${number(wind.speed_m_s, 1)} m/s from ${windFrom(wind.from_deg)}`);
     find(".air").title = `Wind from ${number(wind.from_deg)}°, as it measures it`;
   }
 
