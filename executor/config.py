@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from executor.core.connection import Connection, parse_connection
 from executor.errors import SiteError
+from missions import NESTED
 from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
@@ -28,6 +29,7 @@ HostName = Annotated[
     str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
 ]
 """A name, or an address of version 4 or 6."""
+FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
 EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
 
 
@@ -46,7 +48,7 @@ class DepotTable(_Table):
 class NetworkTable(_Table):
     """The power line."""
 
-    file: str
+    file: FileName
     radius_m: Positive | None = None
     """Takes the segments whose two pylons are both nearer to the depot than this."""
     crs: str | None = None
@@ -151,7 +153,7 @@ class FaultsTable(_Table):
 class SigningTable(_Table):
     """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
 
-    key_file: str | None = None
+    key_file: FileName | None = None
     """64 hexadecimal digits, or a passphrase, of which the SHA-256 is the key, as in other ground stations."""
     key_env: str | None = None
     """The name of a variable that holds the same."""
@@ -174,7 +176,7 @@ class MqttTable(_Table):
     telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
     """How often, in real seconds."""
     tls: bool = False
-    ca_file: str | None = None
+    ca_file: FileName | None = None
     """The certificate that the broker's is signed with (PEM); without one the system's own are trusted."""
     username_env: EnvironmentName | None = None
     password_env: EnvironmentName | None = None
@@ -294,7 +296,7 @@ def signing_key(site: Site, base: Path) -> bytes | None:
     if table.key_file is not None:
         path = base / table.key_file
         try:
-            text = path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise SiteError(f"signing.key_file: {path}: cannot be read: {error}") from error
     text = (text or "").strip()
@@ -312,14 +314,15 @@ def read_site(path: Path) -> Site:
         SiteError: one line that names the file, the key and what was expected.
     """
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
+        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
         raise SiteError(f"{path}: no such file; expected a site file (TOML)") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SiteError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
         raise SiteError(f"{path}: not TOML: {error}") from error
+    except RecursionError:
+        raise SiteError(f"{path}: not TOML: {NESTED}") from None
     return check_site(content, str(path))
 
 
@@ -333,6 +336,8 @@ def check_site(content: dict[str, Any], source: str) -> Site:
         return Site.model_validate(content)
     except ValidationError as error:
         raise SiteError(f"{source}: {_first_reason(error)}") from error
+    except RecursionError:
+        raise SiteError(f"{source}: content: {NESTED}") from None
 
 
 def read_secret(variable: str | None, key: str, source: str, environment: Mapping[str, str] = os.environ) -> str | None:

@@ -31,6 +31,7 @@ from missions.errors import (
 )
 from missions.estimate import Estimate, LegEstimate, estimate
 from missions.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
+from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
@@ -47,6 +48,7 @@ from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
     "ARDUPILOT",
+    "NESTED",
     "PX4",
     "BatteryFailsafe",
     "BatteryLevel",
@@ -106,6 +108,7 @@ __all__ = [
     "flight_setup",
     "make_plan_file",
     "open_task",
+    "parse_json",
     "parse_qgc_plan",
     "parse_qgc_waypoints",
     "place_pads",
@@ -115,6 +118,7 @@ __all__ = [
     "qgc_waypoints",
     "read_network",
     "read_plan",
+    "read_text",
     "separation_m",
     "tracks_m",
     "whole_task",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeGuard
 
 from missions.errors import MissionsError
+
+MOST = 2**53
+"""A whole number beyond is a mistake: JSON's readers elsewhere do not keep it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,7 @@ class Fields:
     def integer(self, key: str) -> int:
         """Return a whole number."""
         value = self.content.get(key)
-        if not isinstance(value, int) or isinstance(value, bool):
+        if not isinstance(value, int) or isinstance(value, bool) or abs(value) > MOST:
             raise self.fail(key, "a whole number")
         return value
 
@@ -56,6 +59,10 @@ class Fields:
         if not isinstance(value, str) or not value:
             raise self.fail(key, "a text")
         return value
+
+    def optional_text(self, key: str) -> str:
+        """Return a text for people, or an empty one for null or no key."""
+        return printable(self.text(key)) if self.content.get(key) else ""
 
     def numbers(self, key: str, count: int | None = None) -> tuple[float, ...]:
         """Return finite numbers: exactly ``count``, or as many as there are."""
@@ -108,8 +115,17 @@ class Fields:
 
 
 def is_number(value: object) -> TypeGuard[int | float]:
-    """Return whether a parsed JSON value is a finite number; a boolean is none."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Return whether a parsed JSON value is a finite number; a boolean is none, nor is what no float can hold."""
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and -sys.float_info.max <= value <= sys.float_info.max
+    )
+
+
+def printable(text: str) -> str:
+    """Return a name for people: on one line, without what a terminal would not show."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
 
 
 def _short(value: object) -> str:

@@ -43,6 +43,8 @@ class PlanSegment:
 
     id: int
     """The network's number of it; a plan over a part of a network skips some."""
+    name: str
+    """What its network's file calls it; empty where it has no name."""
     a_enu_m: tuple[float, float, float]
     """East, north and up over the depot; up is 0 where the ground's height is not known."""
     b_enu_m: tuple[float, float, float]
@@ -130,7 +132,7 @@ class PlanFile:
             raise PlanFileError(f"{self.source}: {error}") from error
 
     def network(self) -> Network:
-        """Return the file's segments as a network, numbered by their position; labels are the ids.
+        """Return the file's segments as a network, numbered by their position; whoever has no name is named by its id.
 
         Raises:
             NetworkError: the segments do not make one.
@@ -144,7 +146,7 @@ class PlanFile:
                 pylons.setdefault(name, Pylon(name, *place, elevation_m, height_m))
         index = {name: number for number, name in enumerate(pylons)}
         segments = tuple(
-            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], str(segment.id))
+            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], segment.name or f"segment {segment.id}")
             for number, segment in enumerate(self.segments)
         )
         return Network(tuple(pylons.values()), segments, self.frame, self.source)
@@ -287,6 +289,7 @@ def _plan_segment(network: Network, number: int) -> PlanSegment:
     a_m, b_m = network.ends_m[number].tolist()
     return PlanSegment(
         id=number,
+        name=segment.label,
         a_enu_m=(*a_m, _up_m(network.frame, a)),
         b_enu_m=(*b_m, _up_m(network.frame, b)),
         a_lat_lon_deg=(a.lat_deg, a.lon_deg),

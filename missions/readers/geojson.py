@@ -14,13 +14,13 @@ A third coordinate is metres above the ellipsoid by the RFC, tens of metres off 
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.fields import is_number
+from missions.fields import is_number, printable
+from missions.files import parse_json
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
 
@@ -105,10 +105,9 @@ def parse_geojson(text: str, *, source: str, frame: LocalFrame | None) -> Networ
 
 
 def _features(text: str, source: str) -> Iterator[_Feature]:
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise NetworkError(f"{source}: line {error.lineno}: expected JSON: {error.msg}") from error
+    document = parse_json(text, source, NetworkError)
+    if not isinstance(document, dict):
+        raise NetworkError(f"{source}: content: expected a JSON object")
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
         raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")
@@ -148,16 +147,18 @@ def _depot(feature: _Feature) -> LocalFrame:
 
 def _add_pylon(pylons: _Pylons, feature: _Feature) -> None:
     name = feature.properties.get("id")
-    if not isinstance(name, str | int) or isinstance(name, bool) or str(name) == "":
+    if not isinstance(name, str | int) or isinstance(name, bool) or not printable(str(name)):
         raise NetworkError(f"{feature.place}.properties.id: expected the pylon's name, got {name!r}")
-    if str(name) in pylons.by_id:
+    if printable(str(name)) in pylons.by_id:
         raise NetworkError(f"{feature.place}.properties.id: expected a name that no other pylon has, got {name!r}")
     lat_deg, lon_deg = _lat_lon_deg(feature.coordinates, f"{feature.place}.geometry.coordinates")
-    pylons.add(Pylon(str(name), lat_deg, lon_deg, _metres(feature, "elevation_m"), _metres(feature, "height_m")))
+    pylons.add(
+        Pylon(printable(str(name)), lat_deg, lon_deg, _metres(feature, "elevation_m"), _metres(feature, "height_m"))
+    )
 
 
 def _named_pylon(pylons: _Pylons, feature: _Feature, key: str) -> int:
-    name = str(feature.properties[key])
+    name = printable(str(feature.properties[key]))
     if name not in pylons.by_id:
         raise NetworkError(f"{feature.place}.properties.{key}: expected the id of a pylon, got unknown {name!r}")
     return pylons.by_id[name]
@@ -165,7 +166,7 @@ def _named_pylon(pylons: _Pylons, feature: _Feature, key: str) -> int:
 
 def _label(feature: _Feature, otherwise: str) -> str:
     name = feature.properties.get("id", feature.properties.get("name"))
-    return otherwise if name is None else str(name)
+    return otherwise if name is None else printable(str(name))
 
 
 def _steps(pylons: _Pylons, feature: _Feature, *, lines_only: bool) -> Iterator[tuple[int, int, str]]:
