@@ -12,6 +12,7 @@ from executor.core.ports import OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.errors import ExecutorError
 from executor.order import Console, Order
+from executor.planwords import plan_checks
 from missions import dialect_for
 
 
@@ -37,6 +38,7 @@ async def examine(order: Order, console: Console) -> list[Check]:
     found = [answer for answer in answers if isinstance(answer, Check)]
     if not found:
         return app.examined(order, facts)[2]
+    found += plan_checks(order.plan, len(order.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.
     frame = order.ground.network.frame
     for table in order.site.vehicle:
