@@ -10,8 +10,9 @@ import numpy as np
 from executor.core.preflight import Check, Severity
 from missions import PlanFile
 
-NAMED = 12
-"""Segments that a line of the checklist names; of more it says how many."""
+NAMED = 50
+"""Segments that a line names; of more it says how many, and `--json` names all."""
+NAMED_IN_CHECKLIST = 12
 OUT_OF_REACH = "out of reach there and back within any budget"
 USED_UP = "within reach, but the others use the budgets up"
 
@@ -76,7 +77,7 @@ def summary(plan: PlanFile) -> str:
     )
 
 
-def left_words(plan: PlanFile, most: int | None = None) -> list[str]:
+def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
     """Return what is left over, a line for each reason, each with the names of `most` segments at most."""
     reasons: dict[str, list[str]] = {}
     for one in left_over(plan):
@@ -85,8 +86,8 @@ def left_words(plan: PlanFile, most: int | None = None) -> list[str]:
     return [f"left over, {why}: {_listed(names, most)}" for why, names in reasons.items()]
 
 
-def _listed(names: list[str], most: int | None) -> str:
-    shown = names if most is None or len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
+def _listed(names: list[str], most: int) -> str:
+    shown = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
     return ", ".join(shown)
 
 
@@ -98,7 +99,7 @@ def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
         segments: Of the whole site.
     """
     found = [Check(Severity.OK, "plan", line) for line in (*route_words(plan), summary(plan))]
-    found += [Check(Severity.WARNING, "plan", line) for line in left_words(plan, NAMED)]
+    found += [Check(Severity.WARNING, "plan", line) for line in left_words(plan, NAMED_IN_CHECKLIST)]
     if len(plan.segments) < segments:
         text = f"it is about {len(plan.segments)} of the site's {segments} segments; the others are not flown"
         found.append(Check(Severity.WARNING, "plan", text))
