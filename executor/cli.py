@@ -44,8 +44,8 @@ def _run(given: Sequence[str]) -> int:
     import typer
     from typer.exceptions import TyperException
 
+    from executor.commandline import cli
     from executor.commands import OUR_ERRORS
-    from executor.commands.line import cli
 
     try:
         return int(cli(args=list(given), standalone_mode=False) or 0)

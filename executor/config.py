@@ -22,9 +22,10 @@ from missions import NESTED
 from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+Metres = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
+Speed = Annotated[float, Field(ge=0.01, le=1000, allow_inf_nan=False)]
 WindSpeed = Annotated[float, Field(ge=-20, le=20)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 HostName = Annotated[
     str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
 ]
@@ -58,17 +59,17 @@ class NetworkTable(_Table):
 class InspectionTable(_Table):
     """How the line is flown."""
 
-    height_m: Positive = 15.0
+    height_m: Metres = 15.0
     """Over the pylon tops where the network knows them, else over the depot's ground."""
-    standoff_m: NotNegative = 5.0
+    standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 5.0
     """Beside the line, always on the same side."""
-    speed_m_s: Positive = 3.0
-    transit_speed_m_s: Positive = 8.0
+    speed_m_s: Speed = 3.0
+    transit_speed_m_s: Speed = 8.0
     wind_m_s: tuple[WindSpeed, WindSpeed] = (0.0, 0.0)
     """Where the air moves to, east and north."""
-    layer_m: Positive = 5.0
+    layer_m: Metres = 5.0
     """Any two vehicles keep at least this far apart."""
-    corridor_m: Positive = 10.0
+    corridor_m: Metres = 10.0
     """How far from the planned track a segment still counts as inspected."""
 
 

@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 
 from missions.errors import PlanFileError, SafetyError
-from missions.fields import Fields
+from missions.fields import Fields, printable
 from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
@@ -34,8 +34,10 @@ from planner import (
 
 FORMAT = "faultline-plan/1"
 
+MOST_SEED = 2**31 - 1
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 """Of a vehicle, as in a site file; files are named after it."""
+SLOWEST_M_S = 0.001
 _INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
 
 
@@ -185,11 +187,18 @@ def _parsed(fields: Fields) -> PlanFile:
         energies_pct=energies_pct,
         cost=None if cost.text("name") == WINDOW_COST else Cost(cost.text("name")),
         cost_value=cost.number("value"),
-        solved=Solved(fields.text("solver"), fields.integer("seed"), fields.number("seconds")),
+        solved=Solved(printable(fields.text("solver")), _parsed_seed(fields), fields.number("seconds")),
         window=window,
         inspection=_parsed_inspection(fields.optional_inner("inspection")),
         source=fields.source,
     )
+
+
+def _parsed_seed(fields: Fields) -> int:
+    seed = fields.integer("seed")
+    if not 0 <= seed <= MOST_SEED:
+        raise fields.fail("seed", f"0 to {MOST_SEED}")
+    return seed
 
 
 def _parsed_segment(fields: Fields) -> PlanSegment:
@@ -269,6 +278,9 @@ def _parsed_frame(fields: Fields) -> LocalFrame:
 
 
 def _parsed_travel(fields: Fields) -> Travel:
+    for key in ("transit_speed_m_s", "inspection_speed_m_s"):
+        if fields.number(key) < SLOWEST_M_S:
+            raise fields.fail(key, f"{SLOWEST_M_S:g} m/s or more")
     dynamics, wind = fields.optional_inner("dynamics"), fields.optional_inner("wind")
     try:
         return Travel(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +13,8 @@ from missions.network import Network
 from missions.pads import PAD_SPACING_M, Pad, place_pads
 from missions.safety import Layers, plan_layers, tracks_m
 
+MOST = 1000.0
+"""Metres, or metres a second: a figure beyond is a mistake."""
 LOWEST_FLIGHT_M = 5.0
 """A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
 
@@ -39,8 +40,8 @@ class Inspection:
         """
         for key in ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m"):
             value = getattr(self, key)
-            if not math.isfinite(value) or value < 0 or (value == 0 and key != "standoff_m"):
-                raise SafetyError(f"inspection.{key}: expected a positive number, got {value}")
+            if not 0 <= value <= MOST or (value == 0 and key != "standoff_m"):
+                raise SafetyError(f"inspection.{key}: expected a positive number up to {MOST:g}, got {value}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.fields import is_number, printable
+from missions.fields import is_figure, is_number, printable
 from missions.files import parse_json
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
@@ -132,7 +132,7 @@ def _lat_lon_deg(coordinates: object, place: str) -> tuple[float, float]:
 
 def _metres(feature: _Feature, key: str) -> float | None:
     value = feature.properties.get(key)
-    if value is not None and not is_number(value):
+    if value is not None and not is_figure(value):
         raise NetworkError(f"{feature.place}.properties.{key}: expected metres as a finite number, got {value!r}")
     return value
 

@@ -239,7 +239,7 @@ def _delete(*keys: Any) -> Callable[[Any], None]:
         (_set("uncovered", value=["2"]), r"uncovered: expected a list of whole numbers, got \['2'\]"),
         (_set("uncovered", value=[5]), "uncovered: expected ids of segments, got unknown 5"),
         (_set("cost", "name", value="best"), r"cost\.name: expected one of minmax, .*window, got 'best'"),
-        (_set("travel", "transit_speed_m_s", value=0), "travel: transit_speed_m_s is 0"),
+        (_set("travel", "transit_speed_m_s", value=0), "travel.transit_speed_m_s: expected 0.001 m/s or more, got 0"),
         (_set("travel", "dynamics", value=1), r"travel\.dynamics: expected an object, got 1"),
         (_set("window", value={"window_pct": 1}), r"window\.earliest_s: expected a finite number, found none"),
         (
