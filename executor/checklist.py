@@ -10,6 +10,7 @@ from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe
 from executor.core.preflight import Check, Facts, Severity
 from executor.core.vehicle import OnBoard
+from executor.planwords import plan_checks
 from missions import PlanFile
 
 
@@ -54,8 +55,5 @@ def checklist(
         found += preflight.battery(fact, setup.dialect, preflight.left_pct(context, path, fact.remaining_pct))
         found += preflight.fence(context, fact, path)
         found.append(preflight.energy(context, name, path, fact.remaining_pct))
-    uncovered = plan.plan.uncovered
-    if uncovered:
-        names = ", ".join(plan.segments[number].called for number in uncovered)
-        found.append(Check(Severity.WARNING, "plan", f"the budgets do not cover {names}"))
-    return found
+    # Last, beside the question that follows: what is said yes to is what is seen.
+    return found + plan_checks(plan, len(context.setup.network.segments))

@@ -41,6 +41,7 @@ from missions.errors import (
 )
 from missions.estimate import Estimate, LegEstimate, estimate
 from missions.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
+from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
 from missions.heights import implausible, settled
 from missions.items import Command, Frame, MissionItem
@@ -58,6 +59,7 @@ from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
     "ARDUPILOT",
+    "NESTED",
     "PX4",
     "BatteryFailsafe",
     "BatteryLevel",
@@ -125,6 +127,7 @@ __all__ = [
     "margin_m",
     "open_task",
     "over_ground_m",
+    "parse_json",
     "parse_qgc_plan",
     "parse_qgc_waypoints",
     "place_pads",
@@ -134,6 +137,7 @@ __all__ = [
     "qgc_waypoints",
     "read_network",
     "read_plan",
+    "read_text",
     "return_over_ground_m",
     "separation_m",
     "settled",

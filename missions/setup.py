@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +15,8 @@ from missions.pads import PAD_SPACING_M, Pad, place_pads
 from missions.safety import Layers, plan_layers, tracks_m
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
+MOST = 1000.0
+"""Metres, or metres a second: a figure beyond is a mistake."""
 LOWEST_FLIGHT_M = 5.0
 """A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
 
@@ -49,8 +50,8 @@ class Inspection:
             value = getattr(self, key)
             if key == "return_ceiling_m" and value is None:
                 continue
-            if not math.isfinite(value) or value < 0 or (value == 0 and key != "standoff_m"):
-                raise SafetyError(f"inspection.{key}: expected a positive number, got {value}")
+            if not 0 <= value <= MOST or (value == 0 and key != "standoff_m"):
+                raise SafetyError(f"inspection.{key}: expected a positive number up to {MOST:g}, got {value}")
 
 
 @dataclass(frozen=True, slots=True)

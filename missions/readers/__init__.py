@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from missions.errors import NetworkError
+from missions.files import NESTED, read_text
 from missions.geo import LocalFrame
 from missions.network import Network
 from missions.readers.geojson import parse_geojson
@@ -40,32 +41,28 @@ def read_network(
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     path = Path(path)
-    text = _text_of(path)
+    text = read_text(path, "network file", NetworkError)
     frame = _frame_of(path, depot)
+    try:
+        network = _parsed(path, text, frame, crs, alt_known=depot is None or depot[2] is not None)
+    except RecursionError:
+        raise NetworkError(f"{path}: content: {NESTED}") from None
+    return network if radius_m is None else network.within(radius_m)
+
+
+def _parsed(path: Path, text: str, frame: LocalFrame | None, crs: str | None, *, alt_known: bool) -> Network:
     head = text.lstrip("\ufeff \t\r\n")
     if head.startswith("{"):
         if crs is not None:
             raise NetworkError(f"{path}: crs: expected none for GeoJSON, which is always WGS 84; got {crs!r}")
-        alt_known = depot is None or depot[2] is not None
-        network = parse_geojson(head, source=str(path), frame=frame, alt_known=alt_known)
-    elif "pylons_position" in text:
+        return parse_geojson(head, source=str(path), frame=frame, alt_known=alt_known)
+    if "pylons_position" in text:
         if frame is None:
             raise NetworkError(
                 f"{path}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only"
             )
-        network = parse_graph(text, source=str(path), frame=frame, crs=crs)
-    else:
-        raise NetworkError(f"{path}: content: expected GeoJSON, or a graph file with pylons_position; found neither")
-    return network if radius_m is None else network.within(radius_m)
-
-
-def _text_of(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise NetworkError(f"{path}: encoding: expected UTF-8 text, found other bytes at {error.start}") from error
-    except OSError as error:
-        raise NetworkError(f"{path}: file: expected a readable network file: {error.strerror}") from error
+        return parse_graph(text, source=str(path), frame=frame, crs=crs)
+    raise NetworkError(f"{path}: content: expected GeoJSON, or a graph file with pylons_position; found neither")
 
 
 def _frame_of(path: Path, depot: tuple[float, float, float | None] | None) -> LocalFrame | None:

@@ -18,13 +18,13 @@ and one whose ``elevation_m`` it contradicts.
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from missions.errors import NetworkError
-from missions.fields import is_number
+from missions.fields import is_figure, is_number, printable
+from missions.files import parse_json
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
 
@@ -133,10 +133,9 @@ def _segments(pylons: _Pylons, features: Sequence[_Feature]) -> list[Segment]:
 
 
 def _features(text: str, source: str) -> Iterator[_Feature]:
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise NetworkError(f"{source}: line {error.lineno}: expected JSON: {error.msg}") from error
+    document = parse_json(text, source, NetworkError)
+    if not isinstance(document, dict):
+        raise NetworkError(f"{source}: content: expected a JSON object")
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
         raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")
@@ -161,7 +160,7 @@ def _lat_lon_deg(coordinates: object, place: str) -> tuple[float, float]:
 
 def _metres(feature: _Feature, key: str) -> float | None:
     value = feature.properties.get(key)
-    if value is not None and not is_number(value):
+    if value is not None and not is_figure(value):
         raise NetworkError(f"{feature.place}.properties.{key}: expected metres as a finite number, got {value!r}")
     return value
 
@@ -189,17 +188,17 @@ def _depot(feature: _Feature, known: LocalFrame | None) -> tuple[LocalFrame, boo
 
 def _add_pylon(pylons: _Pylons, feature: _Feature) -> None:
     name = next((feature.properties[key] for key in ("id", "ref", "name") if key in feature.properties), None)
-    if not isinstance(name, str | int) or isinstance(name, bool) or str(name) == "":
+    if not isinstance(name, str | int) or isinstance(name, bool) or not printable(str(name)):
         raise NetworkError(f"{feature.place}.properties.id: expected the pylon's name, got {name!r}")
-    if str(name) in pylons.by_id:
+    if printable(str(name)) in pylons.by_id:
         raise NetworkError(f"{feature.place}.properties.id: expected a name that no other pylon has, got {name!r}")
     lat_deg, lon_deg = _lat_lon_deg(feature.coordinates, f"{feature.place}.geometry.coordinates")
     elevation_m, height_m = _metres(feature, "elevation_m"), _metres(feature, "height_m")
-    pylons.add(Pylon(str(name), lat_deg, lon_deg, elevation_m, height_m, _third_m(feature.coordinates)))
+    pylons.add(Pylon(printable(str(name)), lat_deg, lon_deg, elevation_m, height_m, _third_m(feature.coordinates)))
 
 
 def _named_pylon(pylons: _Pylons, feature: _Feature, key: str) -> int:
-    name = str(feature.properties[key])
+    name = printable(str(feature.properties[key]))
     if name not in pylons.by_id:
         raise NetworkError(f"{feature.place}.properties.{key}: expected the id of a pylon, got unknown {name!r}")
     return pylons.by_id[name]
@@ -208,7 +207,7 @@ def _named_pylon(pylons: _Pylons, feature: _Feature, key: str) -> int:
 def _name(feature: _Feature) -> str | None:
     """Return what people call a line or a segment."""
     names = (feature.properties.get(key) for key in ("name", "ref", "id"))
-    return next((str(name) for name in names if name not in {None, ""}), None)
+    return next((printable(str(name)) for name in names if name not in {None, ""}), None)
 
 
 def _steps(pylons: _Pylons, feature: _Feature, *, lines_only: bool) -> Iterator[tuple[int, int, str]]:

@@ -130,7 +130,7 @@ def test_lines_below_the_depot_are_refused() -> None:
 
 @pytest.mark.parametrize("key", ["height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m"])
 def test_an_inspection_figure_that_is_not_positive_is_named(key: str) -> None:
-    with pytest.raises(SafetyError, match=rf"^inspection\.{key}: expected a positive number, got -1.0$"):
+    with pytest.raises(SafetyError, match=rf"^inspection\.{key}: expected a positive number up to 1000, got -1.0$"):
         replace(Inspection(), **{key: -1.0})  # type: ignore[arg-type]
 
 
