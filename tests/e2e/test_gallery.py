@@ -15,7 +15,8 @@ pytestmark = [
 
 
 BEYOND = """[...document.querySelectorAll(".strip *, #briefing *, #offer *, #lines *")].filter((one) =>
-  one.getClientRects().length && one.getBoundingClientRect().right > one.closest("section").getBoundingClientRect().right
+  one.getClientRects().length &&
+  one.getBoundingClientRect().right > one.closest("section").getBoundingClientRect().right
 ).map((one) => one.textContent)"""
 """What of the page runs over the edge of its part."""
 
