@@ -336,7 +336,9 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
     return (
         context,
         boards,
-        checklist(order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free),
+        checklist(
+            order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free, ground.worth_a_look
+        ),
     )
 
 

@@ -1,89 +1,114 @@
 """The command line: `faultline --help`.
 
-Exit codes: 0 done, 1 it ran and the answer is no, 2 bad input with a one-line reason.
+Exit codes: 0 done, 1 it ran and the answer is no, 2 bad input with a one-line reason, 130 interrupted by Ctrl-C.
 """
 
 from __future__ import annotations
 
+import errno
+import io
+import os
+import signal
 import sys
-import tempfile
-import traceback
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import NoReturn
 
-import typer
-from typer.exceptions import TyperException
-
-from executor.bench.cli import cli as bench
-from executor.commands import OUR_ERRORS, flights, plans, replay, restore, risk
-
-cli = typer.Typer(
-    name="faultline",
-    help="Flies a fleet of UAVs along a power line, and finishes the inspection when one of them is lost.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-for command in (
-    flights.demo,
-    plans.plan,
-    plans.check,
-    plans.window,
-    plans.replan,
-    plans.export,
-    risk.risk,
-    flights.simulate,
-    flights.fly,
-    flights.preflight,
-    flights.resume,
-    restore.restore,
-):
-    cli.command()(command)
-cli.command("replay")(replay.replay_logs)
-cli.add_typer(bench)
-
-INTERRUPTED = 1
+INTERRUPTED = 128 + signal.SIGINT
+NO_READER = 128 + signal.SIGPIPE
 INTERNAL = 70
 """EX_SOFTWARE: a mistake of ours, not of the input."""
-
-
-def _fail(text: str, code: int) -> NoReturn:
-    print(f"faultline: {text}", file=sys.stderr)
-    raise SystemExit(code)
+LONGEST = 1000
+"""Letters of the line that says why; files are named at its begin."""
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE})
+"""What a computer lacks, and no file is named with."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; the one place where whatever is left over is caught."""
     given = list(arguments) if arguments is not None else sys.argv[1:]
     try:
-        code = cli(args=given or ["--help"], standalone_mode=False)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
+        code = _run(given or ["--help"])
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        _interrupted()
+    except OSError as error:
+        _no_output(error)
+    raise SystemExit(code)
+
+
+def _run(given: Sequence[str]) -> int:
+    # Loading takes a second, in which Ctrl-C may come, too.
+    import typer
+    from typer.exceptions import TyperException
+
+    from executor.commandline import cli
+    from executor.commands import OUR_ERRORS
+
+    try:
+        return int(cli(args=list(given), standalone_mode=False) or 0)
     except OUR_ERRORS as error:
         _fail(str(error), 2)
     except BaseExceptionGroup as group:
-        ours, rest = group.split(OUR_ERRORS)
-        if rest is None and ours is not None:
-            _fail(str(_first(ours)), 2)
-        _internal(group)
+        _several(group, OUR_ERRORS)
     except TyperException as error:
         # What a command line can be wrong about; the base class does not promise the method that all of them have.
         said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
         _fail(f"{said} See --help.", 2)
-    except (KeyboardInterrupt, typer.Abort):
-        _fail("interrupted", INTERRUPTED)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     except OSError as error:
-        if error.filename is None:
-            _internal(error)
-        _fail(f"{error.filename}: {error.strerror}", 2)
+        if error.filename is not None:
+            _fail(f"{error.filename}: {error.strerror}", 2)
+        if isinstance(error, BrokenPipeError) or error.errno in NO_ROOM:
+            raise
+        _internal(error)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
         _internal(error)
-    raise SystemExit(code or 0)
+
+
+def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:
+    """End with the first of several that were raised side by side."""
+    if group.subgroup(KeyboardInterrupt) is not None:
+        raise KeyboardInterrupt
+    ours, rest = group.split(known)
+    if rest is None and ours is not None:
+        _fail(str(_first(ours)), 2)
+    _internal(group)
+
+
+def _fail(text: str, code: int) -> NoReturn:
+    line = " ".join(text.split())
+    if len(line) > LONGEST:
+        line = f"{line[:LONGEST]}..."
+    print(f"faultline: {line}".encode(errors="backslashreplace").decode(), file=sys.stderr)
+    raise SystemExit(code)
+
+
+def _interrupted() -> NoReturn:
+    # Threads and processes end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _fail("interrupted", INTERRUPTED)
+
+
+def _no_output(error: OSError) -> NoReturn:
+    """End without a word if nobody reads any more, as `| head` does; else say what there is no room for."""
+    if not isinstance(error, BrokenPipeError):
+        _fail(f"cannot write: {error.strerror}", 2)
+    # What is still buffered must not be tried again when Python ends.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    raise SystemExit(NO_READER)
 
 
 def _internal(error: BaseException) -> NoReturn:
     """Keep a mistake of ours where it can be reported, and say one line."""
+    import tempfile
+    import traceback
+    from contextlib import suppress
+    from pathlib import Path
+
     path = Path(tempfile.gettempdir()) / "faultline-error.txt"
     with suppress(OSError):
         path.write_text("".join(traceback.format_exception(error)), encoding="utf-8")

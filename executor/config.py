@@ -18,16 +18,19 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from executor.core.connection import Connection, parse_connection
 from executor.errors import SiteError
+from missions import NESTED
 from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+Metres = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
+Speed = Annotated[float, Field(ge=0.01, le=1000, allow_inf_nan=False)]
 WindSpeed = Annotated[float, Field(ge=-20, le=20)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 HostName = Annotated[
     str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
 ]
 """A name, or an address of version 4 or 6."""
+FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
 EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
 
 
@@ -40,33 +43,42 @@ class DepotTable(_Table):
 
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    alt_m: Annotated[float, Field(ge=-500, le=9000)] = 0.0
+    alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
+    """Above mean sea level; must be known where the network knows its ground, from here or from the network's file."""
 
 
 class NetworkTable(_Table):
     """The power line."""
 
-    file: str
+    file: FileName
     radius_m: Positive | None = None
     """Takes the segments whose two pylons are both nearer to the depot than this."""
     crs: str | None = None
     """The grid of a graph file's metres, such as EPSG:32633; without it they are true east and north."""
+    tallest_m: Positive | None = None
+    """Of all structures: says of a line of giants that its heights are metres over ground."""
 
 
 class InspectionTable(_Table):
     """How the line is flown."""
 
-    height_m: Positive = 15.0
+    height_m: Metres = 15.0
     """Over the pylon tops where the network knows them, else over the depot's ground."""
-    standoff_m: NotNegative = 5.0
+    heights: Literal["known", "flat"] = "known"
+    """flat claims that the ground is everywhere as high as the depot's, where the network does not know it."""
+    ceiling_m: Metres = 120.0
+    """No mission goes higher than this over the ground; more needs a permit."""
+    return_ceiling_m: Metres | None = None
+    """The same for the vehicles' own returns, which are level and higher over hills; by default `ceiling_m`."""
+    standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 5.0
     """Beside the line, always on the same side."""
-    speed_m_s: Positive = 3.0
-    transit_speed_m_s: Positive = 8.0
+    speed_m_s: Speed = 3.0
+    transit_speed_m_s: Speed = 8.0
     wind_m_s: tuple[WindSpeed, WindSpeed] = (0.0, 0.0)
     """Where the air moves to, east and north."""
-    layer_m: Positive = 5.0
+    layer_m: Metres = 5.0
     """Any two vehicles keep at least this far apart."""
-    corridor_m: Positive = 10.0
+    corridor_m: Metres = 10.0
     """How far from the planned track a segment still counts as inspected."""
 
 
@@ -138,7 +150,7 @@ class FlightTable(_Table):
     has landed, or by itself, for simulation."""
     offer_s: Positive = 300.0
     """How long the crew may take to say so once nobody flies any more."""
-    pilot_grace_s: NotNegative = 30.0
+    pilot_grace_s: Annotated[float, Field(ge=0, le=3600)] = 30.0
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
     pilot_return: Literal["ask", "auto"] = "ask"
     """Whether a vehicle that its pilot has put back on its mission waits for the operator to be in the plan again."""
@@ -158,7 +170,7 @@ class FaultsTable(_Table):
 class SigningTable(_Table):
     """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
 
-    key_file: str | None = None
+    key_file: FileName | None = None
     """64 hexadecimal digits, or a passphrase, of which the SHA-256 is the key, as in other ground stations."""
     key_env: str | None = None
     """The name of a variable that holds the same."""
@@ -181,7 +193,7 @@ class MqttTable(_Table):
     telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
     """How often, in real seconds."""
     tls: bool = False
-    ca_file: str | None = None
+    ca_file: FileName | None = None
     """The certificate that the broker's is signed with (PEM); without one the system's own are trusted."""
     username_env: EnvironmentName | None = None
     password_env: EnvironmentName | None = None
@@ -301,7 +313,7 @@ def signing_key(site: Site, base: Path) -> bytes | None:
     if table.key_file is not None:
         path = base / table.key_file
         try:
-            text = path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise SiteError(f"signing.key_file: {path}: cannot be read: {error}") from error
     text = (text or "").strip()
@@ -319,14 +331,15 @@ def read_site(path: Path) -> Site:
         SiteError: one line that names the file, the key and what was expected.
     """
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
+        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
         raise SiteError(f"{path}: no such file; expected a site file (TOML)") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SiteError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
         raise SiteError(f"{path}: not TOML: {error}") from error
+    except RecursionError:
+        raise SiteError(f"{path}: not TOML: {NESTED}") from None
     return check_site(content, str(path))
 
 
@@ -340,6 +353,8 @@ def check_site(content: dict[str, Any], source: str) -> Site:
         return Site.model_validate(content)
     except ValidationError as error:
         raise SiteError(f"{source}: {_first_reason(error)}") from error
+    except RecursionError:
+        raise SiteError(f"{source}: content: {NESTED}") from None
 
 
 def read_secret(variable: str | None, key: str, source: str, environment: Mapping[str, str] = os.environ) -> str | None:

@@ -13,6 +13,7 @@ from executor.core.ports import OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.errors import ExecutorError
 from executor.order import Console, Order
+from executor.planwords import plan_checks
 from missions import dialect_for
 
 
@@ -39,6 +40,7 @@ async def examine(order: Order, console: Console) -> list[Check]:
         if not found:
             context, _, checks = app.examined(order, facts)
             return [*checks, *(await read_changes(context, links, clock)).checks]
+    found += plan_checks(order.plan, len(order.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.
     frame = order.ground.network.frame
     for table in order.site.vehicle:

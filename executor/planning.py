@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 
 import numpy as np
 
 from executor import build
 from executor.build import Ground
-from missions import PlanFile, PlanFileError, Solved, Task, Window, make_plan_file
+from missions import PlanFile, PlanFileError, Solved, Task, Window, check_plan, make_plan_file, plan_document
 from planner import (
     Cost,
     Instance,
@@ -21,6 +22,7 @@ from planner import (
     Remainder,
     ReplanWindow,
     Result,
+    Route,
     Seconds,
     StopRule,
     any_of,
@@ -36,6 +38,9 @@ from planner import (
 
 SAME_PLACE_M = 1.0
 """A plan's segment that lies farther from the site's of the same number is another one."""
+SAME = 1e-9
+"""Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
+CHANGES_NAMED = 3
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
@@ -78,6 +83,12 @@ class Wanted:
     def threads(self) -> int:
         """Searches side by side."""
         return self.starts or os.cpu_count() or 1
+
+
+DEFAULT = Wanted(cost=Cost.MINMAX, seconds=5.0, seed=1)
+"""What every command plans by where it is not told otherwise: what was looked at is what is flown.
+
+MinMax, as re-plans in flight: everybody is home early, and budgets are left for a loss."""
 
 
 def first_plan(
@@ -169,7 +180,69 @@ def window_in(found: ReplanWindow) -> Window:
 
 
 def fits(plan: PlanFile, ground: Ground, source: str) -> None:
-    """Check that a plan file is one for a site.
+    """Check that a plan file is what a site asks for: its figures are right, and the site is as it was then.
+
+    Raises:
+        PlanFileError: it is another site's, or the site has changed since: one line that says where.
+    """
+    belongs(plan, ground, source)
+    for line in check_plan(plan, search_window=False):
+        raise PlanFileError(f"{source}: {line}; `faultline check` says more")
+    changed = changes(plan, ground)
+    if changed:
+        more = f"; and {len(changed) - CHANGES_NAMED} more" if len(changed) > CHANGES_NAMED else ""
+        raise PlanFileError(f"{source}: the site has changed: {'; '.join(changed[:CHANGES_NAMED])}{more}: plan again")
+
+
+def changes(plan: PlanFile, ground: Ground) -> list[str]:
+    """Return in words where a site says something else now than when a plan was made for it.
+
+    Args:
+        plan: One that belongs to the site.
+        ground: The site.
+    """
+    task = build.task_of(ground, [segment.id for segment in plan.segments])
+    nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
+    inspection = None if plan.inspection is None else ground.inspection
+    now = make_plan_file(ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection)
+    return list(_differing(_asked(plan), _asked(now)))
+
+
+def _asked(plan: PlanFile) -> dict[str, object]:
+    """Return what a plan file says of the site that it was made for."""
+    document = plan_document(plan)
+    return {
+        **{key: document.get(key) for key in ("depot", "travel", "inspection")},
+        "vehicles": {vehicle.name: asdict(vehicle) for vehicle in plan.vehicles},
+        "segments": {
+            segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
+        },
+    }
+
+
+def _differing(before: object, now: object, place: str = "") -> Iterator[str]:
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in {**before, **now}:
+            yield from _differing(before.get(key), now.get(key), f"{place}.{key}" if place else str(key))
+    elif isinstance(before, list | tuple) and isinstance(now, list | tuple) and len(before) == len(now):
+        for index, (one, other) in enumerate(zip(before, now, strict=True)):
+            yield from _differing(one, other, f"{place}[{index}]")
+    elif not _alike(before, now):
+        yield f"{place} is {_said(now)}, the plan was made with {_said(before)}"
+
+
+def _alike(before: object, now: object) -> bool:
+    if isinstance(before, int | float) and isinstance(now, int | float):
+        return math.isclose(before, now, rel_tol=SAME, abs_tol=SAME)
+    return before == now
+
+
+def _said(value: object) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else "not known" if value is None else str(value)
+
+
+def belongs(plan: PlanFile, ground: Ground, source: str) -> None:
+    """Check that a plan file is about a site's vehicles and segments.
 
     Raises:
         PlanFileError: it has other vehicles, or segments that are not the site's.
@@ -188,13 +261,14 @@ def same_segments(plan: PlanFile, ground: Ground, source: str) -> None:
     """
     ends_m = ground.network.ends_m
     for segment in plan.segments:
-        place = f"{source}: segment {segment.id}"
-        if segment.id >= len(ends_m):
+        place = f"{source}: {segment.called}"
+        if not 0 <= segment.id < len(ends_m):
             raise PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
         off_m = np.abs(ends_m[segment.id] - np.array([segment.a_enu_m[:2], segment.b_enu_m[:2]])).max()
         if off_m > SAME_PLACE_M:
             raise PlanFileError(
-                f"{place}: expected where the site's segment {segment.id} is, got {off_m:.1f} m beside it"
+                f"{place}: expected where the site's {ground.network.segment_name(segment.id)} is, got {off_m:.1f} m "
+                "beside it"
             )
 
 
@@ -228,6 +302,6 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     return WhatIf(left, content, result.feasible)
 
 
-def segment_ids(plan: PlanFile, content: Plan) -> list[int]:
-    """Return the ids of the segments that a plan over the file's segments leaves out."""
-    return [plan.segments[number].id for number in content.uncovered]
+def left_out(plan: PlanFile) -> list[str]:
+    """Return the names of the segments that a plan leaves out."""
+    return [plan.segments[number].called for number in plan.plan.uncovered]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -12,9 +12,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from executor import build, planning
 from executor.build import Ground
 from executor.errors import LogError
-from executor.planning import Wanted
+from executor.planwords import left_words
 from missions import PlanFile, read_plan
-from planner import Cost
 
 PLAN_S = 2.0
 """Of the solver; the crew can have more with `faultline plan --after`."""
@@ -64,13 +63,12 @@ def next_sortie(ground: Ground, report: Mapping[str, object], seed: int) -> Plan
     lost = {fault["vehicle"] for fault in faults}
     if not uncovered or lost >= set(ground.names):
         return None
-    wanted = Wanted(Cost.MINMAX, PLAN_S, seed)
+    wanted = replace(planning.DEFAULT, seconds=PLAN_S, seed=seed)
     return planning.first_plan(ground, wanted, task=build.task_of(ground, uncovered, lost))
 
 
 def sortie_words(plan: PlanFile, file: Path) -> str:
     """Return what the crew can do with the next sortie."""
-    left = [plan.segments[number].id for number in plan.plan.uncovered]
     names = ", ".join(vehicle.name for vehicle in plan.vehicles)
-    beyond = f"; segments {json.dumps(left)} are beyond the budgets" if left else ""
-    return f"the next sortie is planned in {file} for {names} with full batteries{beyond}"
+    words = f"the next sortie is planned in {file} for {names} with full batteries"
+    return "\n".join([words, *left_words(plan)])

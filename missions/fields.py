@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeGuard
 
 from missions.errors import MissionsError
+
+MOST = 2**53
+"""A whole number beyond is a mistake: JSON's readers elsewhere do not keep it."""
+MOST_FIGURE = 1e12
+"""A figure beyond is a mistake, and sums and squares of it are no numbers any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +33,7 @@ class Fields:
     def number(self, key: str) -> float:
         """Return a finite number."""
         value = self.content.get(key)
-        if not is_number(value):
+        if not is_figure(value):
             raise self.fail(key, "a finite number")
         return float(value)
 
@@ -39,7 +44,7 @@ class Fields:
     def integer(self, key: str) -> int:
         """Return a whole number."""
         value = self.content.get(key)
-        if not isinstance(value, int) or isinstance(value, bool):
+        if not isinstance(value, int) or isinstance(value, bool) or abs(value) > MOST:
             raise self.fail(key, "a whole number")
         return value
 
@@ -57,10 +62,14 @@ class Fields:
             raise self.fail(key, "a text")
         return value
 
+    def optional_text(self, key: str) -> str:
+        """Return a text for people, or an empty one for null or no key."""
+        return printable(self.text(key)) if self.content.get(key) else ""
+
     def numbers(self, key: str, count: int | None = None) -> tuple[float, ...]:
         """Return finite numbers: exactly ``count``, or as many as there are."""
         value = self.content.get(key)
-        if not isinstance(value, list) or count not in {None, len(value)} or not all(map(is_number, value)):
+        if not isinstance(value, list) or count not in {None, len(value)} or not all(map(is_figure, value)):
             raise self.fail(key, "finite numbers" if count is None else f"{count} finite numbers")
         return tuple(float(number) for number in value)
 
@@ -69,7 +78,7 @@ class Fields:
         value = self.content.get(key, [None] * count)
         if not isinstance(value, list) or len(value) != count:
             raise self.fail(key, f"{count} numbers or nulls")
-        if not all(number is None or is_number(number) for number in value):
+        if not all(number is None or is_figure(number) for number in value):
             raise self.fail(key, f"{count} finite numbers or nulls")
         return tuple(None if number is None else float(number) for number in value)
 
@@ -108,8 +117,19 @@ class Fields:
 
 
 def is_number(value: object) -> TypeGuard[int | float]:
-    """Return whether a parsed JSON value is a finite number; a boolean is none."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Return whether a parsed JSON value is a finite number; a boolean is none, nor is what no float can hold."""
+    most = sys.float_info.max
+    return isinstance(value, int | float) and not isinstance(value, bool) and -most <= value <= most
+
+
+def is_figure(value: object) -> TypeGuard[int | float]:
+    """Return whether a parsed JSON value is a number that a place, a time or a share can have."""
+    return is_number(value) and abs(value) <= MOST_FIGURE
+
+
+def printable(text: str) -> str:
+    """Return a name for people: on one line, without what a terminal would not show."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
 
 
 def _short(value: object) -> str:

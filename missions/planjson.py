@@ -5,11 +5,16 @@ Figures are written as Python prints a float, so reading a file gives back exact
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import PlanFileError, SafetyError
-from missions.fields import Fields
+from missions.fields import Fields, printable
+from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
 from missions.setup import Inspection
@@ -30,7 +35,14 @@ from planner import (
 
 FORMAT = "faultline-plan/1"
 
+MOST_SEED = 2**31 - 1
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+"""Of a vehicle, as in a site file; files are named after it."""
+SLOWEST_M_S = 0.001
 _INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
+_CEILINGS = ("ceiling_m", "return_ceiling_m")
+FLAT, KNOWN = "flat", "known"
+"""What ``inspection.heights`` may say."""
 
 
 def write_plan(path: Path | str, plan_file: PlanFile) -> None:
@@ -45,6 +57,8 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
         text = json.dumps(plan_document(plan_file), indent=1, allow_nan=False) + "\n"
     except ValueError as error:
         raise PlanFileError(f"{path}: expected finite figures only: {error}") from error
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     beside = path.with_name(f".{path.name}.part")
     beside.write_text(text, encoding="utf-8")
     beside.replace(path)
@@ -57,17 +71,13 @@ def read_plan(path: Path | str) -> PlanFile:
         PlanFileError: one line that names the file, the key and what was expected.
     """
     path = Path(path)
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise PlanFileError(f"{path}: file: expected a readable plan file: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise PlanFileError(f"{path}: encoding: expected UTF-8 text, found other bytes at {error.start}") from error
-    except json.JSONDecodeError as error:
-        raise PlanFileError(f"{path}: line {error.lineno}: expected JSON: {error.msg}") from error
+    document = parse_json(read_text(path, "plan file", PlanFileError), str(path), PlanFileError)
     if not isinstance(document, dict):
         raise PlanFileError(f"{path}: content: expected a JSON object")
-    return _parsed(Fields(document, str(path), PlanFileError))
+    try:
+        return _parsed(Fields(document, str(path), PlanFileError))
+    except RecursionError:
+        raise PlanFileError(f"{path}: content: {NESTED}") from None
 
 
 def plan_document(content: PlanFile) -> dict[str, object]:
@@ -125,15 +135,21 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             "longest_route_s": content.window.longest_route_s,
         }
     if content.inspection is not None:
-        document["inspection"] = {key: getattr(content.inspection, key) for key in _INSPECTION_KEYS}
+        document["inspection"] = _inspection_document(content.inspection)
     # Last, for it is by far the longest.
     document["segments"] = [_segment_document(segment) for segment in content.segments]
     return document
 
 
+def _inspection_document(inspection: Inspection) -> dict[str, object]:
+    figures = {key: getattr(inspection, key) for key in (*_INSPECTION_KEYS, *_CEILINGS)}
+    return {**figures, "heights": FLAT if inspection.flat else KNOWN}
+
+
 def _segment_document(segment: PlanSegment) -> dict[str, object]:
     return {
         "id": segment.id,
+        **({"name": segment.name} if segment.name else {}),
         "a": list(segment.a_enu_m),
         "b": list(segment.b_enu_m),
         "a_lat_lon_deg": list(segment.a_lat_lon_deg),
@@ -180,20 +196,31 @@ def _parsed(fields: Fields) -> PlanFile:
         energies_pct=energies_pct,
         cost=None if cost.text("name") == WINDOW_COST else Cost(cost.text("name")),
         cost_value=cost.number("value"),
-        solved=Solved(fields.text("solver"), fields.integer("seed"), fields.number("seconds")),
+        solved=Solved(printable(fields.text("solver")), _parsed_seed(fields), fields.number("seconds")),
         window=window,
         inspection=_parsed_inspection(fields.optional_inner("inspection")),
         source=fields.source,
     )
 
 
+def _parsed_seed(fields: Fields) -> int:
+    seed = fields.integer("seed")
+    if not 0 <= seed <= MOST_SEED:
+        raise fields.fail("seed", f"0 to {MOST_SEED}")
+    return seed
+
+
 def _parsed_segment(fields: Fields) -> PlanSegment:
     a_m, b_m = fields.numbers("a", 3), fields.numbers("b", 3)
     a_deg, b_deg = fields.numbers("a_lat_lon_deg", 2), fields.numbers("b_lat_lon_deg", 2)
     pylons = fields.texts("pylons", 2)
+    number = fields.integer("id")
+    if number < 0:
+        raise fields.fail("id", "0 or a greater number")
     elevation_m, height_m = fields.optional_numbers("elevation_m", 2), fields.optional_numbers("height_m", 2)
     return PlanSegment(
-        id=fields.integer("id"),
+        id=number,
+        name="" if fields.content.get("name") is None else fields.text("name"),
         a_enu_m=(a_m[0], a_m[1], a_m[2]),
         b_enu_m=(b_m[0], b_m[1], b_m[2]),
         a_lat_lon_deg=(a_deg[0], a_deg[1]),
@@ -209,6 +236,8 @@ def _parsed_vehicles(fields: Fields) -> tuple[Vehicle, ...]:
     vehicles: list[Vehicle] = []
     for entry in fields.each("vehicles"):
         name = entry.text("name")
+        if not NAME.fullmatch(name):
+            raise entry.fail("name", "a letter, then letters, digits, - and _ only, 32 at most")
         if name in [vehicle.name for vehicle in vehicles]:
             raise entry.fail("name", "a name that no other vehicle has")
         east_m, north_m = entry.numbers("start", 2)
@@ -258,6 +287,9 @@ def _parsed_frame(fields: Fields) -> LocalFrame:
 
 
 def _parsed_travel(fields: Fields) -> Travel:
+    for key in ("transit_speed_m_s", "inspection_speed_m_s"):
+        if fields.number(key) < SLOWEST_M_S:
+            raise fields.fail(key, f"{SLOWEST_M_S:g} m/s or more")
     dynamics, wind = fields.optional_inner("dynamics"), fields.optional_inner("wind")
     try:
         return Travel(
@@ -286,7 +318,12 @@ def _parsed_window(fields: Fields | None) -> Window | None:
 def _parsed_inspection(fields: Fields | None) -> Inspection | None:
     if fields is None:
         return None
+    heights = fields.content.get("heights", KNOWN)
+    if heights not in {FLAT, KNOWN}:
+        raise fields.fail("heights", f"{FLAT!r} or {KNOWN!r}")
+    figures = {key: fields.number(key) for key in _INSPECTION_KEYS}
+    ceilings = {key: fields.number(key) for key in _CEILINGS if fields.content.get(key) is not None}
     try:
-        return Inspection(**{key: fields.number(key) for key in _INSPECTION_KEYS})
+        return replace(Inspection(**figures, flat=heights == FLAT), **ceilings)  # type: ignore[arg-type]
     except SafetyError as error:
         raise PlanFileError(f"{fields.source}: {error}") from error

@@ -16,6 +16,7 @@ from pathlib import Path
 from missions.dialects import Dialect
 from missions.errors import MissionFileError
 from missions.fields import is_number
+from missions.files import parse_json
 from missions.items import Command, Frame, MissionItem
 
 # MAV_AUTOPILOT and MAV_TYPE_QUADROTOR.
@@ -75,10 +76,7 @@ def parse_qgc_plan(text: str, *, source: str = "plan") -> QgcPlan:
     Raises:
         MissionFileError: one line that names the file, the key and what was expected.
     """
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise MissionFileError(f"{source}: line {error.lineno}: expected JSON: {error.msg}") from error
+    document = parse_json(text, source, MissionFileError)
     if not isinstance(document, dict) or document.get("fileType") != "Plan":
         raise MissionFileError(f"{source}: fileType: expected 'Plan', as QGroundControl writes it")
     mission = document.get("mission")

@@ -85,7 +85,7 @@ def test_every_module_says_what_it_is(package: str) -> None:
 
 def test_importing_the_planner_does_not_load_the_compiler() -> None:
     """The command line's help must not wait for numba."""
-    code = "import sys, executor.cli; sys.exit('numba' in sys.modules)"
+    code = "import sys, executor.commandline; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, timeout=60).returncode == 0
 
 

@@ -11,7 +11,7 @@ import typer
 
 from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
-from executor.commands.options import CostName, FaultOption, JsonOption, SecondsOption, SeedOption, SolverName
+from executor.commands.options import CostName, FaultOption, JsonOption, SecondsOption, SeedOption, SolverName, finite
 from planner import Cost
 
 cli = typer.Typer(
@@ -43,6 +43,7 @@ BudgetOption = Annotated[
     float | None,
     typer.Option(
         min=0,
+        callback=finite,
         metavar="X",
         help="What a route may take: seconds for networks (5 m/s in transit, 1 m/s along the line), length for cities, "
         "as the value that is printed. Without it there is no limit.",
@@ -56,7 +57,10 @@ def solvers(
     radius: Annotated[
         float | None,
         typer.Option(
-            min=1, metavar="M", help="Of a network, only segments within M metres; without a file, of faultline's own."
+            min=1,
+            callback=finite,
+            metavar="M",
+            help="Of a network, only segments within M metres; without a file, of faultline's own.",
         ),
     ] = None,
     dynamics: Annotated[
@@ -134,9 +138,9 @@ def table(
         typer.Option(min=0.01, max=1, metavar="SHARE", help="Best MinMax over the budget; may be repeated."),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Plans for each solver and cost function.")] = 10,
-    seconds: Annotated[float, typer.Option(min=0.01, help="For each of those plans.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.01, callback=finite, help="For each of those plans.")] = 2.0,
     window_seconds: Annotated[
-        float, typer.Option(min=0.01, help="For each plan that is chosen for its window.")
+        float, typer.Option(min=0.01, callback=finite, help="For each plan that is chosen for its window.")
     ] = 30.0,
     iterations: Annotated[
         int | None, typer.Option(min=1, help="Instead of all seconds: the same table on every machine.")
@@ -222,8 +226,12 @@ def fleet(
         list[int] | None,
         typer.Option(min=1, max=200, help="How many; may be repeated. By default 1, 10, 20, 50, 100."),
     ] = None,
-    minutes: Annotated[float, typer.Option(min=0.1, max=600, help="Of flight, for each number of vehicles.")] = 5.0,
-    speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 2.0,
+    minutes: Annotated[
+        float, typer.Option(min=0.1, max=600, callback=finite, help="Of flight, for each number of vehicles.")
+    ] = 5.0,
+    speedup: Annotated[
+        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
+    ] = 2.0,
     fault: FaultOption = None,
     seed: SeedOption = 1,
     out: Annotated[

@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -39,9 +39,8 @@ from executor.core.state import FleetState
 from executor.demo import simulated_fleet
 from executor.errors import ExecutorError
 from executor.order import Order, keep
-from executor.planning import Wanted, first_plan
+from executor.planning import DEFAULT, first_plan
 from executor.runtime import turns
-from planner import Cost
 
 COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
@@ -119,7 +118,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, faults: tu
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes, seed)
         ground = build.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench fleet"), base)
-        plan = first_plan(ground, Wanted(Cost.MINMAX, PLAN_S, seed, all_vehicles=True), lambda _: None)
+        plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         order = Order(ground.site, base, ground, plan, run, lambda _: ())
         keep(order)
         ours, others = _processors()

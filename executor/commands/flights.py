@@ -5,63 +5,85 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
 from executor import app as flying
-from executor import build, planning
+from executor import build
 from executor.adapters.rundir import new_run_directory
 from executor.changes import check_run, still_open
 from executor.commands import OUR_ERRORS
 from executor.commands.options import (
+    DEFAULT_COST,
+    DEFAULT_STRETCH_PCT,
     AfterOption,
     AutopilotName,
+    EverybodyOption,
     FaultOption,
+    FlownPlanOption,
     JsonOption,
+    PlanCostOption,
     QuietOption,
     RunOption,
+    SecondsOption,
     SeedOption,
     SiteArgument,
+    SolverName,
+    SolverOption,
+    StartsOption,
+    StretchOption,
+    finite,
 )
-from executor.commands.planned import first_plan
+from executor.commands.planned import first_plan, routes_of, wanted_of
 from executor.config import check_site, read_site, signing_key
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.core.parameters import number
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
-from executor.errors import PreflightFailed, SiteError
+from executor.errors import PreflightFailed
 from executor.order import Order, keep
-from executor.planning import Wanted
+from executor.planning import DEFAULT
 from executor.publishing import settings_of
 from executor.report import checked
 from executor.runtime import turns
-from executor.sortie import left_over, next_sortie, sortie_words
-from missions import read_plan, write_plan
-from planner import Cost
+from executor.sortie import next_sortie, sortie_words
+from missions import write_plan
+
+DEMO_PLAN_S = 3.0
+"""Of the solver."""
 
 
 def demo(
     network: Annotated[Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file.")] = None,
-    radius: Annotated[float, typer.Option(min=1, metavar="M", help="Segments within M metres of the depot.")] = 700.0,
+    radius: Annotated[
+        float, typer.Option(min=1, callback=finite, metavar="M", help="Segments within M metres of the depot.")
+    ] = 700.0,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="How many vehicles fly.")] = 4,
-    speedup: Annotated[float, typer.Option(min=0.1, max=100, metavar="X", help="Times real time.")] = 10.0,
+    speedup: Annotated[
+        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
+    ] = 10.0,
     seed: SeedOption = 1,
     fault: FaultOption = None,
     autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,
+    flat: Annotated[bool, typer.Option("--flat", help="Of a network without heights: its ground is flat.")] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
+    content = demo_site(
+        network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
+    )
     faults = fault if fault is not None else ["uav2:silent@40%"]
     site = check_site(content, "demo")
     ground = build.ground_of(site, Path())
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
-    plan = first_plan(ground, console, Wanted(Cost.MINMAX, 3.0, seed, all_vehicles=True))
+    # Nobody has looked at a plan before, and the vehicle of the story must fly.
+    plan = first_plan(ground, console, replace(DEFAULT, seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True))
     directory = new_run_directory(run)
     order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     keep(order)
@@ -72,11 +94,14 @@ def demo(
 
 def simulate(
     site: SiteArgument,
-    speedup: Annotated[float | None, typer.Option(min=0.1, max=100, metavar="X", help="Instead of the site's.")] = None,
+    speedup: Annotated[
+        float | None, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Instead of the site's.")
+    ] = None,
     fault: FaultOption = None,
     seed: SeedOption = 1,
     wind: Annotated[
-        float, typer.Option(min=0.1, max=5, metavar="FACTOR", help="What the wind makes of consumption.")
+        float,
+        typer.Option(min=0.1, max=5, callback=finite, metavar="FACTOR", help="What the wind makes of consumption."),
     ] = 1.0,
     truth: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")
@@ -102,27 +127,32 @@ def simulate(
 
 
 def fly(
+    asked: typer.Context,
     site: SiteArgument,
-    plan: Annotated[Path | None, typer.Option(metavar="PLAN", help="Fly this plan; otherwise one is made.")] = None,
+    plan: FlownPlanOption = None,
     after: AfterOption = None,
+    cost: PlanCostOption = DEFAULT_COST,
+    solver: SolverOption = SolverName.SEARCH,
+    stretch: StretchOption = DEFAULT_STRETCH_PCT,
+    all_vehicles: EverybodyOption = False,
+    seconds: SecondsOption = DEFAULT.seconds,
+    seed: SeedOption = DEFAULT.seed,
+    starts: StartsOption = 0,
     run: RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost."""
+    """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
+
+    Without --plan it plans as `plan` does with the same options; the checklist shows what is asked for.
+    """
+    wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
-    if plan is not None and after is not None:
-        raise SiteError("--after: expected either --plan or --after")
-    if plan is None:
-        left = None if after is None else left_over(after, ground)
-        routes = first_plan(ground, console, Wanted(Cost.MINMAX, 5.0, 1, all_vehicles=True), left)
-    else:
-        routes = read_plan(plan)
-        planning.fits(routes, ground, str(plan))
+    routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
     check_run(order.run, content)
     keep(order)
@@ -131,22 +161,28 @@ def fly(
 
 
 def preflight(
+    asked: typer.Context,
     site: SiteArgument,
-    plan: Annotated[Path | None, typer.Option(metavar="PLAN", help="Of the flight; otherwise one is made.")] = None,
+    plan: FlownPlanOption = None,
+    after: AfterOption = None,
+    cost: PlanCostOption = DEFAULT_COST,
+    solver: SolverOption = SolverName.SEARCH,
+    stretch: StretchOption = DEFAULT_STRETCH_PCT,
+    all_vehicles: EverybodyOption = False,
+    seconds: SecondsOption = DEFAULT.seconds,
+    seed: SeedOption = DEFAULT.seed,
+    starts: StartsOption = 0,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Ask every vehicle and go through the checklist; nothing is put on board, nothing moves."""
     from executor.examination import examine
 
+    wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
-    if plan is None:
-        routes = first_plan(ground, console, Wanted(Cost.MINMAX, 2.0, 1, all_vehicles=True))
-    else:
-        routes = read_plan(plan)
-        planning.fits(routes, ground, str(plan))
+    routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
     found = turns.run(examine(order, console))
     console.checks(found)
@@ -197,7 +233,7 @@ def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
     else:
         print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
         if report["segments_uncovered"]:
-            print(f"not inspected: {report['segments_uncovered']}")
+            print(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report["finished"]:

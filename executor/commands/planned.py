@@ -2,16 +2,84 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import typer
+
 from executor import build, planning
+from executor.commands.options import PlanCostName, SolverName
 from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.errors import SiteError
-from executor.planning import Wanted
-from missions import PlanFile, check_plan
-from planner import Progress
+from executor.planning import Solver, Wanted
+from executor.sortie import left_over
+from missions import PlanFile, check_plan, read_plan
+from planner import Cost, Progress
+
+
+def wanted_of(
+    cost: PlanCostName,
+    solver: SolverName,
+    stretch_pct: float,
+    all_vehicles: bool,
+    seconds: float,
+    seed: int,
+    starts: int,
+) -> Wanted:
+    """Return what the options that `plan`, `preflight` and `fly` share ask for.
+
+    Raises:
+        PlanFileError: the solver cannot do it.
+    """
+    return Wanted(
+        cost=None if cost is PlanCostName.WINDOW else Cost(cost.value),
+        seconds=seconds,
+        seed=seed,
+        solver=Solver(solver.value),
+        all_vehicles=all_vehicles,
+        stretch=stretch_pct / 100,
+        starts=starts,
+    )
+
+
+PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
+
+
+def routes_of(
+    ground: build.Ground,
+    console: TerminalConsole,
+    asked: typer.Context,
+    wanted: Wanted,
+    *,
+    plan: Path | None,
+    after: Path | None = None,
+) -> PlanFile:
+    """Return the plan of a flight: the file that was looked at, or else what `plan` makes with the same options.
+
+    Args:
+        ground: The site.
+        console: Where it is said.
+        asked: The command, with what was given to it.
+        wanted: What to plan without a file.
+        plan: The file.
+        after: The run directory whose rest is planned.
+
+    Raises:
+        PlanFileError: the file is not what the site asks for.
+        SiteError: options of a new plan beside the file of another.
+    """
+    if plan is None:
+        return first_plan(ground, console, wanted, None if after is None else left_over(after, ground))
+    for name in PLANNING:
+        source = asked.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
+    content = read_plan(plan)
+    planning.fits(content, ground, str(plan))
+    console.say(Level.INFO, f"the plan is that of {plan}")
+    return content
 
 
 def first_plan(
@@ -58,3 +126,20 @@ def writable(path: Path, write: Callable[[], object]) -> None:
         write()
     except OSError as error:
         raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def can_be_written(*paths: Path | None) -> None:
+    """Check before the work that its results will have a place; None for what nobody asked for.
+
+    Raises:
+        SiteError: one is a directory, or its folder is missing or cannot be written to.
+    """
+    for path in paths:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise SiteError(f"{path}: cannot be written: expected a file's name, it is a directory")
+        if not path.parent.is_dir():
+            raise SiteError(f"{path}: cannot be written: there is no directory {path.parent}")
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise SiteError(f"{path}: cannot be written: permission denied")

@@ -3,33 +3,44 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executor import build, planning
+from executor import build, planning, sortie
 from executor.commands.options import (
+    DEFAULT_COST,
+    DEFAULT_REPLAN_COST,
+    DEFAULT_STRETCH_PCT,
     AfterOption,
     AutopilotName,
-    CostName,
     CostOption,
+    EverybodyOption,
     FormatName,
     JsonOption,
     PlanArgument,
     PlanCostName,
+    PlanCostOption,
     SecondsOption,
     SeedOption,
     SiteArgument,
     SolverName,
+    SolverOption,
+    StartsOption,
+    StretchOption,
+    finite,
 )
-from executor.commands.planned import announced, first_plan, writable
+from executor.commands.planned import announced, can_be_written, first_plan, wanted_of, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
+from executor.core.heights import too_low
 from executor.errors import SiteError
-from executor.planning import Solver, Wanted
-from executor.sortie import left_over
+from executor.heights import PlannedHeights, planned_heights
+from executor.planning import DEFAULT, Wanted
+from executor.planwords import left_over, left_words, route_words, summary
 from missions import (
     PlanFile,
     check_plan,
@@ -48,27 +59,6 @@ from planner import Cost, ReplanWindow, repairs_at, replan_window
 if TYPE_CHECKING:
     from executor.adapters.pictures import FrontPoint
 
-PlanCostOption = Annotated[
-    PlanCostName,
-    typer.Option(
-        help="minmax: the longest route; minsum: all routes; mincomb: both; window: the largest re-plan window, so "
-        "that any one vehicle may be lost as early as possible."
-    ),
-]
-SolverOption = Annotated[
-    SolverName, typer.Option(help="search: the strongest; grasp: the paper's; exact: proven, up to 18 segments.")
-]
-StretchOption = Annotated[
-    float,
-    typer.Option(
-        min=0,
-        max=1000,
-        metavar="PCT",
-        help="With --cost window: how much longer than the shortest possible the longest route may be. A window is "
-        "bought with time.",
-    ),
-]
-StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")]
 FrontOption = Annotated[
     bool,
     typer.Option(
@@ -81,12 +71,12 @@ FrontOption = Annotated[
 
 def plan(
     site: SiteArgument,
-    cost: PlanCostOption = PlanCostName.MINCOMB,
+    cost: PlanCostOption = DEFAULT_COST,
     solver: SolverOption = SolverName.SEARCH,
-    stretch: StretchOption = 10.0,
-    all_vehicles: Annotated[bool, typer.Option("--all-vehicles", help="Keep no vehicle on the ground.")] = False,
-    seconds: SecondsOption = 5.0,
-    seed: SeedOption = 1,
+    stretch: StretchOption = DEFAULT_STRETCH_PCT,
+    all_vehicles: EverybodyOption = False,
+    seconds: SecondsOption = DEFAULT.seconds,
+    seed: SeedOption = DEFAULT.seed,
     starts: StartsOption = 0,
     front: FrontOption = False,
     after: AfterOption = None,
@@ -96,29 +86,28 @@ def plan(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan a route for each vehicle within its budget."""
-    wanted = Wanted(
-        cost=None if front or cost is PlanCostName.WINDOW else Cost(cost.value),
-        seconds=seconds,
-        seed=seed,
-        solver=Solver(solver.value),
-        all_vehicles=all_vehicles,
-        stretch=stretch / 100,
-        starts=starts,
-    )
+    """Plan a route for each vehicle within its budget; exit 1 if something is left over.
+
+    `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
+    """
+    wanted = wanted_of(PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    can_be_written(None if front else output, picture)
     ground = build.ground_of(read_site(site), site.parent)
     console = TerminalConsole(quiet=as_json, yes=True)
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    content = first_plan(ground, console, wanted, left_over(after, ground) if after is not None else None)
+    content = first_plan(ground, console, wanted, sortie.left_over(after, ground) if after is not None else None)
+    heights = planned_heights(ground, content)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.adapters.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture))
-    _print_plan(content, as_json=as_json)
+    _print_plan(content, as_json=as_json, heights=heights)
+    if content.plan.uncovered:
+        raise typer.Exit(1)
 
 
 def _plan_front(
@@ -132,6 +121,7 @@ def _plan_front(
 ) -> None:
     plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
     console.progress("")
+    heights = [planned_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
@@ -153,6 +143,8 @@ def _plan_front(
             _print_trade(str(number), content)
         for name, content in references.items():
             _print_trade(name, content)
+        for line in dict.fromkeys(line for one in heights for line in one.warnings):
+            print(f"warning: {line}")
 
 
 def _front_point(content: PlanFile) -> FrontPoint:
@@ -193,6 +185,7 @@ def window(
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it some loss certainly cannot be repaired.
     """
+    can_be_written(picture)
     content = read_plan(plan)
     found = replan_window(content.instance(), content.plan, seed=seed)
     if picture is not None:
@@ -206,14 +199,17 @@ def window(
 def replan(
     plan: PlanArgument,
     lost: Annotated[str, typer.Option(metavar="NAME", help="The vehicle that is lost.")],
-    at: Annotated[float, typer.Option(min=0, metavar="SECONDS", help="When, since the start of the plan.")],
-    cost: CostOption = CostName.MINCOMB,
+    at: Annotated[
+        float, typer.Option(min=0, callback=finite, metavar="SECONDS", help="When, since the start of the plan.")
+    ],
+    cost: CostOption = DEFAULT_REPLAN_COST,
     seconds: SecondsOption = 2.0,
     seed: SeedOption = 1,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the new plan.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say what the others would do if one vehicle were lost at a time; exit 1 if they cannot finish everything."""
+    can_be_written(output)
     result = planning.after_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
     if output is not None:
         writable(output, lambda: write_plan(output, result.plan))
@@ -233,6 +229,9 @@ def export(
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
     setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for line in too_low(setup, list(build.paths_of(setup, routes).values())):
+        raise SiteError(f"{plan}: heights: {line}")
     dialect = dialect_for(autopilot.value)
     write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
     writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
@@ -283,23 +282,23 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )
 
 
-def _print_plan(content: PlanFile, *, as_json: bool) -> None:
-    uncovered = planning.segment_ids(content, content.plan)
+def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
     if as_json:
-        print(json.dumps(plan_document(content)))
+        more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
+        left = {"left_over": [asdict(one) for one in left_over(content)]}
+        print(json.dumps({**plan_document(content), **left, **more}))
         return
-    for route in content.plan.routes:
-        vehicle = content.vehicles[route.vehicle]
-        minutes, energy_pct = content.durations_s[route.vehicle] / 60, content.energies_pct[route.vehicle]
-        print(
-            f"{vehicle.name}: {len(route.visits)} segments, {minutes:.1f} min, {energy_pct:.1f} % of its battery "
-            f"(budget {vehicle.budget_pct:g} %)"
-        )
+    for line in (*route_words(content), summary(content)):
+        print(line)
     print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
     if content.window is not None:
         print(
             f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
             "vehicle may be lost"
         )
-    if uncovered:
-        print(f"the budgets do not cover segments {', '.join(map(str, uncovered))}")
+    if heights is not None:
+        print(f"heights: {heights.words}")
+        for line in heights.warnings:
+            print(f"warning: {line}")
+    for line in left_words(content):
+        print(line)

@@ -10,19 +10,20 @@ from typing import Annotated
 import typer
 
 from executor import risk as flights
-from executor.commands.options import JsonOption, PlanArgument, SeedOption
-from executor.commands.planned import writable
+from executor.commands.options import JsonOption, PlanArgument, SeedOption, finite
+from executor.commands.planned import can_be_written, writable
 from executor.console import TerminalConsole
 from missions import read_plan
 from planner import Campaign, Risk, flight_chunks, risk_campaign
 
 MtbfOption = Annotated[
-    float, typer.Option(min=0.01, metavar="HOURS", help="Mean flight hours between failures of one vehicle.")
+    float,
+    typer.Option(min=0.01, callback=finite, metavar="HOURS", help="Mean flight hours between failures of one vehicle."),
 ]
 SpreadOption = Annotated[
     float,
     typer.Option(
-        min=0, max=50, metavar="PCT",
+        min=0, max=50, callback=finite, metavar="PCT",
         help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
         "planned one.",
     ),
@@ -30,7 +31,7 @@ SpreadOption = Annotated[
 ReserveOption = Annotated[
     float,
     typer.Option(
-        min=0, max=100, metavar="PCT",
+        min=0, max=100, callback=finite, metavar="PCT",
         help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
     ),
 ]  # fmt: skip
@@ -68,6 +69,7 @@ def risk(
     lost vehicle has not finished the others take over by a re-plan, where one is found that inspects everything.
     Without one it is left undone. The same seed gives the same answer, however many processes fly.
     """
+    can_be_written(picture)
     content = read_plan(plan)
     names = [vehicle.name for vehicle in content.vehicles]
     console = TerminalConsole(quiet=as_json, yes=True)

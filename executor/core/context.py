@@ -14,8 +14,6 @@ from planner import Drone, Travel, pct_per_s, range_speed_m_s
 
 MODEL_SPEED_RATIO = 1.2
 """Above this multiple of the speed of best range the energy model does not hold."""
-FLAT_M = 1.0
-"""Less relief than this is flat: autopilots hold their height to half of it."""
 
 
 class FlyAgain(Enum):
@@ -115,13 +113,5 @@ class Context(Scene):
         return self.setup.network.segment_name(segment)
 
     def return_height_m(self, name: str) -> float:
-        """Return the height over its own home at which a vehicle must come home by itself, straight and level.
-
-        Over flat ground that is its own layer. Where the layers rise and fall with the ground, a level flight would
-        cross those of others, so the returns are stacked above all of them.
-        """
-        layers = self.setup.layers
-        heights = layers.track_heights_m
-        highest_m, relief_m = float(heights.max()), float(heights.max() - heights.min())
-        stack_m = len(layers.vehicles) * layers.spacing_m if relief_m > FLAT_M else 0.0
-        return highest_m + stack_m + layers.offset_m(name) - self.frame.up_m(self.setup.pad_of(name).alt_m)
+        """Return the height over its own home at which a vehicle must come home by itself, straight and level."""
+        return self.setup.return_height_m(name)

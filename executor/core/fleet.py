@@ -24,6 +24,7 @@ from executor.core import (
     silence,
     takeover,
 )
+from executor.core.changed import changed
 from executor.core.commands import Command, Finish, HandsOff, Level, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.declare import declare
@@ -135,8 +136,15 @@ def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
     return replace(state, outlook=MappingProxyType(outlook))
 
 
+HEARD_LATELY_S = 15.0
+"""Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
+
+
 def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.heard_s is not None and now_s - vehicle.heard_s < HEARD_LATELY_S:
+            state = state.put(changed(vehicle, heard_s=now_s, excused_s=now_s))
     planned: set[int] = set()
     for vehicle in state.vehicles.values():
         if vehicle.board is None or not vehicle.board.visits:

@@ -16,7 +16,7 @@ def where(context: Scene, vehicle: VehicleState) -> str:
     if fix is None:
         return "an unknown place"
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
-    return f"{lat_deg:.6f} {lon_deg:.6f}, {fix.alt_rel_m:.0f} m over its home"
+    return f"{lat_deg:.6f}, {lon_deg:.6f}, {fix.alt_rel_m:.0f} m over its home"
 
 
 def last_heard(context: Scene, vehicle: VehicleState) -> str:

@@ -12,7 +12,7 @@ from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe, Parameters
 from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
 from executor.core.strangers import stranger_words
-from missions import Dialect, FlightPath, Pad, check_separation, estimate
+from missions import Dialect, FlightPath, Pad, check_separation, estimate, margin_m
 
 RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
@@ -20,6 +20,10 @@ SPARE_ROOM = 4.0
 """A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
 AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT."""
+PAD_OFF_M = 15.0
+"""What a GPS may be off in height."""
+PAD_SLOPE = 0.3
+"""By how much the ground may rise from the depot to a pad, in metres a metre."""
 FARTHEST_PAD_M = 200.0
 """A vehicle that stands farther from the depot than this is not the one that the site file means."""
 
@@ -91,6 +95,21 @@ def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> li
         text = f"stands {away_m:.0f} m from the depot, expected at most {FARTHEST_PAD_M:.0f} m"
         found.append(Check(Severity.STOP, facts.name, text))
     return found
+
+
+def pad_height(context: Context, facts: Facts) -> list[Check]:
+    """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
+    pad = context.setup.pad_of(facts.name)
+    off_m = pad.alt_m - context.frame.alt_m
+    text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
+    if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
+        return [Check(Severity.STOP, facts.name, f"{text}: expected depot.alt_m and GPS to agree")]
+    inspection = context.setup.inspection
+    if abs(off_m) > inspection.height_m - margin_m(context.setup):
+        return [
+            Check(Severity.WARNING, facts.name, f"{text}: its flight is {abs(off_m):.0f} m off if they do not agree")
+        ]
+    return []
 
 
 def _who(facts: Facts, dialect: Dialect) -> Check:

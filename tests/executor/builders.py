@@ -10,7 +10,7 @@ from executor.build import Ground
 from executor.config import Site, check_site
 from executor.core.context import Context
 from executor.core.vehicle import OnBoard, VehicleState, aboard
-from missions import Inspection, Network, flight_path
+from missions import Network, flight_path
 from planner import Plan, Route, travel_for
 from tests.missions.builders import line_east
 
@@ -34,15 +34,8 @@ def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", **tables: Mapp
 def ground_for(site: Site, network: Network) -> Ground:
     """Return what is known before any vehicle answers."""
     table, drone = site.inspection, build.drone_of(site)
-    inspection = Inspection(
-        height_m=table.height_m,
-        standoff_m=table.standoff_m,
-        speed_m_s=table.speed_m_s,
-        transit_speed_m_s=table.transit_speed_m_s,
-        layer_m=table.layer_m,
-    )
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    return Ground(site, network, inspection, drone, travel)
+    return Ground(site, network, build.inspection_of(site, network), drone, travel)
 
 
 @dataclass(frozen=True, slots=True)

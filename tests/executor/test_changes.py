@@ -15,7 +15,7 @@ import pytest
 from executor import changes
 from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.messages import Outgoing, SendParamSet
+from executor.core.messages import Outgoing, SendParamRequest, SendParamSet
 from executor.core.parameters import Kept, Stage
 from executor.core.preflight import Check, Severity
 from executor.core.state import FleetState
@@ -85,6 +85,11 @@ class Pads:
             name: FakeLink(vehicle, self.clock, air, seed=100 * seed + number)
             for number, (name, vehicle) in enumerate(self.vehicles.items())
         }
+
+    def lines_up(self, height_m: float) -> None:
+        """Plan the flight anew, over a line of another height."""
+        routes = {name: (2 * number,) for number, name in enumerate(self.vehicles, start=1)}
+        self.fleet = fleet_of(routes, autopilot=self.autopilot, inspection={"height_m": height_m})
 
     def close(self) -> None:
         for link in self.links.values():
@@ -197,6 +202,7 @@ async def test_any_loss_disorder_and_death(autopilot: str, seed: int, tmp_path: 
     chance = random.Random(seed)
     pads = Pads(tmp_path, autopilot, air=BAD, seed=seed)
     for attempt in range(chance.randint(1, 4)):
+        pads.lines_up(chance.choice([15.0, 42.0, 60.0]))
         await died(pads, pads.apply if chance.random() < 0.6 else pads.give_back, chance.randint(0, 60))
         if chance.random() < 0.5:
             await asyncio.sleep(chance.uniform(0.0, 2.0))
@@ -235,12 +241,46 @@ async def test_a_flight_again_in_the_same_directory_gives_back_the_oldest_value(
     """Killed with everything set, then flown again with other layers: what is there now is ours, and no older value."""
     pads = Pads(tmp_path, "px4")
     await pads.apply()
-    pads.fleet = fleet_of({"uav1": (2,), "uav2": (4,)}, autopilot="px4", inspection={"height_m": 42.0})
+    pads.lines_up(42.0)
     pads.connect(CLEAN)
     await pads.apply()
     assert {one.earlier for one in read_kept(tmp_path) or () if one.name == "RTL_RETURN_ALT"} != {()}
     await pads.give_back()
     assert pads.as_before
+    pads.close()
+
+
+async def test_killed_before_the_second_attempt_has_set_anything(tmp_path: Path) -> None:
+    """What is on board then is neither the oldest value nor what was wanted last, and ours all the same."""
+    pads = Pads(tmp_path, "ardupilot")
+    await pads.apply()
+    pads.lines_up(42.0)
+    pads.connect(CLEAN)
+    assert await died(pads, pads.apply, 4), "after it has asked for two parameters of two vehicles"
+    pads.connect(CLEAN)
+    assert {one.stage for one in read_kept(tmp_path) or () if one.name == "RTL_ALT"} == {Stage.PLANNED}
+    await pads.give_back()
+    assert pads.as_before, pads.console.lines
+    pads.close()
+
+
+async def test_a_setting_that_comes_late_is_taken_back_as_well(tmp_path: Path) -> None:
+    """Killed as it was sent, it reaches the vehicle when that has just been found to be as it was."""
+    pads = Pads(tmp_path, "px4", names=1)
+    before = dict(pads.before)
+    await pads.apply()
+    set_for_flight = dict(pads.vehicles["uav1"].parameters)
+    pads.vehicles["uav1"].parameters = dict(before)
+    link = pads.links["uav1"]
+    link.sent.clear()
+    asked = asyncio.ensure_future(pads.give_back())
+    while SendParamRequest("RTL_DESCEND_ALT") not in [message for _, message in link.sent]:
+        link.spoken_to.clear()
+        await link.spoken_to.wait()
+    await asyncio.sleep(0.5)  # it has said that it is as it was
+    pads.vehicles["uav1"].parameters = set_for_flight
+    await asked
+    assert pads.as_before, pads.console.lines
     pads.close()
 
 

@@ -62,13 +62,17 @@ class Place:
         content = json.dumps({"type": "FeatureCollection", "features": list(features)})
         (self.folder / "line.geojson").write_text(content if text is None else text, encoding="utf-8")
 
-    def site(self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "") -> None:
+    def site(
+        self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "", heights: str = "flat"
+    ) -> None:
         vehicles = "".join(
             f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\nsysid = {number}\n'
             f'autopilot = "ardupilot"\nbudget_pct = {budget_pct}\n'
             for number, port in enumerate(free_ports(2), start=1)
         )
-        text = f'[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n[network]\nfile = "{file}"\n{extra}\n{vehicles}'
+        depot = f"[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n"
+        network = f'[network]\nfile = "{file}"\n{extra}\n[inspection]\nheights = "{heights}"\n'
+        text = depot + network + vehicles
         (self.folder / "site.toml").write_text(text, encoding="utf-8")
 
     def path(self, name: str) -> str:
@@ -145,7 +149,7 @@ def test_what_a_flight_left_over_is_planned(place: Place) -> None:
     assert code == 0
     assert [segment["id"] for segment in json.loads(out)["segments"]] == [1, 3]
     assert place.refused("fly", place.path("site.toml"), "--plan", "x", "--after", "y") == (
-        "--after: expected either --plan or --after"
+        "--after: expected none beside --plan, which is flown as it is"
     )
 
 
@@ -201,12 +205,17 @@ def test_a_plan_that_does_not_hold_is_a_no(place: Place) -> None:
 def test_a_network_that_the_budgets_cannot_cover_is_planned_as_far_as_they_reach(place: Place) -> None:
     place.site(budget_pct=0.9)
     code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2", "--json")
-    assert code == 0
-    left = json.loads(out)["uncovered"]
-    assert left
-    code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2")
-    assert code == 0
-    assert f"the budgets do not cover segments {', '.join(map(str, left))}" in out
+    assert code == 1
+    answer = json.loads(out)
+    assert answer["uncovered"]
+    assert [one["segment"] for one in answer["left_over"]] == answer["uncovered"]
+    assert {one["name"] for one in answer["left_over"]} <= {"line.1", "line.2", "line.3", "line.4"}
+    code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2", "-o", place.path("p.json"))
+    assert code == 1
+    assert "left over, " in out
+    assert all(one["name"] in out.splitlines()[-1] for one in answer["left_over"])
+    # It is written all the same: it may be what the crew wants to fly first.
+    assert place.run("check", place.path("p.json"))[0] == 0
 
 
 def test_what_a_loss_would_mean(place: Place) -> None:

@@ -79,6 +79,14 @@ class OtherLink:
                         until_s = time.monotonic() + quiet_s
                         yield message
 
+    def say(self, message: mav.MAVLink_message, system: int = 254) -> None:
+        """Send one message as another ground station does."""
+        self._codec.srcSystem = system
+        try:
+            self._connected().send(message.pack(self._codec))
+        finally:
+            self._codec.srcSystem = 254
+
     def close(self) -> None:
         """Hang up."""
         if self._plug is not None:

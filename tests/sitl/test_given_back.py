@@ -23,8 +23,12 @@ CREWS_OWN: Mapping[Autopilot, Mapping[str, float]] = {
     ARDUPILOT: {"RTL_ALT": 1217.0, "RTL_CONE_SLOPE": 2.5, "FS_GCS_ENABLE": 0.0},
     PX4: {"RTL_RETURN_ALT": 33.25, "RTL_CONE_ANG": 25.0, "RTL_DESCEND_ALT": 12.5, "NAV_DLL_ACT": 0.0},
 }
-ITS_OWN = ("STAT_", "BARO", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "SIM_", "MIS_TOTAL", "INS_GYR", "COMPASS_", "CAL_", "RC")
-"""What autopilots set by themselves: times, pressures on the ground, calibrations, the number of mission items."""
+ITS_OWN = (
+    "STAT_", "BARO", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "SIM_", "MIS_TOTAL", "INS_GYR", "COMPASS_", "CAL_", "RC",
+    "MOT_THST_HOVER",
+)  # fmt: skip
+"""What autopilots set by themselves: times, pressures on the ground, calibrations, the number of mission items, the
+throttle at which it hovers."""
 RTL = ("RTL_",)
 RESTORES = 60
 

@@ -1,0 +1,44 @@
+"""Files that people wrote, or that were damaged on the way: whatever is in them, what is wrong is one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+
+def read_text(path: Path, what: str, error: type[Exception]) -> str:
+    """Return the text of a file in UTF-8, without the byte order mark that some editors put in front.
+
+    Args:
+        path: The file.
+        what: What is expected there, such as 'plan file'.
+        error: What to raise.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as reason:
+        raise error(f"{path}: file: expected a readable {what}: {reason.strerror}") from reason
+    except UnicodeDecodeError as reason:
+        raise error(f"{path}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
+
+
+def parse_json(text: str, source: str, error: type[Exception]) -> object:
+    """Return what a JSON text says.
+
+    Args:
+        text: Without a byte order mark.
+        source: Where it comes from, for messages.
+        error: What to raise.
+    """
+    try:
+        content: object = json.loads(text)
+    except json.JSONDecodeError as reason:
+        raise error(f"{source}: line {reason.lineno}: expected JSON: {reason.msg}") from reason
+    except RecursionError:
+        raise error(f"{source}: content: {NESTED}") from None
+    except ValueError as reason:  # Python does not read whole numbers of more than 4300 digits
+        raise error(f"{source}: content: expected numbers of a usual size") from reason
+    return content
+
+
+NESTED = "expected lists and objects that are not nested hundreds deep"
