@@ -14,7 +14,7 @@ from tests.stories.world import flown
 
 LOOPTIME = pytest.mark.looptime(noop_cycles=2)
 DIALECTS = ("ardupilot", "px4")
-SAMPLE = 8
+SAMPLE = 4
 """Every so many-th story is flown with the ordinary suite, in one dialect after the other."""
 
 ALL = [(story, autopilot) for story in STORIES for autopilot in DIALECTS]
