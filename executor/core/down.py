@@ -38,7 +38,9 @@ def _still(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     if low_over_pad or not comes_home(context, vehicle):
         return False
     stood_s = fix.boot_s - anchor.boot_s
-    return stood_s >= (limits.on_ground_s if vehicle.on_ground else limits.down_s)
+    # On its pad it lands, and disarms some seconds later.
+    quick = vehicle.on_ground and not over_its_pad(context, vehicle)
+    return stood_s >= (limits.on_ground_s if quick else limits.down_s)
 
 
 def flies_again(vehicle: VehicleState) -> bool:

@@ -48,6 +48,8 @@ class StartEnded:
     vehicle: str
     accepted: bool
     reason: str
+    armed: bool = False
+    """Whether the vehicle had acknowledged that it arms."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from executor.core import battery, drift, energy
 from executor.core.context import Scene, VehicleSetup
 from executor.core.limits import Limits
 from executor.core.modes import is_home_mode, is_mission_mode, mode_name
-from executor.core.places import mission_over
+from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
 from missions import Phase
 
@@ -87,7 +87,7 @@ def link_silent(view: View) -> Finding:
     return OK
 
 
-def down_off_pad(view: View) -> Finding:  # noqa: PLR0911 - one return for each reason
+def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
     """It disarmed where, or when, it should not have landed."""
     state, limits = view.state, view.context.limits
     if state.fix is None or state.heartbeat is None:
@@ -97,6 +97,8 @@ def down_off_pad(view: View) -> Finding:  # noqa: PLR0911 - one return for each 
     if not view.setup.planned:
         return _down_in_flight(view)
     away_m = math.dist(state.fix.place_m, view.setup.pad_m)
+    if not seen_at_rest(state, view.now_s):
+        return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if away_m > limits.off_pad_m:
@@ -104,10 +106,12 @@ def down_off_pad(view: View) -> Finding:  # noqa: PLR0911 - one return for each 
             Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.fix.alt_rel_m:.0f} m high{_alarm(view)}"
         )
     # An old position says nothing of its height: it may have come down since.
-    if state.fix.alt_rel_m > limits.off_pad_up_m and view.now_s - state.fix.at_s <= limits.link_stale_s:
+    if fell(view.context, state) and view.now_s - state.fix.at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"disarmed {state.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
     if not state.took_off and state.stage is Stage.FLYING:
         return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
+    if state.rebooted_s is not None:
+        return Finding(Verdict.FAIL, f"its autopilot has started anew, and it is disarmed{_alarm(view)}")
     if not mission_over(view.context, state):
         return Finding(Verdict.FAIL, f"disarmed over its pad in the midst of its mission{_alarm(view)}")
     return OK

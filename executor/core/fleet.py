@@ -51,10 +51,11 @@ from executor.core.faults import View, Watchpoint
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import Heartbeat, Position
-from executor.core.places import last_heard, over_its_pad, place_words
+from executor.core.places import last_heard, over_its_pad, place_words, seen_at_rest
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_words
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from missions import StartStep
 from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -160,12 +161,15 @@ def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 
 def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
-    modes = context.vehicles[vehicle.name].dialect.modes
+    dialect = context.vehicles[vehicle.name].dialect
+    modes_on_the_way = {dialect.modes.mission.custom_mode}
+    if StartStep.GUIDED in dialect.start:
+        modes_on_the_way.add(dialect.modes.guided.custom_mode)
     vehicle = moved_to(vehicle, Stage.STARTING)
     vehicle = replace(
         vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
-        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None,
-        ordered_modes=frozenset({modes.guided.custom_mode, modes.mission.custom_mode}),
+        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None,
+        ordered_modes=frozenset(modes_on_the_way),
     )  # fmt: skip
     return state.put(vehicle), Start(vehicle.name)
 
@@ -180,7 +184,7 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
-    stopped = vehicle.armed_once and not vehicle.armed
+    stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
     if vehicle.failures + 1 < RETRIES and now_s - asked_s < START_WINDOW_S and not stopped:
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
@@ -342,7 +346,7 @@ def _decided(
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
     if _has_landed(vehicle):
-        return _landed(context, state, vehicle, now_s)
+        return _landed(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
     return homeward.pursued(context, state, name, now_s)
 
 
@@ -428,7 +432,7 @@ def _fault(
     if vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle):
         text = f"{vehicle.name}: {why}; {place_words(context, vehicle)}"
         return state.put(replace(moved_to(vehicle, Stage.DOWN), errand=None)), (Say(Level.FAULT, text),)
-    if _has_landed(vehicle):
+    if _has_landed(vehicle) and seen_at_rest(vehicle, now_s):
         return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, vehicle.name, now_s)
 

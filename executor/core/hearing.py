@@ -42,10 +42,15 @@ _ALARM = re.compile(
 )
 """What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
 
+OVERTAKEN_S = 60.0
+"""A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
+autopilot has started anew."""
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
 _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
 """Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
+NAMED_S = 5.0
+"""So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -70,6 +75,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
             since = now_s if other else state.mode_since_s
             armed_once = state.armed_once or message.armed
+            disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
             unseen_s = state.unseen_until_s
             if state.heartbeat is not None and _was_unseen(context, state, now_s):
                 unseen_s = now_s
@@ -79,7 +85,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(
                 changed(
                     state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
-                    armed_once=armed_once, flew_mission=flew, unseen_until_s=unseen_s,
+                    armed_once=armed_once, flew_mission=flew, unseen_until_s=unseen_s, disarmed_s=disarmed_s,
                 )
             )  # fmt: skip
         case Position():
@@ -103,12 +109,17 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case FenceStatus(breached):
             return Folded(changed(state, heard_s=now_s, fence_breached=breached))
         case StatusText(_, said):
-            alarm = (said, now_s) if _ALARM.search(said) else state.alarm
+            alarm = (said, now_s) if _ALARM.search(said) and not _adds_nothing(state, said, now_s) else state.alarm
             return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
         case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
             return Folded(_about(context, state, message, now_s))
         case _:
             return Folded(changed(state, heard_s=now_s))
+
+
+def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
+    """Return whether a text only says what an autopilot does about something that it has just named."""
+    return now_s - state.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
 
 
 def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:
@@ -214,8 +225,11 @@ def _at_item(state: VehicleState, seq: int) -> VehicleState:
 
 
 def _positioned(context: Scene, state: VehicleState, message: Position, now_s: float) -> Folded:
-    if state.fix is not None and -60.0 < message.boot_s - state.fix.boot_s <= 0.0:
-        return Folded(state)  # overtaken on the way by a newer one, or a duplicate
+    if state.fix is not None and message.boot_s <= state.fix.boot_s:
+        late_s = state.fix.boot_s - message.boot_s
+        if late_s < OVERTAKEN_S and now_s - state.fix.at_s < context.limits.link_stale_s:
+            return Folded(state)  # overtaken on the way by a newer one, or a duplicate
+        state = changed(state, rebooted_s=now_s)
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
     fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)

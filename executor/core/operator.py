@@ -15,6 +15,7 @@ from executor.core.declare import declare, left_plan, withdrawn
 from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
 from executor.core.homeward import on_mission, sent_home
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.places import place_words
 from executor.core.state import FleetState
 from executor.core.vehicle import Cause, Fault, FaultKind, Stage, VehicleState, moved_to
 
@@ -288,6 +289,8 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
         event.action
     ]
     note = f"; {event.reason}" if event.reason else ""
+    if event.action is Action.DISARM and vehicle.stage is Stage.DOWN:
+        note = f"; {place_words(context, replace(vehicle, heartbeat=None))}"
     return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
 
 

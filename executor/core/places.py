@@ -10,13 +10,19 @@ from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 
 
-def where(context: Scene, vehicle: VehicleState) -> str:
-    """Return a vehicle's place as coordinates and height over its home."""
+def coordinates(context: Scene, vehicle: VehicleState) -> str:
+    """Return a vehicle's place as people paste it into a map."""
     fix = vehicle.fix
     if fix is None:
         return "an unknown place"
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
-    return f"{lat_deg:.6f}, {lon_deg:.6f}, {fix.alt_rel_m:.0f} m over its home"
+    return f"{lat_deg:.6f}, {lon_deg:.6f}"
+
+
+def where(context: Scene, vehicle: VehicleState) -> str:
+    """Return a vehicle's place as coordinates and height over its home."""
+    height = "" if vehicle.fix is None else f", {vehicle.fix.alt_rel_m:.0f} m over its home"
+    return coordinates(context, vehicle) + height
 
 
 def last_heard(context: Scene, vehicle: VehicleState) -> str:
@@ -24,10 +30,36 @@ def last_heard(context: Scene, vehicle: VehicleState) -> str:
     return f"last position {where(context, vehicle)}" if vehicle.fix is not None else "its position is not known"
 
 
+FALLS_M = 3.0
+"""A vehicle that disarmed higher than this is on its way down: where it comes to rest nobody knows yet."""
+SINKS_M_S = 0.3
+SEEN_S = 1.5
+UNSEEN_S = 6.0
+"""After this nobody waits any more for a position of a vehicle that has disarmed."""
+
+
+def seen_at_rest(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that has disarmed was seen since; after a while it is taken for where it was last."""
+    fix = vehicle.fix
+    return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.disarmed_s) >= UNSEEN_S
+
+
+def fell(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle disarmed in the air, as far as its last position tells."""
+    fix = vehicle.fix
+    if fix is None:
+        return False
+    sinks = fix.alt_rel_m > 1.0 and fix.velocity_m_s[2] < -SINKS_M_S
+    return sinks or fix.alt_rel_m > context.limits.off_pad_up_m
+
+
 def place_words(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and what that means for whoever goes there."""
+    fix = vehicle.fix
+    if not vehicle.armed and fix is not None and fix.alt_rel_m > FALLS_M:
+        return f"it falls, {last_heard(context, vehicle)}"
     state = "armed: keep away" if vehicle.armed else "disarmed"
-    return f"down at {where(context, vehicle)}, {state}"
+    return f"down at {coordinates(context, vehicle)}, {state}"
 
 
 def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
@@ -38,6 +70,8 @@ def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
 
 def mission_over(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that disarms has landed: its mission was over, or it was on its way home."""
+    if vehicle.rebooted_s is not None:
+        return False  # it did not come down by itself
     if vehicle.stage is Stage.RETURNING:
         return True
     leg, beat = vehicle.leg, vehicle.heartbeat

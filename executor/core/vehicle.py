@@ -179,6 +179,8 @@ class VehicleState:
     ordered_mode_s: float = float("-inf")
     """When we last ordered a change of mode."""
     armed_once: bool = False
+    disarmed_s: float = float("-inf")
+    """When it was first heard to be disarmed after it was armed."""
     fix: Fix | None = None
     anchor: Fix | None = None
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
@@ -258,6 +260,8 @@ class VehicleState:
     errand: Errand | None = None
     cleared_s: float | None = None
     """When the crew said that it may take off again; None if it did not, or it has."""
+    rebooted_s: float | None = None
+    """When its clock was found to have begun anew, since its last start."""
     left_s: float | None = None
     """When it left its mission to come home."""
     owed: tuple[int, str] | None = None

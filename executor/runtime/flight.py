@@ -253,7 +253,7 @@ class Flight:
 
     async def _start(self, vehicle: str) -> None:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        self.apply(events.StartEnded(vehicle, done.accepted, done.reason))
+        self.apply(events.StartEnded(vehicle, done.accepted, done.reason, done.armed))
 
     async def _send_home(self, vehicle: str) -> None:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

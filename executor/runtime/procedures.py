@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
@@ -51,6 +51,8 @@ class Done:
     """Whether nobody answered."""
     refused: bool = False
     """Whether the answer was no."""
+    armed: bool = False
+    """Whether the vehicle had acknowledged that it arms."""
 
 
 def reason_of(outcome: Outcome | None) -> str:
@@ -116,6 +118,7 @@ async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
 async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
     """Arm and start the mission on board, in the way that the autopilot wants it."""
     said: list[str] = []
+    armed = False
 
     def note(message: Message) -> None:
         if isinstance(message, StatusText) and message.severity <= 4:
@@ -125,9 +128,10 @@ async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
     try:
         for step in dialect.start:
             done = await _start_step(link, clock, dialect, step)
+            armed = armed or done.armed
             if not done.accepted:
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
-                return Done(accepted=False, reason=why)
+                return Done(accepted=False, reason=why, armed=armed)
     finally:
         stop_listening()
     return Done(accepted=True)
@@ -143,7 +147,8 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
             done = await _arm(link, clock)
             if not done.accepted:
                 return done
-            return await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
+            seen = await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
+            return replace(seen, armed=True)
         case StartStep.MISSION_START:
             done = await order(link, clock, CommandDialogue(orders.start_mission(), "start the mission"))
             if not done.accepted:
