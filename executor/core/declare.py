@@ -10,7 +10,7 @@ from executor.core.commands import CancelSolve, Command, Disarm, Level, Say
 from executor.core.context import Context
 from executor.core.custody import in_other_hands
 from executor.core.homeward import Answer
-from executor.core.places import last_heard, mission_over, over_its_pad, place_words
+from executor.core.places import fell, last_heard, mission_over, over_its_pad
 from executor.core.state import FleetState
 from executor.core.vehicle import Errand, Fault, FaultKind, Stage, VehicleState, moved_to
 from planner import segment_of
@@ -30,8 +30,8 @@ def declare(
         stage, then = Stage.LOST, last_heard(context, vehicle)
     elif kind is FaultKind.DOWN:
         stage, then = Stage.DOWN, ""  # its place is its reason
-    elif down and not (over_its_pad(context, vehicle) and mission_over(context, vehicle)):
-        stage, then = Stage.DOWN, place_words(context, vehicle)
+    elif down and not _at_home(context, vehicle):
+        stage, then = Stage.DOWN, last_heard(context, vehicle)  # where it comes to rest is said when it does
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
     elif in_other_hands(vehicle):
@@ -40,7 +40,7 @@ def declare(
         stage, then, commands = Stage.RETURNING, "it is told to disarm", (Disarm(vehicle.name, force=False),)
     else:
         stage, then = Stage.RETURNING, ""
-    state = state.put(replace(left_plan(vehicle, stage, now_s), fault=fault))
+    state = state.put(replace(left_plan(vehicle, stage, now_s), fault=fault, place_told=kind is FaultKind.DOWN))
     if stage is Stage.RETURNING and not then:
         then = _words(context, state, vehicle.name, now_s)
         state, commands = homeward.sent_home(context, state, state.vehicles[vehicle.name], now_s)
@@ -48,6 +48,11 @@ def declare(
     state, more = withdrawn(state, vehicle.name, trigger, now_s)
     line = "; ".join(part for part in (trigger, then, _handed_on(state, vehicle.name, left)) if part)
     return state, (Say(Level.FAULT, line), *more, *commands)
+
+
+def _at_home(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that has disarmed lies where, and as, a landed one does."""
+    return over_its_pad(context, vehicle) and mission_over(context, vehicle) and not fell(context, vehicle)
 
 
 def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:

@@ -51,7 +51,7 @@ from executor.core.faults import View, Watchpoint
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import Heartbeat, Position
-from executor.core.places import last_heard, over_its_pad, place_words, seen_at_rest
+from executor.core.places import at_rest, last_heard, over_its_pad, place_words, seen_at_rest
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_words
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
@@ -245,7 +245,7 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
             return state, (Say(Level.WARNING, f"{heard}, on its way home or down by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its work was given away, so it does not go on with it"), *more)
     if not over_its_pad(context, vehicle):
-        state = state.put(replace(moved_to(vehicle, Stage.DOWN), ordered_mode_s=now_s))
+        state = state.put(replace(moved_to(vehicle, Stage.DOWN), ordered_mode_s=now_s, place_told=True))
         return state, (Say(Level.FAULT, f"{heard}, {place_words(context, vehicle)}"),)
     state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
     if not on_mission(context, vehicle):
@@ -355,6 +355,9 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
     if state.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
+        if not vehicle.armed and not vehicle.place_told and at_rest(vehicle, now_s):
+            state = state.put(replace(vehicle, place_told=True))
+            return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
         if not down.flies_again(vehicle):
             return state, ()
         text = f"{vehicle.name}: was taken to be down and flies, {last_heard(context, vehicle)}"
@@ -370,7 +373,7 @@ def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, 
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare(context, state, vehicle, FaultKind.DOWN, why, now_s)
-    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, anchor=vehicle.fix)
+    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, anchor=vehicle.fix, place_told=True)
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
@@ -430,8 +433,10 @@ def _fault(
         text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
         return state.put(replace(moved_to(vehicle, Stage.LOST), errand=None)), (Say(Level.WARNING, text),)
     if vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle):
-        text = f"{vehicle.name}: {why}; {place_words(context, vehicle)}"
-        return state.put(replace(moved_to(vehicle, Stage.DOWN), errand=None)), (Say(Level.FAULT, text),)
+        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
+        return state.put(replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)), (
+            Say(Level.FAULT, text),
+        )
     if _has_landed(vehicle) and seen_at_rest(vehicle, now_s):
         return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, vehicle.name, now_s)

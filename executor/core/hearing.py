@@ -36,7 +36,7 @@ from executor.core.voltage import Report, Thresholds, VoltageState, measured
 from missions import Phase
 
 _ALARM = re.compile(
-    r"failsafe|fence|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    r"failsafe|fence|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
     r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )

@@ -10,7 +10,7 @@ from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.state import FleetState, Offer
-from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
+from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
 from missions import Phase
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -34,7 +34,7 @@ def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
 def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
     setup, fix = context.vehicles[vehicle.name], vehicle.fix
-    out = vehicle.fault is not None or vehicle.stubborn or vehicle.excluded or vehicle.armed
+    out = not _is_well(vehicle) or vehicle.stubborn or vehicle.excluded or vehicle.armed
     if out or vehicle.stage not in _ON_GROUND or vehicle.pending is not None or fix is None:
         return False
     if vehicle.stage is Stage.LANDED and context.fly_again is FlyAgain.NEVER:
@@ -43,6 +43,13 @@ def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     spare_pct = (vehicle.battery.remaining_pct or 0.0) - setup.reserve_pct
     on_pad = math.dist(fix.place_m, setup.pad_m) <= context.limits.off_pad_m
     return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
+
+
+def _is_well(vehicle: VehicleState) -> bool:
+    """Return whether it is sound; one that its failsafe brought to its pad may be offered."""
+    if vehicle.fault is None:
+        return True
+    return vehicle.stage is Stage.LANDED and vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION}
 
 
 def open_segments(context: Context, state: FleetState) -> frozenset[int]:
@@ -119,8 +126,8 @@ def _others_will(context: Context, state: FleetState, now_s: float) -> bool:
 
 def _lands_soon(state: FleetState) -> bool:
     return any(
-        vehicle.fault is None
-        and not vehicle.excluded
+        not vehicle.excluded
+        and (vehicle.fault is None or vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION})
         and (
             vehicle.stage is Stage.RETURNING
             or (

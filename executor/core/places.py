@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from executor.core.context import Scene
 from executor.core.modes import is_home_mode
@@ -30,8 +31,11 @@ def last_heard(context: Scene, vehicle: VehicleState) -> str:
     return f"last position {where(context, vehicle)}" if vehicle.fix is not None else "its position is not known"
 
 
-FALLS_M = 3.0
-"""A vehicle that disarmed higher than this is on its way down: where it comes to rest nobody knows yet."""
+_KILLED = re.compile(r"emergency stop|kill", re.IGNORECASE)
+"""ArduPilot: "RC: Motors Emergency Stopped"; PX4: "Kill engaged", "Kill-switch engaged"."""
+RESTS_AFTER_S = 3.0
+"""A vehicle whose motors have stopped falls from 40 m in this time."""
+RESTS_M_S = 0.5
 SINKS_M_S = 0.3
 SEEN_S = 1.5
 UNSEEN_S = 6.0
@@ -49,15 +53,23 @@ def fell(context: Scene, vehicle: VehicleState) -> bool:
     fix = vehicle.fix
     if fix is None:
         return False
+    text, said_s = vehicle.alarm
+    if _KILLED.search(text) and abs(vehicle.disarmed_s - said_s) <= context.limits.alarm_s:
+        return True
     sinks = fix.alt_rel_m > 1.0 and fix.velocity_m_s[2] < -SINKS_M_S
     return sinks or fix.alt_rel_m > context.limits.off_pad_up_m
 
 
+def at_rest(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle whose motors are off is seen to lie where it is."""
+    fix = vehicle.fix
+    if fix is None or now_s - vehicle.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
+        return False
+    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
+
+
 def place_words(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and what that means for whoever goes there."""
-    fix = vehicle.fix
-    if not vehicle.armed and fix is not None and fix.alt_rel_m > FALLS_M:
-        return f"it falls, {last_heard(context, vehicle)}"
     state = "armed: keep away" if vehicle.armed else "disarmed"
     return f"down at {coordinates(context, vehicle)}, {state}"
 

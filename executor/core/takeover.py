@@ -99,7 +99,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     fell = fix is not None and fix.alt_rel_m > context.limits.off_pad_up_m and over_its_pad(context, vehicle)
     place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
-    state = state.put(replace(moved_to(vehicle, stage), taken=None, excluded=True, run=None))
+    state = state.put(replace(moved_to(vehicle, stage), taken=None, excluded=True, run=None, place_told=bool(place)))
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
     if not place:
         text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"

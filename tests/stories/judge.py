@@ -415,10 +415,9 @@ class Judge:
             return "its motors are on"
         if state == "landed":
             return self._landed_untrue(name, at_s)
-        if state in {"flying", "returning", "landing", "holding"} and not self.armed(name, at_s):
-            down_s = max((one.t_s for one in self.happened(name, "disarmed") if one.t_s <= at_s), default=at_s)
-            if at_s - down_s > SHOWN_S:
-                return "its motors are off"
+        flies = state in {"flying", "returning", "landing", "holding"}
+        if flies and not self.armed(name, at_s) and not self.armed(name, at_s - SHOWN_S):
+            return "its motors are off"
         return ""
 
     def _overruled(self, name: str, at_s: float) -> bool:

@@ -379,7 +379,9 @@ def test_a_vehicle_that_goes_down_away_from_its_pad() -> None:
     assert fault is not None
     assert fault.kind is FaultKind.INTERRUPTION
     assert fault.reason.startswith("disarmed ")
-    assert "it falls, last position 49.59" in flight.said(Level.FAULT)[0]
+    assert "last position 49.59" in flight.said(Level.FAULT)[0]
+    flight.pass_s(4.0)
+    assert flight.said(Level.FAULT)[1].startswith("uav2: down at 49.59")
     assert flight.sent_home() == []
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
