@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.config import Site
-from executor.core.context import Context, VehicleSetup, draws_pct_s
+from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.estimator import Prior
 from executor.core.failsafes import LinkFailsafe
 from executor.core.limits import Limits
@@ -251,6 +251,9 @@ def context_of(
         overhead=overhead.factor,
         fixed_pct=overhead.fixed_pct,
         landing_pct=overhead.landing_pct,
-        fly_again=site.flight.fly_again,
+        fly_again=FlyAgain(site.flight.fly_again),
+        pilot_grace_s=site.flight.pilot_grace_s,
+        pilot_returns=site.flight.pilot_return == "auto",
+        offer_s=site.flight.offer_s,
         horizon_s=2.0 + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S),
     )

@@ -17,7 +17,7 @@ import typer
 from typer.exceptions import TyperException
 
 from executor.bench.cli import cli as bench
-from executor.commands import OUR_ERRORS, flights, plans, replay, risk
+from executor.commands import OUR_ERRORS, flights, plans, replay, restore, risk
 
 cli = typer.Typer(
     name="faultline",
@@ -39,6 +39,7 @@ for command in (
     flights.fly,
     flights.preflight,
     flights.resume,
+    restore.restore,
 ):
     cli.command()(command)
 cli.command("replay")(replay.replay_logs)

@@ -142,8 +142,15 @@ class FlightTable(_Table):
     """Real seconds until a vehicle that says nothing is given up before the flight."""
     ready_timeout_s: Positive = 120.0
     """Seconds of the vehicle's time until it must be ready to arm."""
-    fly_again: bool = True
-    """Whether a survivor that has landed may take off again for a re-plan."""
+    fly_again: Literal["ask", "never", "auto"] = "ask"
+    """Whether a vehicle on the ground takes off for a re-plan: when the crew says that its pad is clear, never once it
+    has landed, or by itself, for simulation."""
+    offer_s: Positive = 300.0
+    """How long the crew may take to say so once nobody flies any more."""
+    pilot_grace_s: NotNegative = 30.0
+    """How long the segments of a vehicle that its pilot has taken are kept for it."""
+    pilot_return: Literal["ask", "auto"] = "ask"
+    """Whether a vehicle that its pilot has put back on its mission waits for the operator to be in the plan again."""
 
 
 class FaultsTable(_Table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import Sequence
 
@@ -73,6 +74,26 @@ class TerminalConsole:
         if not sys.stdin.isatty():
             return False
         return self._terminal.input(f"{question} [y/N] ").strip().lower() in {"y", "yes"}
+
+    async def ask(self, question: str) -> bool:
+        """Ask while the vehicles are listened to; without somebody to answer the answer is no."""
+        if self._yes:
+            return True
+        if not sys.stdin.isatty():
+            return False
+        loop = asyncio.get_running_loop()
+        line = loop.create_future()
+        self._terminal.print(Text(f"{question} [y/N] "), end="")
+
+        def typed() -> None:
+            if not line.done():
+                line.set_result(sys.stdin.readline())
+
+        loop.add_reader(sys.stdin.fileno(), typed)
+        try:
+            return str(await line).strip().lower() in {"y", "yes"}
+        finally:
+            loop.remove_reader(sys.stdin.fileno())
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Keep the newest view; the terminal draws it a few times a second."""

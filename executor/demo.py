@@ -41,7 +41,7 @@ def demo_site(
     table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
     site: dict[str, object] = {
         "network": table,
-        "flight": {"speedup": speedup},
+        "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
         "vehicle": [
             {
                 "name": f"uav{number}",

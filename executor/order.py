@@ -33,7 +33,11 @@ class Console(Protocol):
         ...
 
     def confirm(self, question: str) -> bool:
-        """Ask before the take-off."""
+        """Ask while nobody has to be listened to."""
+        ...
+
+    async def ask(self, question: str) -> bool:
+        """Ask beside everything else that goes on."""
         ...
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:

@@ -102,6 +102,7 @@ def report_of(
     truths: Sequence[Happening] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
+    parameters: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, object]:
     """Return the content of report.json.
 
@@ -113,6 +114,7 @@ def report_of(
         frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
             many were not believed.
         said: What the vehicles said before the flight, and what was found then.
+        parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
     uncovered = sorted(context.wanted - set(state.inspected))
@@ -143,6 +145,7 @@ def report_of(
         ],
         "checks": said.plain_checks(),
         "heights": _heights(context, state),
+        "parameters": list(parameters),
         "absences": [
             {
                 "until_s": round(absence.until_s - began_s, 1),

@@ -13,6 +13,7 @@ from missions.clearance import (
     check_ceiling,
     check_clearance,
     check_everywhere,
+    highest_return_m,
     lowest_over_tops_m,
     margin_m,
     over_ground_m,
@@ -51,13 +52,14 @@ from missions.planjson import plan_document, read_plan, write_plan
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints, write_qgc
 from missions.readers import default_network_path, read_network
 from missions.routes import continue_path, flight_path
-from missions.safety import HeightReference, Layers, check_separation, plan_layers, separation_m, tracks_m
+from missions.safety import FLAT_M, HeightReference, Layers, check_separation, plan_layers, separation_m, tracks_m
 from missions.setup import FlightSetup, Inspection, Motion, flight_setup
 from missions.tasks import Task, depot_vehicle, open_task, whole_task
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
     "ARDUPILOT",
+    "FLAT_M",
     "PX4",
     "BatteryFailsafe",
     "BatteryLevel",
@@ -119,6 +121,7 @@ __all__ = [
     "flag_current",
     "flight_path",
     "flight_setup",
+    "highest_return_m",
     "implausible",
     "lowest_over_tops_m",
     "make_plan_file",

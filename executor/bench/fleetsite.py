@@ -46,7 +46,7 @@ def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
         # Fifty layers; a simulation needs no permit for them.
         "inspection": {"ceiling_m": SIMULATED_CEILING_M},
         "energy": {"capacity_ah": CAPACITY_AH},
-        "flight": {"speedup": speedup},
+        "flight": {"speedup": speedup, "fly_again": "auto"},
         "vehicle": [
             {
                 "name": f"uav{number}",

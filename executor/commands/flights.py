@@ -13,6 +13,7 @@ import typer
 from executor import app as flying
 from executor import build, planning
 from executor.adapters.rundir import new_run_directory
+from executor.changes import check_run, still_open
 from executor.commands import OUR_ERRORS
 from executor.commands.options import (
     AfterOption,
@@ -28,6 +29,7 @@ from executor.commands.planned import first_plan
 from executor.config import check_site, read_site, signing_key
 from executor.console import TerminalConsole
 from executor.core.commands import Level
+from executor.core.parameters import number
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.errors import PreflightFailed, SiteError
@@ -125,6 +127,7 @@ def fly(
         routes = read_plan(plan)
         planning.fits(routes, ground, str(plan))
     order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
+    check_run(order.run, content)
     keep(order)
     flown = turns.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
@@ -178,6 +181,9 @@ def resume(
     report = resuming.over(directory, left)
     if report is not None:
         console.say(Level.INFO, f"{directory}: this flight is over")
+        for one in still_open(directory):
+            text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
+            console.say(Level.WARNING, text)
         _finish_flight(order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
         return
     for line in resuming.words(left):

@@ -36,14 +36,16 @@ from executor.core.voltage import Report, Thresholds, VoltageState, measured
 from missions import Phase
 
 _ALARM = re.compile(
-    r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
-    r"battery .*(low|critical|missing|unhealthy|fail)",
+    r"failsafe|fence|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )
 """What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
 
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
+_ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
+"""Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -56,12 +58,10 @@ class Folded:
     inspected: int | None = None
     flown: Flown | None = None
     """How it was flown."""
-    broken: str = ""
-    """Why an inspection under way does not count any more."""
     text: StatusText | None = None
 
 
-def fold(  # noqa: PLR0911 - one return for each kind of message
+def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
@@ -70,13 +70,16 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
             other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
             since = now_s if other else state.mode_since_s
             armed_once = state.armed_once or message.armed
+            unseen_s = state.unseen_until_s
+            if state.heartbeat is not None and _was_unseen(context, state, now_s):
+                unseen_s = now_s
             flew = state.flew_mission
             if not flew and state.took_off and message.armed and state.name in context.vehicles:
                 flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
             return Folded(
                 changed(
                     state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
-                    armed_once=armed_once, flew_mission=flew,
+                    armed_once=armed_once, flew_mission=flew, unseen_until_s=unseen_s,
                 )
             )  # fmt: skip
         case Position():
@@ -93,8 +96,10 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
             return Folded(changed(state, heard_s=now_s, gps=message))
         case Wind():
             return Folded(changed(state, heard_s=now_s, wind=message))
-        case Attitude():
-            return Folded(changed(state, heard_s=now_s, attitude=message))
+        case Attitude(roll_deg, pitch_deg):
+            tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
+            tilted_s = (state.tilted_since_s or now_s) if tilted else None
+            return Folded(changed(state, heard_s=now_s, attitude=message, tilted_since_s=tilted_s))
         case FenceStatus(breached):
             return Folded(changed(state, heard_s=now_s, fence_breached=breached))
         case StatusText(_, said):
@@ -104,6 +109,11 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
             return Folded(_about(context, state, message, now_s))
         case _:
             return Folded(changed(state, heard_s=now_s))
+
+
+def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:
+    """Return whether a heartbeat comes after a silence, or as the first one that this process hears."""
+    return state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s
 
 
 def _about(
@@ -196,8 +206,10 @@ def _at_item(state: VehicleState, seq: int) -> VehicleState:
     if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
         return state
     waypoint = state.board.waypoint_of[seq]
-    if waypoint is None or state.stage not in {Stage.FLYING, Stage.STARTING}:
+    if waypoint is None or state.stage not in _ON_ITS_MISSION:
         return state
+    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < state.waypoint:
+        return state  # both autopilots begin to count anew when the mission is over
     return changed(state, waypoint=waypoint)
 
 
@@ -238,7 +250,7 @@ def _apart_m(one: Fix, other: Fix) -> float:
 
 def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
     leg = state.leg
-    if state.board is None or leg is None or state.stage is not Stage.FLYING:
+    if state.board is None or leg is None or not _may_count(context, state):
         return Folded(state)
     # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
     visit = state.run_visit if state.run_visit is not None and state.run is not None else leg.visit
@@ -254,5 +266,14 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
         return Folded(state, inspected=track.segment, flown=step.flown)
     if step.broken:
         broken = (*state.runs_broken, (track.segment, step.broken))
-        return Folded(changed(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
+        return Folded(changed(state, runs_broken=broken, owed=(visit, step.broken)))
     return Folded(state)
+
+
+def _may_count(context: Scene, state: VehicleState) -> bool:
+    """Return whether it flies its mission; a pilot may have put it back on it."""
+    if state.stage is Stage.FLYING:
+        return True
+    beat = state.heartbeat
+    on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
+    return state.stage is Stage.PILOT and on_mission

@@ -202,33 +202,6 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
     return found or [Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence")]
 
 
-@dataclass(frozen=True, slots=True)
-class ReturnHeight:
-    """What became of the height of a vehicle's own return."""
-
-    parameter: str
-    height_m: float | None
-    """What it is now; None if it did not say."""
-    problem: str
-    """What could not be set; empty if all was."""
-
-
-def return_height(context: Context, name: str, now: ReturnHeight) -> Check:
-    """Say at which height a vehicle comes home by itself, and whether that keeps clear of the others' layers."""
-    wanted_m = context.return_height_m(name)
-    if now.height_m is None:
-        return Check(Severity.WARNING, name, f"the height of its own return is not known: {now.problem}")
-    if now.height_m < math.floor(wanted_m):
-        text = (
-            f"its own return stays at {now.height_m:g} m ({now.parameter}), below the {wanted_m:.0f} m that keep it "
-            f"clear of the others: {now.problem}"
-        )
-        return Check(Severity.WARNING, name, text)
-    if now.problem:
-        return Check(Severity.WARNING, name, f"its own return at {now.height_m:g} m: {now.problem}")
-    return Check(Severity.OK, name, f"its own return is set to {now.height_m:g} m ({now.parameter})")
-
-
 def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
     """Return what a flight should leave in the battery; None if there is no flight."""
     if path is None:

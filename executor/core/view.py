@@ -12,6 +12,7 @@ from executor.core import energy
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.modes import mode_name
+from executor.core.offers import words
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
@@ -247,7 +248,9 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         ),
         checks=state.briefing.checks,
         question=state.briefing.question,
-        offer=None,
+        offer=None
+        if state.offer is None
+        else OfferView(state.offer.vehicles, state.offer.segments, words(context, state.offer)),
     )  # fmt: skip
 
 
@@ -276,14 +279,28 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
         if known and outlook is not None
         else None,
-        lands_in_s=None,
+        lands_in_s=_lands_in_s(vehicle),
         gps_fix=None if vehicle.gps is None else vehicle.gps.fix,
         satellites=None if vehicle.gps is None else vehicle.gps.satellites,
         voltage_v=vehicle.volts.voltage_v,
         wind=None if vehicle.wind is None else WindView(vehicle.wind.speed_m_s, vehicle.wind.from_deg),
-        taken=None,
-        offered=False,
+        taken=_taken(context, vehicle, now_s),
+        offered=state.offer is not None and vehicle.name in state.offer.vehicles,
     )
+
+
+def _lands_in_s(vehicle: VehicleState) -> float | None:
+    if vehicle.board is None or vehicle.stage is not Stage.FLYING or vehicle.held_s is not None:
+        return None
+    return round(energy.time_to_reach_s(vehicle, len(vehicle.board.legs) - 1), 0)
+
+
+def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
+    hold = vehicle.taken
+    if hold is None:
+        return None
+    kept_s = 0.0 if hold.given_away else max(0.0, context.pilot_grace_s - (now_s - hold.since_s))
+    return TakenView(round(hold.since_s, 2), round(kept_s, 0), hold.returned_s is not None)
 
 
 def state_word(context: Context, vehicle: VehicleState) -> str:
@@ -333,11 +350,20 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
         measured_pct=vehicle.battery.remaining_pct,
         predicted_pct=predicted_pct,
         predicted_band_pct=band_pct,
-        to_finish_pct=round(energy.to_finish_pct(vehicle), 1) if vehicle.airborne else 0.0,
+        to_finish_pct=round(_to_finish_pct(context, vehicle), 1),
         landing_pct=None if ahead is None else round(ahead.mean_pct, 1),
         landing_band_pct=None if ahead is None else round(ahead.sd_pct, 1),
         reserve_pct=setup.reserve_pct,
     )
+
+
+def _to_finish_pct(context: Context, vehicle: VehicleState) -> float:
+    """Return what is still to be spent: on the mission, or on the way home."""
+    if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
+        return energy.to_finish_pct(vehicle) if vehicle.airborne else 0.0
+    if vehicle.stage is not Stage.RETURNING:
+        return 0.0
+    return energy.modelled_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
 
 
 def _progress(context: Context, vehicle: VehicleState) -> ProgressView:

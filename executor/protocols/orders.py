@@ -15,11 +15,17 @@ REQUEST_MESSAGE = 512
 DO_SEND_BANNER = 42428
 """Of ArduPilot's own dialect."""
 
+GPS_RAW_INT = 24
+ATTITUDE = 30
 GLOBAL_POSITION_INT = 33
 SYS_STATUS = 1
 MISSION_CURRENT = 42
 BATTERY_STATUS = 147
 AUTOPILOT_VERSION = 148
+FENCE_STATUS = 162
+WIND = 168
+"""Of ArduPilot's own dialect."""
+WIND_COV = 231
 EXTENDED_SYS_STATE = 245
 
 
@@ -36,6 +42,15 @@ def set_mode(mode: ModeNumber) -> SendCommand:
 def arm() -> SendCommand:
     """Arm, with all checks."""
     return _command(COMPONENT_ARM_DISARM, 1.0)
+
+
+FORCED = 21196.0
+"""param2 that makes both autopilots disarm whatever they believe."""
+
+
+def disarm(*, force: bool) -> SendCommand:
+    """Stop the motors; without force only where the autopilot believes that it is on the ground."""
+    return _command(COMPONENT_ARM_DISARM, 0.0, FORCED if force else 0.0)
 
 
 def start_mission() -> SendCommand:

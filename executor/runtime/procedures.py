@@ -47,6 +47,10 @@ class Done:
     reason: str = ""
     mixed: bool = False
     """Whether a part of a new mission may be on board."""
+    lost: bool = False
+    """Whether nobody answered."""
+    refused: bool = False
+    """Whether the answer was no."""
 
 
 def reason_of(outcome: Outcome | None) -> str:
@@ -101,7 +105,12 @@ async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[M
 async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
     """Give one command."""
     ended = await _patiently(command, link, clock)
-    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
+    return Done(
+        isinstance(ended.outcome, Accepted),
+        reason_of(ended.outcome),
+        lost=isinstance(ended.outcome, TimedOut),
+        refused=isinstance(ended.outcome, Rejected),
+    )
 
 
 async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
@@ -173,6 +182,14 @@ async def hold(link: Link, clock: Clock, dialect: Dialect) -> Done:
 async def land(link: Link, clock: Clock, dialect: Dialect) -> Done:
     """Order a landing where it is, and see that the vehicle is in that mode."""
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode})
+
+
+async def disarm(link: Link, clock: Clock, *, force: bool) -> Done:
+    """Order the motors to stop, and see that the vehicle says so."""
+    done = await order(link, clock, CommandDialogue(orders.disarm(force=force), "disarm"))
+    if not done.accepted:
+        return done
+    return await _confirmed(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
 
 
 async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> Done:

@@ -26,7 +26,9 @@ def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", **tables: Mapp
         {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number, "autopilot": autopilot}
         for number, name in enumerate(names, start=1)
     ]
-    return check_site({"network": {"file": "line"}, "vehicle": vehicles, **tables}, "test")
+    # In these flights nobody is at the pads, unless a test says so.
+    flight = {"fly_again": "auto", **tables.pop("flight", {})}
+    return check_site({"network": {"file": "line"}, "vehicle": vehicles, "flight": flight, **tables}, "test")
 
 
 def ground_for(site: Site, network: Network) -> Ground:

@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from executor.core.messages import Heartbeat, Position, StationHeard, Version
+from executor.core.parameters import Kept, Stage
 from executor.core.preflight import Check, Facts, Severity
+from executor.kept import reported
 from executor.report import Said, report_of, vehicles_of
 from tests.executor.core.stories import FLEET, under_way
 
@@ -63,3 +65,16 @@ def test_what_was_asked_before_the_flight_is_kept() -> None:
     assert first["parameters"] == {"FS_GCS_ENABLE": 1.0}
     assert first["link_timeout_s"] == FLEET.context.vehicles["uav1"].link_timeout_s
     assert first["stations"] == [[254, 190]]
+
+
+def test_what_was_changed_on_board_is_named_with_what_became_of_it() -> None:
+    flight = under_way()
+    rows = reported([
+        Kept("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", Stage.RESTORED),
+        Kept("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", Stage.SET),
+    ])  # fmt: skip
+    content = report_of(FLEET.context, flight.state, flight.now_s, said=SAID, parameters=rows)
+    assert content["parameters"] == [
+        {"vehicle": "uav1", "name": "RTL_ALT", "old": 1500.0, "new": 2700.0, "restored": True},
+        {"vehicle": "uav2", "name": "RTL_ALT", "old": 1217.0, "new": 3200.0, "restored": False},
+    ]

@@ -7,9 +7,8 @@ import asyncio
 import pytest
 
 from executor.core.messages import ParamValue, StatusText
-from executor.core.preflight import ReturnHeight
 from executor.protocols import orders
-from executor.runtime import preflight, procedures
+from executor.runtime import procedures
 from executor.runtime.procedures import Done
 from missions import ARDUPILOT, PX4, Dialect
 from tests.fakes.clock import LoopClock
@@ -42,11 +41,6 @@ class Pad:
         done = await procedures.send_home(self.link, self.clock, self.dialect)
         self.link.close()
         return done
-
-    async def prepare_return(self, height_m: float) -> ReturnHeight:
-        said = await preflight.prepare_return(self.link, self.clock, self.dialect, height_m)
-        self.link.close()
-        return said
 
 
 @DIALECTS
@@ -169,34 +163,3 @@ async def test_a_parameter_is_asked_for_as_long_as_a_busy_computer_may_need() ->
     nothing = await procedures.read_parameter(pad.link, pad.clock, "RTL_RETURN_ALT")
     assert nothing.value is None
     pad.link.close()
-
-
-async def test_the_height_of_ardupilots_return_is_in_centimetres() -> None:
-    pad = Pad(ARDUPILOT, RTL_ALT=1500.0, RTL_CONE_SLOPE=3.0)
-    assert await pad.prepare_return(27.5) == ReturnHeight("RTL_ALT", 27.5, "")
-    assert pad.vehicle.parameters == {"RTL_ALT": 2750.0, "RTL_CONE_SLOPE": 0.0}
-
-
-async def test_the_newer_name_of_ardupilots_return_is_in_metres() -> None:
-    pad = Pad(ARDUPILOT, RTL_ALT_M=15.0)
-    assert await pad.prepare_return(27.5) == ReturnHeight("RTL_ALT_M", 28.0, "")
-    assert pad.vehicle.parameters == {"RTL_ALT_M": 28.0}
-
-
-async def test_px4_descends_and_climbs_in_its_own_layer() -> None:
-    pad = Pad(PX4, RTL_RETURN_ALT=60.0, RTL_DESCEND_ALT=30.0, RTL_CONE_ANG=45.0)
-    assert await pad.prepare_return(27.0) == ReturnHeight("RTL_RETURN_ALT", 27.0, "")
-    assert pad.vehicle.parameters == {"RTL_RETURN_ALT": 27.0, "RTL_DESCEND_ALT": 27.0, "RTL_CONE_ANG": 0.0}
-
-
-@DIALECTS
-async def test_a_return_whose_height_is_not_known_is_said(dialect: Dialect) -> None:
-    said = await Pad(dialect).prepare_return(27.0)
-    assert said.height_m is None
-    assert said.problem == f"{said.parameter} does not answer"
-
-
-async def test_a_height_that_stays_as_it_is_is_said() -> None:
-    pad = Pad(ARDUPILOT, RTL_ALT=1500.0)
-    pad.vehicle.stubborn.add("RTL_ALT")
-    assert await pad.prepare_return(27.0) == ReturnHeight("RTL_ALT", 15.0, "RTL_ALT stays 1500")
