@@ -25,7 +25,7 @@ class Console(Protocol):
     """Where the operator looks."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
-        """Show one line."""
+        """Show one line; `at_s` counts from the order to take off."""
         ...
 
     def checks(self, found: Sequence[Check]) -> None:

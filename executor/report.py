@@ -12,6 +12,7 @@ from executor.core.ports import LinkCounts
 from executor.core.preflight import Check, Facts
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, Stage, VehicleState
+from executor.core.view import state_word
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +125,7 @@ def report_of(
         "segments_inspected": len(state.inspected),
         "segments_uncovered": uncovered,
         "uncovered_names": [context.segment_name(segment) for segment in uncovered],
+        "segment_names": {str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
         "finished": not uncovered,
         "duration_s": round(ended_s - began_s, 1),
         "faults": [_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))],
@@ -140,12 +142,12 @@ def report_of(
             for record in state.records
         ],
         "vehicles": [
-            {**_vehicle(context, state, vehicle, frames), **said.firmware(vehicle.name)}
+            {**_vehicle(context, state, vehicle, frames, began_s), **said.firmware(vehicle.name)}
             for vehicle in state.vehicles.values()
         ],
         "checks": said.plain_checks(),
-        "heights": _heights(context, state),
         "parameters": list(parameters),
+        "heights": _heights(context, state),
         "absences": [
             {
                 "until_s": round(absence.until_s - began_s, 1),
@@ -205,7 +207,7 @@ def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening])
 
 
 def _vehicle(
-    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts]
+    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts], began_s: float
 ) -> dict[str, object]:
     counts = frames.get(vehicle.name)
     battery = vehicle.battery
@@ -220,9 +222,24 @@ def _vehicle(
         "energy_used_pct": round(battery.given_pct, 1),
         "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         "min_reserve_pct": battery.least_pct,
-        "state": vehicle.stage.value,
+        "state": state_word(context, vehicle),
+        "last_position": _last_position(context, vehicle, began_s),
         "frames_received": None if counts is None else counts.received,
         "frames_missing": None if counts is None else counts.missing,
         "frames_foreign": None if counts is None else counts.foreign,
         "frames_refused": None if counts is None else dict(counts.refused),
+    }
+
+
+def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> dict[str, float] | None:
+    """Return where it was heard last, for who has to find it."""
+    fix = vehicle.fix
+    if fix is None:
+        return None
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    return {
+        "lat_deg": round(lat_deg, 7),
+        "lon_deg": round(lon_deg, 7),
+        "alt_rel_m": round(fix.alt_rel_m, 1),
+        "at_s": round(fix.at_s - began_s, 1),
     }

@@ -80,7 +80,8 @@ async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Con
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
     token = _token(table)
-    server = WebServer(WebSettings(table.host, table.port, token, frozenset(table.names)), flight.context, now, submit)
+    settings = WebSettings(table.host, table.port, token, frozenset(table.names), clock.speedup)
+    server = WebServer(settings, flight.context, now, submit)
     stack = ExitStack()
     try:
         await asyncio.to_thread(stack.enter_context, server)

@@ -175,7 +175,7 @@ def _why_so_high(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return "keeps its RTL above the line"
-    if float(heights.max() - heights.min()) > FLAT_M:
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
         return "keeps its RTL above the others' layers"
     return "keeps its RTL in its own layer"
 

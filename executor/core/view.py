@@ -6,7 +6,8 @@ Everything is made of frozen dataclasses of numbers, words and tuples; `dataclas
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 
 from executor.core import energy
 from executor.core.context import Context
@@ -69,6 +70,8 @@ class ProgressView:
     """takeoff, transit, inspect, return or land."""
     segment_share: float | None = None
     """How much of the segment is behind it, from 0 to 1."""
+    inspected: int = 0
+    """Segments that it has inspected, on this route and on earlier ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +226,7 @@ class FleetView:
 def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     """Return the flight as it is known at `now_s`."""
     plan = state.replan
+    by = Counter(state.inspected.values())
     return FleetView(
         now_s=round(now_s, 2),
         flight_s=None if state.launched_s is None else round(now_s - state.launched_s, 2),
@@ -237,7 +241,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         recalled=state.recalled,
         finished=state.finished,
         min_separation_m=None if state.separation is None else round(state.separation.least_m, 2),
-        vehicles=tuple(_vehicle(context, state, vehicle, now_s) for vehicle in state.vehicles.values()),
+        vehicles=tuple(_vehicle(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()),
         said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.said[-SAID_LINES:]),
         intents=tuple(
             IntentView(
@@ -254,7 +258,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     )  # fmt: skip
 
 
-def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleView:
+def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int) -> VehicleView:
     setup, layers = context.vehicles[vehicle.name], context.setup.layers
     outlook = state.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
@@ -272,7 +276,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         link_age_s=None if vehicle.heard_s is None else round(max(0.0, now_s - vehicle.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
         stale=vehicle.stale,
-        progress=_progress(context, vehicle),
+        progress=replace(_progress(context, vehicle), inspected=inspected),
         fault=None if vehicle.fault is None else vehicle.fault.reason,
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         excluded=vehicle.excluded,

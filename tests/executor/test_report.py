@@ -49,6 +49,16 @@ def test_every_inspection_has_its_speeds(report: dict[str, Any]) -> None:
         assert row["deviation_mean_m"] <= row["deviation_max_m"] < 0.5
 
 
+def test_where_everybody_was_heard_last_is_kept(report: dict[str, Any]) -> None:
+    states = {row["name"]: row["state"] for row in report["vehicles"]}
+    assert states == {"uav1": "landed", "uav2": "lost", "uav3": "landed"}
+    lost = report["vehicles"][1]["last_position"]
+    assert set(lost) == {"lat_deg", "lon_deg", "alt_rel_m", "at_s"}
+    assert FLEET.context.frame.to_local_m(lost["lat_deg"], lost["lon_deg"])[0] > 200.0
+    assert 0.0 < lost["at_s"] < report["faults"][0]["detected_s"]
+    assert report["segment_names"] == {str(segment): f"segment {segment}" for segment in range(6)}
+
+
 def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> None:
     first, second, third = report["vehicles"]
     assert (first["type"], first["autopilot"], first["firmware"]) == ("quadrotor", "ArduPilot", "4.7.0-dev")
