@@ -52,14 +52,13 @@ from missions.planjson import plan_document, read_plan, write_plan
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints, write_qgc
 from missions.readers import default_network_path, read_network
 from missions.routes import continue_path, flight_path
-from missions.safety import FLAT_M, HeightReference, Layers, check_separation, plan_layers, separation_m, tracks_m
+from missions.safety import HeightReference, Layers, check_separation, plan_layers, separation_m, tracks_m
 from missions.setup import FlightSetup, Inspection, Motion, flight_setup
 from missions.tasks import Task, depot_vehicle, open_task, whole_task
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
     "ARDUPILOT",
-    "FLAT_M",
     "PX4",
     "BatteryFailsafe",
     "BatteryLevel",

@@ -10,7 +10,7 @@ from enum import Enum
 from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight import Check, Severity
-from missions import FLAT_M, Dialect, ReturnParameters, highest_return_m
+from missions import Dialect, ReturnParameters, highest_return_m
 
 Present = Mapping[str, ParamValue]
 """What one vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
