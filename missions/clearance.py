@@ -197,6 +197,14 @@ def return_over_ground_m(setup: FlightSetup) -> OverGround:
     return OverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
 
 
+def highest_return_m(setup: FlightSetup, vehicle: str) -> float:
+    """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
+    walls = _walls(setup.network)
+    ground_m = 0.0 if walls is None else float(walls.ground_m.min())
+    ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
+    return ceiling_m + ground_m - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+
+
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     """Return in words which missions and which own returns go higher over the ground than ``ceiling_m``."""
     ceiling_m = setup.inspection.ceiling_m

@@ -10,7 +10,7 @@ from enum import Enum
 from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight import Check, Severity
-from missions import Dialect, ReturnParameters
+from missions import Dialect, ReturnParameters, highest_return_m
 
 Present = Mapping[str, ParamValue]
 """What one vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
@@ -22,8 +22,6 @@ HIGHER_M = 0.5
 KEPT_HIGHER_M = 50.0
 """The highest of a fleet may return this much higher than it must: a crew knows why, nobody else is up there, and the
 longer way up and down takes a minute and some 4 % of a battery."""
-CEILING_M = 120.0
-"""Over its own home: a return above this is not left as it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,7 @@ def newer_names(dialect: Dialect, present: Present) -> tuple[str, ...]:
     return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
 
 
-def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: float = CEILING_M) -> Proposal:
+def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: float | None = None) -> Proposal:
     """Return what must be set so that every vehicle comes home by itself clear of the others.
 
     What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
@@ -96,13 +94,15 @@ def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: floa
     Args:
         context: Of the flight.
         present: What each vehicle answered.
-        ceiling_m: How high over its own home a return that is set already may be to stay.
+        ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
+            site's ceiling over the ground allows.
     """
     changes: list[Change] = []
     checks: list[Check] = []
     highest = max(context.vehicles, key=lambda name: _return_up_m(context, name))
     for name, said in present.items():
-        own, check = _of_vehicle(context, name, said, ceiling_m if name == highest else 0.0)
+        allowed_m = highest_return_m(context.setup, name) if ceiling_m is None else ceiling_m
+        own, check = _of_vehicle(context, name, said, allowed_m if name == highest else 0.0)
         changes += own
         checks += [check, *(Check(Severity.OK, name, f"to be set for the flight: {change.words}") for change in own)]
     return Proposal(present, tuple(changes), tuple(checks))

@@ -19,6 +19,7 @@ from missions import (
     default_network_path,
     flight_path,
     flight_setup,
+    highest_return_m,
     lowest_over_tops_m,
     margin_m,
     over_ground_m,
@@ -141,3 +142,9 @@ def test_take_off_and_landing_are_no_flight_over_the_ground() -> None:
     assert heights is not None
     assert heights[0].height_m >= 40.0
     assert over_ground_m(setup, [FlightPath("uav1", ())]) is None
+
+
+def test_a_return_may_be_as_high_as_the_ceiling_allows_over_the_lowest_ground() -> None:
+    # The lowest ground within 700 m is 5.2 m below the depot's.
+    assert highest_return_m(default_setup(), "uav1") == pytest.approx(114.8)
+    assert highest_return_m(setup_of(line_east(3), return_ceiling_m=150.0), "uav1") == 150.0
