@@ -10,6 +10,7 @@ import asyncio
 import dataclasses
 import json
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -32,7 +33,7 @@ ever. A disk that is well takes some milliseconds."""
 GAP = "lines_lost"
 """The key of a note in the place of lines that nobody could write."""
 CLOCK_SET = "clock_set_s"
-LONGEST_S = 1e12
+LATEST_UNIX_S = 1e12
 """A time beyond, thousands of years, is damage."""
 FASTEST = 1000.0
 """Times real time."""
@@ -278,7 +279,7 @@ def read_head(path: Path) -> Head:
         with path.open("rb") as file:
             head = _expect_format(path, file.readline())
         began_unix_s, speedup = float(head["began_unix_s"]), float(head["speedup"])
-        if not (0 <= began_unix_s < LONGEST_S and 0 < speedup <= FASTEST):
+        if not (0 <= began_unix_s < LATEST_UNIX_S and 0 < speedup <= FASTEST):
             raise ValueError("no such time")
         return Head(began_unix_s, speedup)
     except OSError as error:
@@ -391,7 +392,7 @@ def _timed(content: dict[str, Any]) -> tuple[float, Event] | None:
     if "event" not in content:
         return None
     t_s, event = content.get("t_s"), from_plain(content["event"])
-    if not isinstance(t_s, int | float) or not abs(t_s) < LONGEST_S:
+    if not isinstance(t_s, int | float) or not abs(t_s) <= sys.float_info.max:
         raise LogError("no time t_s")
     if not isinstance(event, Event):
         raise LogError(f"expected an event, got {event!r:.60}")
