@@ -34,7 +34,7 @@ GAP = "lines_lost"
 """The key of a note in the place of lines that nobody could write."""
 CLOCK_SET = "clock_set_s"
 LATEST_UNIX_S = 1e12
-"""A time beyond, thousands of years, is damage."""
+"""No flight began later; 30,000 years from now."""
 FASTEST = 1000.0
 """Times real time."""
 """The key of a note that the computer's time of day was set, by so many seconds."""
@@ -104,6 +104,15 @@ class Head:
     began_unix_s: float
     """Seconds since 1970 at which its time is 0."""
     speedup: float
+
+    def __post_init__(self) -> None:
+        """Check both.
+
+        Raises:
+            ValueError: no flight has such a time.
+        """
+        if not (0 <= self.began_unix_s < LATEST_UNIX_S and 0 < self.speedup <= FASTEST):
+            raise ValueError(f"expected a time, got {self}")
 
 
 class EventLog:
@@ -278,10 +287,7 @@ def read_head(path: Path) -> Head:
     try:
         with path.open("rb") as file:
             head = _expect_format(path, file.readline())
-        began_unix_s, speedup = float(head["began_unix_s"]), float(head["speedup"])
-        if not (0 <= began_unix_s < LATEST_UNIX_S and 0 < speedup <= FASTEST):
-            raise ValueError("no such time")
-        return Head(began_unix_s, speedup)
+        return Head(float(head["began_unix_s"]), float(head["speedup"]))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
