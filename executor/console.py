@@ -72,7 +72,10 @@ class TerminalConsole:
             return True
         if not sys.stdin.isatty():
             return False
-        return self._terminal.input(f"{question} [y/N] ").strip().lower() in {"y", "yes"}
+        try:
+            return self._terminal.input(f"{question} [y/N] ", markup=False).strip().lower() in {"y", "yes"}
+        except EOFError:
+            return False
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Keep the newest view; the terminal draws it a few times a second."""
