@@ -18,6 +18,7 @@ from executor.core.failsafes import LinkFailsafe, link_failsafe
 from executor.core.state import FleetState
 from executor.core.vehicle import aboard
 from executor.errors import LogError
+from executor.planning import belongs
 from missions import Pad, PlanFile, dialect_for, read_plan
 
 
@@ -64,6 +65,7 @@ def beginning(run: Path) -> Beginning:
     site = read_site(run / "site.toml")
     ground = build.ground_of(site, run)
     plan = read_plan(run / "plan-000.json")
+    belongs(plan, ground, str(run / "plan-000.json"))
     task = plan.task()
     rows = _vehicles(run / "vehicles.json")
     pads = _pads(rows, ground.names)

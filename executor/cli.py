@@ -30,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
         code = _run(given or ["--help"])
+        if code == INTERRUPTED:  # some versions of typer take the interrupt for themselves
+            _interrupted()
         if sys.stdout is not None:
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -88,8 +90,12 @@ def _fail(text: str, code: int) -> NoReturn:
 
 
 def _interrupted() -> NoReturn:
-    # Threads and processes end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
+    # Threads end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if "multiprocessing" in sys.modules:
+        from executor.interrupts import end_children
+
+        end_children()
     _fail("interrupted", INTERRUPTED)
 
 

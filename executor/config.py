@@ -86,13 +86,13 @@ class EnergyTable(_Table):
     """Which multicopter: a preset, and what differs from it."""
 
     drone: str = "mavic3"
-    mass_kg: Positive | None = None
+    mass_kg: Annotated[float, Field(ge=0.05, le=1000)] | None = None
     rotors: Annotated[int, Field(ge=3, le=16)] | None = None
-    propeller_radius_m: Positive | None = None
+    propeller_radius_m: Annotated[float, Field(ge=0.01, le=10)] | None = None
     cells: Annotated[int, Field(ge=1, le=24)] | None = None
-    capacity_ah: Positive | None = None
-    area_m2: Positive | None = None
-    efficiency: Annotated[float, Field(gt=0, le=1)] | None = None
+    capacity_ah: Annotated[float, Field(ge=0.01, le=1e6)] | None = None
+    area_m2: Annotated[float, Field(ge=1e-4, le=100)] | None = None
+    efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None
 
     @model_validator(mode="after")
     def _known(self) -> EnergyTable:

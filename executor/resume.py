@@ -28,6 +28,7 @@ from executor.errors import LogError
 from executor.keeper import Planned, plan_path
 from executor.kept import read_kept, reported
 from executor.order import Console, Order
+from executor.planning import belongs
 from executor.publishing import settings_of
 from executor.report import Said, report_of
 from missions import PlanFile, read_plan
@@ -73,7 +74,9 @@ def read_left(run: Path) -> Ready | Left:
     if not (run / "site.toml").exists() or not (run / PLAN).exists():
         raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
     if not _launched(run):
-        return Ready(ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN))
+        ground, plan = ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN)
+        belongs(plan, ground, str(run / PLAN))
+        return Ready(ground, plan)
     path, begun, notes = run / LOG, beginning(run), list[str]()
     state, last_s, replayed = begun.state, 0.0, 0
     latest: tuple[Command, ...] = ()
@@ -125,7 +128,7 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
     if not left.state.finished:
         return None
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, RecursionError):
         report = json.loads((run / REPORT).read_text(encoding="utf-8"))
         if isinstance(report, dict):
             return report
@@ -201,7 +204,7 @@ def _note(log: EventLog, command: Command, at_s: float) -> None:
 
 def _said(run: Path) -> Said:
     """Return what was known before the flight, as vehicles.json has it."""
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, RecursionError):
         kept = json.loads((run / VEHICLES).read_text(encoding="utf-8"))
         if isinstance(kept, dict):
             return Said({}, (), kept)

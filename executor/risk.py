@@ -17,6 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from executor.errors import ConnectionFailed, ExecutorError
+from executor.interrupts import end_children, held_back
 from planner import Campaign, Chunk, Risk, Tally, flight_chunks, fly_chunk, risks_of
 
 if TYPE_CHECKING:
@@ -106,9 +107,13 @@ def _in_processes(workers: int, content: Campaign, parts: Sequence[Chunk], on_do
     # Spawned: a process that numba's threads have been started in must not be forked.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(workers, len(parts)), mp_context=context) as pool:
-        futures = [pool.submit(fly_chunk, content, part) for part in parts]
         try:
+            with held_back():
+                futures = [pool.submit(fly_chunk, content, part) for part in parts]
             return risks_of(content, _gathered(futures, as_completed(futures), parts, on_done))
+        except KeyboardInterrupt:
+            end_children()
+            raise
         except BrokenProcessPool as error:
             raise ExecutorError(
                 "a process that flew a part of the flights has died; --jobs 1 needs the least"

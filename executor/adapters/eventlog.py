@@ -10,6 +10,7 @@ import asyncio
 import dataclasses
 import json
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -32,6 +33,10 @@ ever. A disk that is well takes some milliseconds."""
 GAP = "lines_lost"
 """The key of a note in the place of lines that nobody could write."""
 CLOCK_SET = "clock_set_s"
+LATEST_UNIX_S = 1e12
+"""No flight began later; 30,000 years from now."""
+FASTEST = 1000.0
+"""Times real time."""
 """The key of a note that the computer's time of day was set, by so many seconds."""
 
 _KINDS: dict[str, type] = {
@@ -99,6 +104,15 @@ class Head:
     began_unix_s: float
     """Seconds since 1970 at which its time is 0."""
     speedup: float
+
+    def __post_init__(self) -> None:
+        """Check both.
+
+        Raises:
+            ValueError: no flight has such a time.
+        """
+        if not (0 <= self.began_unix_s < LATEST_UNIX_S and 0 < self.speedup <= FASTEST):
+            raise ValueError(f"expected a time, got {self}")
 
 
 class EventLog:
@@ -286,7 +300,7 @@ def clock_set_s(path: Path) -> float:
     with path.open("rb") as file:
         for line in file:
             if CLOCK_SET.encode() in line:
-                with suppress(ValueError, TypeError, AttributeError):
+                with suppress(ValueError, TypeError, AttributeError, RecursionError):
                     total_s += float(json.loads(line).get(CLOCK_SET, 0.0))
     return total_s
 
@@ -298,7 +312,7 @@ def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
         known = head["format"]
     except UnicodeDecodeError as error:
         raise LogError(f"{path}: not a log: {error}") from error
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from None
     if known != FORMAT:
         newer = ", written by a newer version" if str(known).startswith(FORMAT.rpartition("/")[0]) else ""
@@ -318,7 +332,7 @@ def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
                 continue
             try:
                 content = json.loads(line)
-            except json.JSONDecodeError:
+            except (ValueError, RecursionError):
                 continue
             if isinstance(content, dict) and "t_s" in content:
                 decided = content.get("command", content.get("said"))
@@ -351,7 +365,7 @@ def read_events(path: Path, damaged: Callable[[str], None] | None = None) -> Ite
                     damaged(f"line {number}: {content[GAP]} lines could not be written here")
                 try:
                     timed = _timed(content)
-                except LogError as error:
+                except (LogError, RecursionError) as error:
                     raise LogError(f"{path}: line {number}: {error}") from error
                 if timed is None:
                     continue
@@ -371,7 +385,7 @@ def _content(path: Path, number: int, line: bytes, damaged: Callable[[str], None
         content = json.loads(line)
         if isinstance(content, dict):
             return content
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         reason = f"not JSON: {error}"
     if damaged is None:
         raise LogError(f"{path}: line {number}: {reason}")
@@ -383,6 +397,9 @@ def _timed(content: dict[str, Any]) -> tuple[float, Event] | None:
     """Return the event of a line with its time; None for a line that has none."""
     if "event" not in content:
         return None
-    if not isinstance(content.get("t_s"), int | float):
+    t_s, event = content.get("t_s"), from_plain(content["event"])
+    if not isinstance(t_s, int | float) or not abs(t_s) <= sys.float_info.max:
         raise LogError("no time t_s")
-    return content["t_s"], from_plain(content["event"])
+    if not isinstance(event, Event):
+        raise LogError(f"expected an event, got {event!r:.60}")
+    return t_s, event

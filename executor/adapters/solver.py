@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing.sharedctypes import Synchronized
@@ -16,6 +16,7 @@ from typing import Self
 
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
+from executor.interrupts import held_back
 from missions import Network, open_task
 from planner import (
     Cancelled,
@@ -168,7 +169,7 @@ class SolverProcess:
                 async with asyncio.timeout(START_S):
                     await self._warm_up()
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
-                return await asyncio.wrap_future(self._running().submit(_work, problem))
+                return await asyncio.wrap_future(self._submitted(_work, problem))
         except BrokenProcessPool:
             self._discard()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver's process died")
@@ -184,7 +185,7 @@ class SolverProcess:
             return None
         try:
             async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
-                ended = await asyncio.wrap_future(self._running().submit(_judge, problem))
+                ended = await asyncio.wrap_future(self._submitted(_judge, problem))
         except (BrokenProcessPool, TimeoutError):
             return None  # the next re-plan finds out, and makes the worker anew
         return None if ended.routes is None else ended.uncovered
@@ -195,8 +196,16 @@ class SolverProcess:
 
     async def _warm_up(self) -> None:
         """Wait until the worker has loaded everything; compiling may take as long as it takes."""
-        await asyncio.wrap_future(self._running().submit(_ready))
+        with held_back():
+            ready = self._running().submit(_ready)
+        # A worker on its way takes what is shared from here: it must be there until then, whoever gives up before.
+        ready.add_done_callback(lambda _: self._cancelled)
+        await asyncio.wrap_future(ready)
         self._warm = True
+
+    def _submitted(self, work: Callable[[Solve], SolveEnded], problem: Solve) -> Future[SolveEnded]:
+        with held_back():  # the first task of a pool starts its process
+            return self._running().submit(work, problem)
 
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:

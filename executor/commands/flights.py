@@ -37,7 +37,7 @@ from executor.commands.options import (
     StretchOption,
     finite,
 )
-from executor.commands.planned import first_plan, routes_of, wanted_of
+from executor.commands.planned import can_be_written, first_plan, routes_of, wanted_of
 from executor.config import check_site, read_site, signing_key
 from executor.console import TerminalConsole
 from executor.core.commands import Level
@@ -117,6 +117,7 @@ def simulate(
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
     from executor.simulation import run_simulation
 
+    can_be_written(truth)
     content = read_site(site)
     ground = build.ground_of(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup

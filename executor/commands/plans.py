@@ -15,6 +15,7 @@ from executor.commands.options import (
     DEFAULT_COST,
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
+    MOST_SECONDS,
     AfterOption,
     AutopilotName,
     CostOption,
@@ -200,7 +201,10 @@ def replan(
     plan: PlanArgument,
     lost: Annotated[str, typer.Option(metavar="NAME", help="The vehicle that is lost.")],
     at: Annotated[
-        float, typer.Option(min=0, callback=finite, metavar="SECONDS", help="When, since the start of the plan.")
+        float,
+        typer.Option(
+            min=0, max=MOST_SECONDS, callback=finite, metavar="SECONDS", help="When, since the start of the plan."
+        ),
     ],
     cost: CostOption = DEFAULT_REPLAN_COST,
     seconds: SecondsOption = 2.0,

@@ -35,9 +35,9 @@ ReserveOption = Annotated[
         help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
     ),
 ]  # fmt: skip
-SamplesOption = Annotated[int, typer.Option(min=1, metavar="N", help="Flights that are simulated.")]
+SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N", help="Flights that are simulated.")]
 LossesOption = Annotated[
-    int, typer.Option(min=1, metavar="K", help="Losses in one flight that are re-planned at most.")
+    int, typer.Option(min=1, max=50, metavar="K", help="Losses in one flight that are re-planned at most.")
 ]  # fmt: skip
 DaskOption = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with the scheduler there.")

@@ -44,13 +44,10 @@ def arm() -> SendCommand:
     return _command(COMPONENT_ARM_DISARM, 1.0)
 
 
-_FORCED = 21196.0
-"""param2 that makes both autopilots disarm whatever they believe."""
-
-
 def disarm(*, force: bool) -> SendCommand:
     """Stop the motors; without force only where the autopilot believes that it is on the ground."""
-    return _command(COMPONENT_ARM_DISARM, 0.0, _FORCED if force else 0.0)
+    forced = 21196.0  # of both autopilots: whatever they believe
+    return _command(COMPONENT_ARM_DISARM, 0.0, forced if force else 0.0)
 
 
 def start_mission() -> SendCommand:

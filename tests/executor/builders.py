@@ -20,7 +20,7 @@ THREE: Routes = {"uav1": (0, 2), "uav2": (4, 6), "uav3": (8, 10)}
 """Two segments of 100 m each, all flown eastward, on a line of six."""
 
 
-def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", **tables: Mapping[str, object]) -> Site:
+def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", /, **tables: Mapping[str, object]) -> Site:
     """Return a site for a fleet on made-up ports."""
     vehicles = [
         {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number, "autopilot": autopilot}
