@@ -168,7 +168,7 @@ def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
     vehicle = moved_to(vehicle, Stage.STARTING)
     vehicle = replace(
         vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
-        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None,
+        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None, away_once=False,
         ordered_modes=frozenset(modes_on_the_way),
     )  # fmt: skip
     return state.put(vehicle), Start(vehicle.name)
@@ -185,7 +185,8 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
     stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
-    if vehicle.failures + 1 < RETRIES and now_s - asked_s < START_WINDOW_S and not stopped:
+    fresh = context.fly_again is FlyAgain.AUTO or now_s - asked_s < START_WINDOW_S
+    if vehicle.failures + 1 < RETRIES and fresh and not stopped:
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))

@@ -242,7 +242,10 @@ def _positioned(context: Scene, state: VehicleState, message: Position, now_s: f
         anchor = fix
     took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
-    state = changed(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump)
+    away = state.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    state = changed(
+        state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump, away_once=took_off and away
+    )
     return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 
 

@@ -84,8 +84,8 @@ def mission_over(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that disarms has landed: its mission was over, or it was on its way home."""
     if vehicle.rebooted_s is not None:
         return False  # it did not come down by itself
-    if vehicle.stage is Stage.RETURNING:
-        return True
+    if vehicle.stage is Stage.RETURNING or vehicle.away_once:
+        return True  # whatever its index says: it has been out there, and has come back
     leg, beat = vehicle.leg, vehicle.heartbeat
     if leg is None or leg.phase in {Phase.LAND, Phase.RETURN}:
         return True

@@ -262,6 +262,8 @@ class VehicleState:
     """When the crew said that it may take off again; None if it did not, or it has."""
     rebooted_s: float | None = None
     """When its clock was found to have begun anew, since its last start."""
+    away_once: bool = False
+    """Whether it was seen away from its pad since its last start."""
     place_told: bool = False
     """Whether it was said where it is down."""
     left_s: float | None = None

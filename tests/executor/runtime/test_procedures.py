@@ -92,26 +92,26 @@ async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None
 async def test_an_acknowledgement_is_no_arming(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.deaf.add(orders.COMPONENT_ARM_DISARM)
-    assert await pad.start() == Done(accepted=False, reason="does not report that it is armed")
+    assert await pad.start() == Done(accepted=False, reason="does not report that it is armed", armed=True)
 
 
 async def test_ardupilot_that_denies_the_mission_has_not_started() -> None:
     pad = Pad(ARDUPILOT)
     pad.vehicle.results[orders.MISSION_START] = [4]
-    assert await pad.start() == Done(accepted=False, reason="start the mission: failed")
+    assert await pad.start() == Done(accepted=False, reason="start the mission: failed", armed=True)
 
 
 async def test_ardupilot_that_disarmed_before_the_order_came_has_not_started() -> None:
     """It stands on its pad in mission mode, and takes off no more: the start is tried again from its beginning."""
     pad = Pad(ARDUPILOT)
     pad.vehicle.tires = True
-    assert await pad.start() == Done(accepted=False, reason="is not armed in mission mode")
+    assert await pad.start() == Done(accepted=False, reason="is not armed in mission mode", armed=True)
 
 
 async def test_px4_that_stays_in_its_mode_has_not_started() -> None:
     pad = Pad(PX4)
     pad.vehicle.deaf.add(orders.DO_SET_MODE)
-    assert await pad.start() == Done(accepted=False, reason="does not report the new mode")
+    assert await pad.start() == Done(accepted=False, reason="does not report the new mode", armed=True)
 
 
 @DIALECTS
@@ -128,7 +128,7 @@ async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
 async def test_a_return_that_nobody_hears(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.link.cut = True
-    assert await pad.send_home() == Done(accepted=False, reason="change of mode: no acknowledgement")
+    assert await pad.send_home() == Done(accepted=False, reason="change of mode: no acknowledgement", lost=True)
 
 
 @DIALECTS
