@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
 
 from executor.console import TerminalConsole
@@ -39,3 +41,19 @@ def test_a_file_gets_no_bell(capsys: pytest.CaptureFixture[str], monkeypatch: py
 def test_quiet_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     TerminalConsole(quiet=True, yes=True).say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
     assert capsys.readouterr().err == ""
+
+
+class Typed(io.StringIO):
+    """What somebody types at a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("typed", "answer"), [("y\n", True), ("n\n", False), ("\n", False), ("", False)])
+def test_a_question_shows_how_it_is_answered(
+    typed: str, answer: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", Typed(typed))
+    assert TerminalConsole(quiet=False, yes=False).confirm("Take off?") is answer
+    assert "Take off? [y/N] " in "".join(capsys.readouterr())
