@@ -15,7 +15,7 @@ from contextlib import (
     nullcontext,
     suppress,
 )
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from executor import build, changes, serving
 from executor.adapters.clock import SystemClock
@@ -103,7 +103,11 @@ async def _fly(
     facts = await _interviews(order, links, clock, console)
     context, boards, found = examined(order, facts)
     console.checks(found)
-    _must_not_stop(found)
+    try:
+        _must_not_stop(found)
+    except PreflightFailed:
+        await changes.give_back(run, links, clock, console)  # of an earlier attempt in this directory
+        raise
     proposal = await changes.read_changes(context, links, clock)
     console.checks(proposal.checks)
     found += proposal.checks
@@ -111,7 +115,7 @@ async def _fly(
     log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
     seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
     try:
-        return await supervise(order, console, seat, Beginning(proposal, boards))
+        return await supervise(order, console, seat, Beginning(proposal, boards, found))
     except BaseException as error:
         if isinstance(error, PreflightFailed):
             (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
@@ -132,6 +136,8 @@ class Beginning:
 
     proposal: Proposal
     boards: Mapping[str, OnBoard | None]
+    found: list[Check]
+    """The checklist so far."""
 
 
 async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Beginning) -> None:
@@ -145,9 +151,9 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
         text = changes.question(proposal)
         if not await _asked(flight, console, Action.PREPARE, text, changes.lines(proposal)):
             raise PreflightFailed("the operator did not say yes; nothing was changed on board")
-    checks = [*seat.said.checks, *await changes.apply_changes(order.run, proposal, context, links, clock, console)]
+    beginning.found.extend(await changes.apply_changes(order.run, proposal, context, links, clock, console))
     await _load(context, links, clock, beginning.boards, console)
-    write_json(order.run / "vehicles.json", vehicles_of(context, replace(seat.said, checks=checks)))
+    write_json(order.run / "vehicles.json", vehicles_of(context, seat.said))
     if not await _asked(flight, console, Action.TAKE_OFF, "All missions are on board and read back. Take off?"):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
 

@@ -36,6 +36,10 @@ from missions import PlanFile, read_plan
 LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", "report.json"
 
 
+HEAD = b'{"format":"faultline-'
+"""What the first line of a log begins with."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ready:
     """A run directory of a flight that was never launched: nothing has moved, so it begins from its beginning."""
@@ -105,7 +109,9 @@ def _launched(run: Path) -> bool:
         read_head(path)
         return any(isinstance(event, LaunchOrdered) for _, event in read_events(path, lambda _: None))
     with path.open("rb") as file:
-        torn = not file.readline().endswith(b"\n")
+        line = file.readline()
+    # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
+    torn = not line.endswith(b"\n") and (line.startswith(HEAD) or HEAD.startswith(line))
     if not torn:
         read_head(path)  # says what is wrong with it
     return False

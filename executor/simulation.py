@@ -84,10 +84,10 @@ def run_simulation(
         began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
         signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing)
-    for vehicle in fleet.vehicles:
-        print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
     with ExitStack() as stack:
         writer = stack.enter_context(TruthWriter(truth)) if truth is not None else None
+        for vehicle in fleet.vehicles:
+            print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
 
         def happened(what: Truth) -> None:
             if what.sender is None:  # orders are for those who read the file

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, TypeGuard, get_type_hints
 
 from executor.core import events, intents, messages
 from executor.core.events import Event, Heard, Reopened, Tick
@@ -334,7 +334,7 @@ def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
                 content = json.loads(line)
             except (ValueError, RecursionError):
                 continue
-            if isinstance(content, dict) and "t_s" in content:
+            if isinstance(content, dict) and _is_time(content.get("t_s")):
                 decided = content.get("command", content.get("said"))
                 if decided is not None:
                     yield content["t_s"], decided
@@ -393,12 +393,16 @@ def _content(path: Path, number: int, line: bytes, damaged: Callable[[str], None
     return {}
 
 
+def _is_time(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
+
+
 def _timed(content: dict[str, Any]) -> tuple[float, Event] | None:
     """Return the event of a line with its time; None for a line that has none."""
     if "event" not in content:
         return None
     t_s, event = content.get("t_s"), from_plain(content["event"])
-    if not isinstance(t_s, int | float) or not abs(t_s) <= sys.float_info.max:
+    if not _is_time(t_s):
         raise LogError("no time t_s")
     if not isinstance(event, Event):
         raise LogError(f"expected an event, got {event!r:.60}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def test_options_of_a_new_plan_are_none_of_an_old_one(place: Place, command: str
     assert reason == f"{option[0]}: expected none beside --plan, which is flown as it is"
 
 
-CHANGED: dict[str, tuple[dict[str, dict[str, object]], str]] = {
+CHANGED: dict[str, tuple[dict[str, Mapping[str, object]], str]] = {
     "height": ({"inspection": {"height_m": 20}}, "inspection.height_m is 20, the plan was made with 15"),
     "layers": ({"inspection": {"layer_m": 8}}, "inspection.layer_m is 8, the plan was made with 5"),
     "speed": ({"inspection": {"speed_m_s": 4}}, "travel.inspection_speed_m_s is 4, the plan was made with 3"),
@@ -70,8 +70,8 @@ CHANGED: dict[str, tuple[dict[str, dict[str, object]], str]] = {
 
 
 @pytest.mark.parametrize(("tables", "expected"), CHANGED.values(), ids=CHANGED)
-def test_a_plan_whose_site_has_changed_is_refused(tables: dict[str, dict[str, object]], expected: str) -> None:
-    other = ground_for(site_of(NAMES, **tables), line_east(7))
+def test_a_plan_whose_site_has_changed_is_refused(tables: dict[str, Mapping[str, object]], expected: str) -> None:
+    other = ground_for(site_of(NAMES, "ardupilot", **tables), line_east(7))
     with pytest.raises(PlanFileError, match=r"^plan\.json: the site has changed: .*: plan again$") as refused:
         fits(PLAN, other, "plan.json")
     assert expected in str(refused.value)
