@@ -187,7 +187,8 @@ async def test_without_a_yes_nothing_moves(tmp_path: Path) -> None:
     assert "page: http://" in err  # where the plan could be looked at
     assert "Take off?" not in err  # nobody is there to be asked
     assert err.rstrip().endswith("the operator did not say yes; nothing was changed on board")
-    assert not read_truths(truth)
+    happened = [one.what for one in read_truths(truth)]
+    assert all(what.startswith(("order command 511 ", "order command 512 ")) for what in happened), "asked, not told"
     assert not (tmp_path / "run" / "events.jsonl").exists()
 
 
