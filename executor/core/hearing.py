@@ -70,6 +70,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
+    if state.heard_s is not None and now_s - state.heard_s >= context.limits.link_stale_s:
+        state = changed(state, regained_s=now_s)
     match message:
         case Heartbeat():
             other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
@@ -123,8 +125,14 @@ def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
 
 
 def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:
-    """Return whether a heartbeat comes after a silence, or as the first one that this process hears."""
-    return state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s
+    """Return whether a heartbeat is the first one after a silence, or the first one that this process hears.
+
+    One that got lost among other messages is no silence: nothing that a failsafe waits for has happened then.
+    """
+    if state.heartbeat_s is None:
+        return True
+    silent = state.heard_s is not None and now_s - state.heard_s >= context.limits.link_stale_s
+    return silent or (state.regained_s is not None and state.regained_s > state.heartbeat_s)
 
 
 def _about(

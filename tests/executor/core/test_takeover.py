@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
@@ -130,6 +132,17 @@ def test_a_fence_breach_that_is_only_a_notice_explains_a_return() -> None:
     flight.run(lambda: flight.vehicle("uav2").fault is not None)
     assert "RTL by its own failsafe; it says: Circle fence breached" in flight.said(Level.FAULT)[0]
     assert "uav2 says: Circle fence breached" in flight.said(Level.WARNING)
+
+
+def test_a_heartbeat_that_got_lost_is_no_silence_that_explains_a_mode() -> None:
+    flight = under_way()
+    seen_s = flight.vehicle("uav2").heartbeat_s
+    assert seen_s is not None
+    # Positions go on; the heartbeats of four seconds are lost.
+    flight.state = flight.state.put(replace(flight.vehicle("uav2"), heartbeat_s=seen_s - 4.0))
+    flight.crafts["uav2"].mode = 17
+    flight.run(lambda: flight.stage("uav2") is not Stage.FLYING)
+    assert flight.stage("uav2") is Stage.PILOT
 
 
 def test_a_text_that_comes_after_the_mode_explains_it_too() -> None:
