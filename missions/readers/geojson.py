@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.fields import is_figure, is_number, printable
+from missions.fields import is_figure, printable
 from missions.files import parse_json
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
@@ -125,7 +125,7 @@ def _features(text: str, source: str) -> Iterator[_Feature]:
 
 
 def _lat_lon_deg(coordinates: object, place: str) -> tuple[float, float]:
-    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(is_number, coordinates)):
+    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(is_figure, coordinates)):
         raise NetworkError(f"{place}: expected finite numbers [longitude, latitude], got {coordinates!r}")
     return float(coordinates[1]), float(coordinates[0])
 
