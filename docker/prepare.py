@@ -17,6 +17,7 @@ import tomli_w
 
 from executor import build
 from executor.config import check_site
+from executor.demo import SIMULATED_CEILING_M, USUAL_VEHICLES
 from executor.errors import ExecutorError
 from missions import MissionsError
 
@@ -32,8 +33,12 @@ def fleet(pattern: dict[str, object], vehicles: int, speedup: float) -> dict[str
     for number in range(vehicles):
         connection = f"{url.scheme}://{url.hostname}:{(url.port or 0) + number}"
         made.append(first | {"name": f"uav{number + 1}", "sysid": number + 1, "connection": connection})
-    flight = pattern.get("flight", {})
-    return pattern | {"flight": {**flight, "speedup": speedup}, "vehicle": made}  # type: ignore[dict-item]
+    flight, inspection = pattern.get("flight", {}), pattern.get("inspection", {})
+    changed = {"flight": {**flight, "speedup": speedup}, "vehicle": made}  # type: ignore[dict-item]
+    if vehicles > USUAL_VEHICLES:
+        # So many layers reach above 120 m; what flies in containers is simulated and needs no permit.
+        changed["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, **inspection}  # type: ignore[dict-item]
+    return pattern | changed
 
 
 def main() -> int:

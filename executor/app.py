@@ -6,7 +6,7 @@ import asyncio
 import gc
 import shutil
 import signal
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import (
     AbstractAsyncContextManager,
     AsyncExitStack,
@@ -17,7 +17,7 @@ from contextlib import (
 )
 from dataclasses import dataclass
 
-from executor import build, serving
+from executor import build, changes, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
 from executor.adapters.mavlink import endpoints
@@ -32,15 +32,18 @@ from executor.config import Site, VehicleTable, signing_key
 from executor.core import fleet, preflight
 from executor.core.commands import Level, Say
 from executor.core.context import Context
-from executor.core.events import IntentReceived, Reopened, ReturnAllOrdered
+from executor.core.events import Asked, IntentReceived, Reopened, ReturnAllOrdered
 from executor.core.failsafes import link_failsafe
+from executor.core.intents import Action
+from executor.core.parameters import Proposal
 from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.core.preflight import Check, Facts, Severity
-from executor.core.state import FleetState
+from executor.core.state import CheckLine, FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
 from executor.keeper import Keeper, Planned, in_force
+from executor.kept import reported
 from executor.order import Console, Order
 from executor.publishing import Publication
 from executor.report import Said, report_of, vehicles_of
@@ -59,9 +62,7 @@ LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
 
 
-LEFT = (
-    "supervision ends; the vehicles stay on their missions, unless a ground-station failsafe that is set on them acts"
-)
+LEFT = "supervision ends; the vehicles go on with what they do, unless a GCS failsafe that is set on them acts"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,20 +103,71 @@ async def _fly(
     facts = await _interviews(order, links, clock, console)
     context, boards, found = examined(order, facts)
     console.checks(found)
+    try:
+        _must_not_stop(found)
+    except PreflightFailed:
+        await changes.give_back(run, links, clock, console)  # of an earlier attempt in this directory
+        raise
+    proposal = await changes.read_changes(context, links, clock)
+    console.checks(proposal.checks)
+    found += proposal.checks
+    state = fleet.initial(boards, tuple(CheckLine(one.severity.value, one.subject, one.text) for one in found))
+    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
+    seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
+    try:
+        return await supervise(order, console, seat, Beginning(proposal, boards, found))
+    except BaseException as error:
+        if isinstance(error, PreflightFailed):
+            (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
+        # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
+        await changes.give_back(run, links, clock, console)
+        raise
+
+
+def _must_not_stop(found: Sequence[Check]) -> None:
     stops = [check for check in found if check.severity is Severity.STOP]
     if stops:
         raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
-    found += await _load(context, links, clock, boards, console)
-    said = Said(facts, found)
-    write_json(run / "vehicles.json", vehicles_of(context, said))
-    path = run / "events.jsonl"
-    log = EventLog(path, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
-    seat = Cockpit(context, fleet.initial(boards), links, clock, log, solver, said)
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What has to be done before a flight that begins."""
+
+    proposal: Proposal
+    boards: Mapping[str, OnBoard | None]
+    found: list[Check]
+    """The checklist so far."""
+
+
+async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Beginning) -> None:
+    """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
+
+    Raises:
+        PreflightFailed: the operator did not say yes, or something cannot be put on board.
+    """
+    context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
+    if proposal.changes:
+        text = changes.question(proposal)
+        if not await _asked(flight, console, Action.PREPARE, text, changes.lines(proposal)):
+            raise PreflightFailed("the operator did not say yes; nothing was changed on board")
+    beginning.found.extend(await changes.apply_changes(order.run, proposal, context, links, clock, console))
+    await _load(context, links, clock, beginning.boards, console)
+    write_json(order.run / "vehicles.json", vehicles_of(context, seat.said))
+    if not await _asked(flight, console, Action.TAKE_OFF, "All missions are on board and read back. Take off?"):
+        raise PreflightFailed("the operator did not say yes; nothing has moved")
+
+
+async def _asked(flight: Flight, console: Console, action: Action, text: str, lines: Sequence[str] = ()) -> bool:
+    """Ask the crew, in the terminal and on the page; the first answer counts."""
+    flight.apply(Asked(action.value, text, tuple(lines)))
+    answers = {asyncio.ensure_future(console.ask(text)), asyncio.ensure_future(flight.answered(action))}
     try:
-        return await supervise(order, console, seat)
-    except PreflightFailed:
-        path.unlink()  # there is nothing to be taken up again
-        raise
+        done, _ = await asyncio.wait(answers, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for answer in answers:
+            answer.cancel()
+    return any(answer.result() for answer in done)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +186,8 @@ class Cockpit:
     """Plans that were found before the ground station went away, and are in no file."""
 
 
-async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reopened | None = None) -> Flown:
-    """Ask, fly to the end and report; `reopened` for a flight that is taken up again, where nobody is asked.
+async def supervise(order: Order, console: Console, seat: Cockpit, begins: Beginning | Reopened) -> Flown:
+    """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
     Raises:
         PreflightFailed: the operator did not say yes.
@@ -148,23 +200,31 @@ async def supervise(order: Order, console: Console, seat: Cockpit, reopened: Reo
         publication.plan(seat.state.revision, in_force(order, seat.state.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     try:
-        async with serving.page(order.site.web, flight, clock, console):
-            with _settled_memory(), _Interrupts(flight, console) as left:
-                if reopened is None and not console.confirm("All missions are on board and read back. Take off?"):
-                    raise PreflightFailed("the operator did not say yes; nothing has moved")
-                async with _published(publication, flight, keeper, clock), _beside(keep_judging(flight, seat.solver)):
-                    await flight.run(reopened, order.site.flight.connect_timeout_s)
-                    await keeper.settle()
+        listening = flight.listening() if isinstance(begins, Beginning) else nullcontext()
+        with listening, _Interrupts(flight, console) as interrupts:
+            async with (
+                serving.page(order.site.web, flight, clock, console),
+                _published(publication, flight, keeper, clock),
+            ):
+                reopened = begins if isinstance(begins, Reopened) else None
+                if isinstance(begins, Beginning):
+                    await interrupts.unless_pressed(_begun(order, console, seat, flight, begins))
+                with _settled_memory():
+                    async with _beside(keep_judging(flight, seat.solver)):
+                        await flight.run(reopened, order.site.flight.connect_timeout_s)
+                        await keeper.settle()
     finally:
         console.done()
         seat.log.close()
+    ended_s = clock.now_s()
+    given_back = await changes.give_back(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
-    report = report_of(context, flight.state, clock.now_s(), order.truths(clock), frames, seat.said)
+    report = report_of(context, flight.state, ended_s, order.truths(clock), frames, seat.said, reported(given_back))
     try:
         write_json(order.run / "report.json", report)
     except OSError as error:
         console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
-    return Flown(report, context, bool(left))
+    return Flown(report, context, interrupts.left)
 
 
 def _published(
@@ -282,7 +342,9 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
     return (
         context,
         boards,
-        checklist(order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free),
+        checklist(
+            order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free, ground.worth_a_look
+        ),
     )
 
 
@@ -310,44 +372,44 @@ async def _load(
     clock: SystemClock,
     boards: Mapping[str, OnBoard | None],
     console: Console,
-) -> list[Check]:
-    found: list[Check] = []
+) -> None:
     turn = asyncio.Semaphore(LOADED_AT_ONCE)
 
-    async def one(name: str, board: OnBoard | None) -> None:
+    async def one(name: str, board: OnBoard) -> None:
         async with turn:
             await load(name, board)
 
-    async def load(name: str, board: OnBoard | None) -> None:
-        dialect, link = context.vehicles[name].dialect, links[name]
-        height = await asking.prepare_return(link, clock, dialect, context.return_height_m(name))
-        found.append(preflight.return_height(context, name, height))
-        console.checks(found[-1:])
-        if board is not None:
-            mission = encode(board.path, dialect)
-            await asking.load(name, link, clock, dialect, mission)
-            console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
+    async def load(name: str, board: OnBoard) -> None:
+        dialect = context.vehicles[name].dialect
+        mission = encode(board.path, dialect)
+        await asking.load(name, links[name], clock, dialect, mission)
+        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
 
     async with asyncio.TaskGroup() as tasks:
         for name, board in boards.items():
-            tasks.create_task(one(name, board))
-    return found
+            if board is not None:
+                tasks.create_task(one(name, board))
 
 
 class _Interrupts:
-    """Ctrl-C once leaves the vehicles on their missions, twice sends them home."""
+    """Ctrl-C: before the take-off it ends everything.
+
+    Then once leaves the vehicles on their missions, twice sends them home, three times ends the supervision at once.
+    """
 
     def __init__(self, flight: Flight, console: Console) -> None:
         self._flight = flight
         self._console = console
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
-        self.left: list[bool] = []
+        self._recalled = False
+        self._declined = asyncio.Event()
+        self.left = False
 
-    def __enter__(self) -> list[bool]:
+    def __enter__(self) -> _Interrupts:
         with suppress(NotImplementedError):
             self._loop.add_signal_handler(signal.SIGINT, self._pressed)
-        return self.left
+        return self
 
     def __exit__(self, *_: object) -> None:
         if self._timer is not None:
@@ -355,16 +417,41 @@ class _Interrupts:
         with suppress(NotImplementedError):
             self._loop.remove_signal_handler(signal.SIGINT)
 
+    async def unless_pressed(self, work: Coroutine[None, None, None]) -> None:
+        """Do what comes before the take-off.
+
+        Raises:
+            PreflightFailed: Ctrl-C was pressed before it was done.
+        """
+        task, pressed = asyncio.ensure_future(work), asyncio.ensure_future(self._declined.wait())
+        try:
+            await asyncio.wait({task, pressed}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            pressed.cancel()
+            ended = task.done()
+            if not ended:
+                task.cancel()
+                await asyncio.gather(task, return_exceptions=True)
+        if not ended:
+            raise PreflightFailed("Ctrl-C: nothing has moved")
+        await task
+
     def _pressed(self) -> None:
-        if self._timer is None:
+        if self._flight.state.launched_s is None:
+            self._declined.set()
+        elif self._recalled:
+            self._leave()
+        elif self._timer is None:
             text = f"Ctrl-C: the vehicles stay on their missions; once more within {LEAVE_AFTER_S:g} s sends them home"
             self._console.say(Level.WARNING, text)
             self._timer = self._loop.call_later(LEAVE_AFTER_S, self._leave)
-            return
-        self._timer.cancel()
-        self._flight.apply(ReturnAllOrdered())
+        else:
+            self._timer.cancel()
+            self._recalled = True
+            self._flight.apply(ReturnAllOrdered())
+            self._console.say(Level.WARNING, "once more ends the supervision; the vehicles come home by themselves")
 
     def _leave(self) -> None:
-        self.left.append(True)
+        self.left = True
         self._console.say(Level.WARNING, LEFT)
         self._flight.leave()

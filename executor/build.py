@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.config import Site
-from executor.core.context import Context, VehicleSetup, draws_pct_s
+from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.estimator import Prior
 from executor.core.failsafes import LinkFailsafe
 from executor.core.limits import Limits
@@ -26,8 +26,10 @@ from missions import (
     estimate,
     flight_path,
     flight_setup,
+    implausible,
     open_task,
     read_network,
+    settled,
 )
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, travel_for
 
@@ -51,6 +53,8 @@ class Ground:
     inspection: Inspection
     drone: Drone
     travel: Travel
+    worth_a_look: tuple[str, ...] = ()
+    """What was found about the network's heights, in words."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -62,22 +66,32 @@ def ground_of(site: Site, base: Path) -> Ground:
     """Read the network and prepare the models; paths are relative to `base`, the site file's folder.
 
     Raises:
-        MissionsError: the network cannot be used.
+        MissionsError: the network cannot be used, or its heights cannot be flown by.
     """
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
     table = site.inspection
-    inspection = Inspection(
+    network = settled(network, flat=table.heights == "flat")
+    worth_a_look = tuple(implausible(network, tallest_m=site.network.tallest_m))
+    drone = drone_of(site)
+    travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
+    return Ground(site, network, inspection_of(site, network), drone, travel, worth_a_look)
+
+
+def inspection_of(site: Site, network: Network) -> Inspection:
+    """Return how a network is to be flown."""
+    table = site.inspection
+    return Inspection(
         height_m=table.height_m,
         standoff_m=table.standoff_m,
         speed_m_s=table.speed_m_s,
         transit_speed_m_s=table.transit_speed_m_s,
         layer_m=table.layer_m,
+        flat=network.flat,
+        ceiling_m=table.ceiling_m,
+        return_ceiling_m=table.return_ceiling_m,
     )
-    drone = drone_of(site)
-    travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    return Ground(site, network, inspection, drone, travel)
 
 
 def drone_of(site: Site) -> Drone:
@@ -237,6 +251,9 @@ def context_of(
         overhead=overhead.factor,
         fixed_pct=overhead.fixed_pct,
         landing_pct=overhead.landing_pct,
-        fly_again=site.flight.fly_again,
+        fly_again=FlyAgain(site.flight.fly_again),
+        pilot_grace_s=site.flight.pilot_grace_s,
+        pilot_returns=site.flight.pilot_return == "auto",
+        offer_s=site.flight.offer_s,
         horizon_s=2.0 + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S),
     )

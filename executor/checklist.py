@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from executor.config import Site
-from executor.core import preflight
+from executor.core import heights, preflight
 from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe
 from executor.core.preflight import Check, Facts, Severity
@@ -22,6 +22,7 @@ def checklist(
     own: Mapping[str, LinkFailsafe],
     boards: Mapping[str, OnBoard | None],
     free_bytes: int,
+    worth_a_look: Sequence[str] = (),
 ) -> list[Check]:
     """Return what was found.
 
@@ -33,11 +34,12 @@ def checklist(
         own: What each vehicle does by itself when it does not hear us.
         boards: The first mission of each vehicle.
         free_bytes: On the disk that takes the record.
+        worth_a_look: What was found about the network's heights when it was read.
     """
-    found: list[Check] = [Check(Severity.OK, "heights", f"over {context.setup.layers.reference.value}")]
+    paths = {name: board.path for name, board in boards.items() if board is not None}
+    found = heights.checks(context.setup, list(paths.values()), worth_a_look)
     if site.signing is not None:
         found.append(Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused"))
-    paths = {name: board.path for name, board in boards.items() if board is not None}
     found.append(preflight.disk(free_bytes, paths, context))
     found += preflight.separation(list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m)
     for name, fact in facts.items():
@@ -45,6 +47,7 @@ def checklist(
         path = board.path if board is not None else None
         place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
         found += preflight.identity(fact, setup.dialect, place_m)
+        found += preflight.pad_height(context, fact)
         found.append(
             preflight.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s)
         )

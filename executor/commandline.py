@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from executor.bench.cli import cli as bench
-from executor.commands import beginning, flights, plans, replay, risk
+from executor.commands import beginning, flights, plans, replay, restore, risk
 
 cli = typer.Typer(
     name="faultline",
@@ -28,6 +28,7 @@ for command in (
     flights.fly,
     flights.preflight,
     flights.resume,
+    restore.restore,
 ):
     cli.command()(command)
 cli.command("replay")(replay.replay_logs)

@@ -43,7 +43,8 @@ class DepotTable(_Table):
 
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    alt_m: Annotated[float, Field(ge=-500, le=9000)] = 0.0
+    alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
+    """Above mean sea level; must be known where the network knows its ground, from here or from the network's file."""
 
 
 class NetworkTable(_Table):
@@ -54,6 +55,8 @@ class NetworkTable(_Table):
     """Takes the segments whose two pylons are both nearer to the depot than this."""
     crs: str | None = None
     """The grid of a graph file's metres, such as EPSG:32633; without it they are true east and north."""
+    tallest_m: Positive | None = None
+    """Of all structures: says of a line of giants that its heights are metres over ground."""
 
 
 class InspectionTable(_Table):
@@ -61,6 +64,12 @@ class InspectionTable(_Table):
 
     height_m: Metres = 15.0
     """Over the pylon tops where the network knows them, else over the depot's ground."""
+    heights: Literal["known", "flat"] = "known"
+    """flat claims that the ground is everywhere as high as the depot's, where the network does not know it."""
+    ceiling_m: Metres = 120.0
+    """No mission goes higher than this over the ground; more needs a permit."""
+    return_ceiling_m: Metres | None = None
+    """The same for the vehicles' own returns, which are level and higher over hills; by default `ceiling_m`."""
     standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 5.0
     """Beside the line, always on the same side."""
     speed_m_s: Speed = 3.0
@@ -136,8 +145,15 @@ class FlightTable(_Table):
     """Real seconds until a vehicle that says nothing is given up before the flight."""
     ready_timeout_s: Positive = 120.0
     """Seconds of the vehicle's time until it must be ready to arm."""
-    fly_again: bool = True
-    """Whether a survivor that has landed may take off again for a re-plan."""
+    fly_again: Literal["ask", "never", "auto"] = "ask"
+    """Whether a vehicle on the ground takes off for a re-plan: when the crew says that its pad is clear, never once it
+    has landed, or by itself, for simulation."""
+    offer_s: Positive = 300.0
+    """How long the crew may take to say so once nobody flies any more."""
+    pilot_grace_s: Annotated[float, Field(ge=0, le=3600)] = 30.0
+    """How long the segments of a vehicle that its pilot has taken are kept for it."""
+    pilot_return: Literal["ask", "auto"] = "ask"
+    """Whether a vehicle that its pilot has put back on its mission waits for the operator to be in the plan again."""
 
 
 class FaultsTable(_Table):

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 from rich.console import Console as Terminal
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from executor.core import energy
+from executor.core import words
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight import Check, Severity
 from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
+from executor.core.view import FleetView, VehicleView, fleet_view
 
 DRAWS_PER_S = 4.0
+LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
+COLUMNS = ("vehicle", "state", "where", "route", "inspected", "battery", "GPS", "link", "home in")
+FOUND_BY_PLACE = frozenset({"lost", "down", "pilot"})
+"""States in which somebody may have to walk there."""
 _STYLES = {Level.INFO: "", Level.WARNING: "yellow", Level.FAULT: "bold red"}
 _MARKS = {Level.INFO: " ", Level.WARNING: "!", Level.FAULT: "X"}
+_PHASES = {"takeoff": "takes off", "transit": "to", "inspect": "inspects", "return": "home", "land": "lands"}
 _CHECK_MARKS = {
     Severity.OK: ("ok  ", "green"),
     Severity.WARNING: ("warn", "yellow"),
@@ -42,15 +50,25 @@ class TerminalConsole:
         self._yes = yes
         self._live: Live | None = None
         self._view: tuple[Context, FleetState, float] | None = None
+        self._asked: Text | None = None
+        self._offer = ""
+        self._rings = False
+        """Whether an offer has appeared that nobody was called for yet."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
-        """Show one line; the mark in front says what the colour says."""
+        """Show one line; the mark in front says what the colour says.
+
+        Args:
+            level: How much it matters; a fault rings the bell.
+            text: The line.
+            at_s: Seconds since the order to take off; None before it.
+        """
         if self._quiet:
             return
         if level is Level.FAULT and self._terminal.is_terminal:
             self._terminal.bell()
-        when = "       " if at_s is None else f"{at_s:6.1f} "
-        self._terminal.print(Text(f"{when}{_MARKS[level]} {text}", style=_STYLES[level]))
+        line = Text(f"{words.since_take_off(at_s):>9} {_MARKS[level]} {words.shown(text)}", style=_STYLES[level])
+        self._print(line)
 
     def progress(self, text: str) -> None:
         """Show how far something long has come; an empty text clears the line."""
@@ -64,26 +82,71 @@ class TerminalConsole:
             return
         for check in found:
             mark, style = _CHECK_MARKS[check.severity]
-            self._terminal.print(Text.assemble("  ", (mark, style), f"  {check.subject}: {check.text}"))
+            about = f"  {words.shown(check.subject)}: {words.shown(check.text)}"
+            self._print(Text.assemble("  ", (mark, style), about))
 
     def confirm(self, question: str) -> bool:
-        """Ask before the take-off; without somebody to answer the answer is no."""
+        """Ask while nothing else goes on; without somebody to answer the answer is no, and so it is at Ctrl-C."""
         if self._yes:
             return True
         if not sys.stdin.isatty():
             return False
         try:
-            return self._terminal.input(f"{question} [y/N] ", markup=False).strip().lower() in {"y", "yes"}
-        except EOFError:
+            with self._asking(question):
+                return _is_yes(sys.stdin.readline())
+        except KeyboardInterrupt:
+            self._terminal.print()
             return False
 
+    async def ask(self, question: str) -> bool:
+        """Ask while the vehicles are listened to; without somebody to answer the answer is no.
+
+        Whoever waits for it may stop to wait: it was answered elsewhere then.
+        """
+        if self._yes:
+            return True
+        if not sys.stdin.isatty():
+            return False
+        loop = asyncio.get_running_loop()
+        line: asyncio.Future[str] = loop.create_future()
+
+        def typed() -> None:
+            if not line.done():
+                line.set_result(sys.stdin.readline())
+
+        with self._asking(question):
+            loop.add_reader(sys.stdin.fileno(), typed)
+            try:
+                return _is_yes(await line)
+            except asyncio.CancelledError:
+                self._terminal.print()
+                raise
+            finally:
+                loop.remove_reader(sys.stdin.fileno())
+
+    @contextmanager
+    def _asking(self, question: str) -> Iterator[None]:
+        """Show a question for as long as it waits for its answer."""
+        _forget_typed()
+        self._asked = Text(f"{words.shown(question)} [y/N] ")
+        self._terminal.print(self._asked, end="")
+        try:
+            yield
+        finally:
+            self._asked = None
+
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
-        """Keep the newest view; the terminal draws it a few times a second."""
+        """Keep the newest view; the terminal draws it a few times a second, from the take-off on."""
         self._view = (context, state, now_s)
-        if self._quiet or not self._terminal.is_terminal or self._live is not None:
+        if self._quiet or not self._terminal.is_terminal or state.launched_s is None:
+            return
+        if self._rings:
+            self._rings = False
+            self._terminal.bell()
+        if self._live is not None:
             return
         self._live = Live(
-            get_renderable=self._table, console=self._terminal, refresh_per_second=DRAWS_PER_S, transient=True
+            get_renderable=self._drawn, console=self._terminal, refresh_per_second=DRAWS_PER_S, transient=True
         )
         self._live.start()
 
@@ -93,39 +156,104 @@ class TerminalConsole:
             self._live.stop()
             self._live = None
 
-    def _table(self) -> Table:
-        table = Table(title_justify="left")
-        for column in ("vehicle", "state", "segment", "done", "battery", "to finish", "link"):
-            table.add_column(column, justify="left" if column in {"vehicle", "state"} else "right")
+    def _print(self, line: Text) -> None:
+        """Show a line; a question that waits for its answer stays the last one."""
+        if self._asked is None:
+            self._terminal.print(line)
+            return
+        if not self._terminal.is_terminal:
+            self._terminal.print()
+            self._terminal.print(line)
+            return
+        self._terminal.print("", end="\r\x1b[2K")
+        self._terminal.print(line)
+        self._terminal.print(self._asked, end="")
+
+    def _drawn(self) -> Group:
+        """Draw the newest view; called by the terminal's own thread."""
         if self._view is None:
-            return table
-        context, state, now_s = self._view
-        table.title = f"{len(state.inspected)} of {context.segments} segments inspected, {now_s:.0f} s"
-        for vehicle in state.vehicles.values():
-            table.add_row(*_row(state, vehicle, now_s), style=_style(vehicle))
-        return table
+            return Group(Table(*COLUMNS))
+        view = fleet_view(*self._view)
+        offer = "" if view.offer is None else view.offer.text
+        if offer != self._offer:
+            self._offer, self._rings = offer, bool(offer)
+        return drawn(view)
 
 
-def _style(vehicle: VehicleState) -> str:
+def drawn(view: FleetView) -> Group:
+    """Return the fleet as a table, and below it who is to be found where and what the crew is asked."""
+    table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for column in COLUMNS:
+        table.add_column(column, justify="left" if column in LEFT_ALIGNED else "right")
+    clock = words.since_take_off(view.flight_s)
+    table.title = f"{clock}  {len(view.inspected)} of {view.segments_total} segments inspected"
+    for vehicle in view.vehicles:
+        table.add_row(*(Text(cell) for cell in _row(vehicle)), style=_style(vehicle))
+    return Group(table, *(Text(line, style="bold") for line in _notes(view)))
+
+
+def _style(vehicle: VehicleView) -> str:
     if vehicle.fault is not None:
         return "bold red"
-    return "yellow" if vehicle.stale else ""
+    return "yellow" if vehicle.stale or vehicle.taken is not None else ""
 
 
-def _row(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[str, ...]:
-    leg = vehicle.leg
-    segment = "-"
-    if leg is not None and leg.visit is not None and vehicle.board is not None and vehicle.airborne:
-        segment = f"{vehicle.board.tracks[leg.visit].segment} ({leg.phase.value})"
-    done = sum(name == vehicle.name for name in state.inspected.values())
-    total = len(vehicle.board.visits) if vehicle.board is not None else 0
-    remaining = vehicle.battery.remaining_pct
+def _row(vehicle: VehicleView) -> tuple[str, ...]:
+    progress, left_pct = vehicle.progress, vehicle.battery.measured_pct
+    shows = vehicle.fault_kind is not None and vehicle.state != "down"
+    where = _PHASES.get(progress.phase or "", "-")
+    if progress.segment_name is not None:
+        where = f"{where} {words.shown(progress.segment_name)}"
     return (
         vehicle.name,
-        vehicle.stage.value + ("" if vehicle.fault is None else f", {vehicle.fault.kind.value} fault"),
-        segment,
-        f"{done}/{total}",
-        "?" if remaining is None else f"{remaining:.0f} %",
-        f"{energy.to_finish_pct(vehicle):.0f} %",
-        "?" if vehicle.heard_s is None else f"{max(0.0, now_s - vehicle.heard_s):.1f} s",
+        words.state(vehicle.state) + (f", {vehicle.fault_kind}" if shows else ""),
+        where,
+        f"{progress.done} of {progress.total}",
+        str(progress.inspected),
+        "?" if left_pct is None else f"{left_pct:.0f} %",
+        words.gps(vehicle.gps_fix, vehicle.satellites),
+        "?" if vehicle.link_age_s is None else f"{vehicle.link_age_s:.1f} s",
+        "-" if vehicle.lands_in_s is None else words.minutes(vehicle.lands_in_s),
     )
+
+
+def _notes(view: FleetView) -> Iterator[str]:
+    for vehicle in view.vehicles:
+        if vehicle.state in FOUND_BY_PLACE:
+            yield f"{vehicle.name} {words.state(vehicle.state)}: {_last_place(vehicle)}"
+        if vehicle.taken is not None:
+            yield f"{vehicle.name}: {taken(vehicle)}"
+    if view.offer is not None:
+        yield f"? {words.shown(view.offer.text)}"
+
+
+def _last_place(vehicle: VehicleView) -> str:
+    at = vehicle.position
+    if at is None:
+        return "nobody knows where"
+    return f"last at {words.place(at.lat_deg, at.lon_deg)}, {at.relative_alt_m:.0f} m, {words.minutes(at.age_s)} ago"
+
+
+def taken(vehicle: VehicleView) -> str:
+    """Return what holds of a vehicle that is in other hands."""
+    hands = vehicle.taken
+    if hands is None:
+        return ""
+    if hands.returned:
+        return "its pilot has put it back on its mission; include it to go on"
+    if hands.kept_s > 0.0:
+        return f"hands off; its segments are kept for it for {words.minutes(hands.kept_s)}"
+    return "hands off; nothing is kept for it"
+
+
+def _forget_typed() -> None:
+    """Drop what was typed before the question was there: nobody has said yes to it."""
+    with suppress(ImportError, OSError, ValueError):
+        import termios
+
+        with suppress(termios.error):
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+
+
+def _is_yes(line: str) -> bool:
+    return line.strip().lower() in {"y", "yes"}

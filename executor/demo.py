@@ -18,6 +18,9 @@ from executor.simulator.truth import read_truths
 from missions import default_network_path, read_network
 
 TRUTHS = "truth.jsonl"
+USUAL_VEHICLES = 4
+"""With these the whole of the default network is flown below the ceiling of a site."""
+SIMULATED_CEILING_M = 1000.0
 TERMINATED = 128 + signal.SIGTERM
 KINDS = {
     "silent": "link",
@@ -32,13 +35,13 @@ KINDS = {
 
 
 def demo_site(
-    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str
+    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False
 ) -> dict[str, object]:
-    """Return the content of a site file for a simulated fleet on free ports."""
+    """Return the content of a site file for a simulated fleet on free ports; `flat` claims so of its ground."""
     table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
     site: dict[str, object] = {
         "network": table,
-        "flight": {"speedup": speedup},
+        "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
         "vehicle": [
             {
                 "name": f"uav{number}",
@@ -49,6 +52,12 @@ def demo_site(
             for number, port in enumerate(free_ports(vehicles), start=1)
         ],
     }
+    inspection: dict[str, object] = {"heights": "flat"} if flat else {}
+    if network is not None or vehicles > USUAL_VEHICLES:
+        # Over hills, and with so many layers, the highest return is above 120 m; a simulation needs no permit for that.
+        inspection["ceiling_m"] = SIMULATED_CEILING_M
+    if inspection:
+        site["inspection"] = inspection
     if network is not None and not _is_json(network):
         # A graph file says nothing of where it lies: the demo puts it where the default network is.
         frame = read_network(default_network_path()).frame

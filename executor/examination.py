@@ -6,6 +6,7 @@ import asyncio
 
 from executor import app
 from executor.adapters.clock import SystemClock
+from executor.changes import read_changes
 from executor.config import VehicleTable
 from executor.core import preflight
 from executor.core.ports import OpenLink
@@ -34,10 +35,11 @@ async def examine(order: Order, console: Console) -> list[Check]:
 
     async with app.open_links(order, clock, recorded=False) as links:
         answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))
-    facts = {answer.name: answer for answer in answers if isinstance(answer, Facts)}
-    found = [answer for answer in answers if isinstance(answer, Check)]
-    if not found:
-        return app.examined(order, facts)[2]
+        facts = {answer.name: answer for answer in answers if isinstance(answer, Facts)}
+        found = [answer for answer in answers if isinstance(answer, Check)]
+        if not found:
+            context, _, checks = app.examined(order, facts)
+            return [*checks, *(await read_changes(context, links, clock)).checks]
     found += plan_checks(order.plan, len(order.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.
     frame = order.ground.network.frame

@@ -50,6 +50,7 @@ class Keeper:
         self._clock = clock
         self._solve: Solve | None = None
         self._set_s = clock.set_s()
+        self._launched_s: float | None = None
         self._unkept = list(unkept)
         """Plans that were found, and are in no file yet."""
         self._keeping: set[asyncio.Task[None]] = set()
@@ -66,19 +67,23 @@ class Keeper:
     def said(self, line: Say, now_s: float) -> None:
         """Show, keep and publish a line."""
         self._log.note(now_s, said=line.text, level=line.level.value)
-        self._console.say(line.level, line.text, now_s)
-        if self._publication is not None:
-            self._publication.said(line, now_s)
+        self._show(line, now_s)
 
     def told(self, line: Say, now_s: float) -> None:
         """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
         self._log.note(now_s, told=line.text, level=line.level.value)
-        self._console.say(line.level, line.text, now_s)
+        self._show(line, now_s)
+
+    def _show(self, line: Say, now_s: float) -> None:
+        """Show and publish a line by the clock that people go by, which begins with the order to take off."""
+        flight_s = None if self._launched_s is None else now_s - self._launched_s
+        self._console.say(line.level, line.text, flight_s)
         if self._publication is not None:
-            self._publication.said(line, now_s)
+            self._publication.said(line, now_s, flight_s)
 
     def applied(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
+        self._launched_s = state.launched_s
         if isinstance(event, Tick):
             self._look_at_the_clock(now_s)
         if state.replan is not None:

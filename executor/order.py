@@ -25,7 +25,7 @@ class Console(Protocol):
     """Where the operator looks."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
-        """Show one line."""
+        """Show one line; `at_s` counts from the order to take off."""
         ...
 
     def checks(self, found: Sequence[Check]) -> None:
@@ -33,7 +33,11 @@ class Console(Protocol):
         ...
 
     def confirm(self, question: str) -> bool:
-        """Ask before the take-off."""
+        """Ask while nobody has to be listened to."""
+        ...
+
+    async def ask(self, question: str) -> bool:
+        """Ask beside everything else that goes on."""
         ...
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:

@@ -261,13 +261,14 @@ def same_segments(plan: PlanFile, ground: Ground, source: str) -> None:
     """
     ends_m = ground.network.ends_m
     for segment in plan.segments:
-        place = f"{source}: segment {segment.id}"
+        place = f"{source}: {segment.called}"
         if not 0 <= segment.id < len(ends_m):
             raise PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
         off_m = np.abs(ends_m[segment.id] - np.array([segment.a_enu_m[:2], segment.b_enu_m[:2]])).max()
         if off_m > SAME_PLACE_M:
             raise PlanFileError(
-                f"{place}: expected where the site's segment {segment.id} is, got {off_m:.1f} m beside it"
+                f"{place}: expected where the site's {ground.network.segment_name(segment.id)} is, got {off_m:.1f} m "
+                "beside it"
             )
 
 
@@ -301,6 +302,6 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     return WhatIf(left, content, result.feasible)
 
 
-def segment_ids(plan: PlanFile, content: Plan) -> list[int]:
-    """Return the ids of the segments that a plan over the file's segments leaves out."""
-    return [plan.segments[number].id for number in content.uncovered]
+def left_out(plan: PlanFile) -> list[str]:
+    """Return the names of the segments that a plan leaves out."""
+    return [plan.segments[number].called for number in plan.plan.uncovered]

@@ -45,7 +45,7 @@ def left_over(plan: PlanFile) -> tuple[LeftOver, ...]:
         needed, budget = float(alone_pct[nearest[number], number]), float(budgets[nearest[number]])
         why = OUT_OF_REACH if needed > budget else USED_UP
         segment = plan.segments[number]
-        found.append(LeftOver(segment.id, segment.name or f"segment {segment.id}", needed, budget, why))
+        found.append(LeftOver(segment.id, segment.called, needed, budget, why))
     return tuple(found)
 
 

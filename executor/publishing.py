@@ -58,9 +58,9 @@ class Publication:
         """Publish what an event led to."""
         self._safely(lambda: self._publisher.applied(event, state))
 
-    def said(self, line: Say, at_s: float) -> None:
+    def said(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
         """Publish a line for the operator."""
-        self._safely(lambda: self._publisher.said(line, at_s))
+        self._safely(lambda: self._publisher.said(line, at_s, flight_s))
 
     def plan(self, revision: int, plan: PlanFile) -> None:
         """Publish the plan in force."""

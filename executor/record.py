@@ -65,6 +65,7 @@ class _Report(_Row):
     faults: tuple[_FaultRow, ...]
     replans: tuple[_ReplanRow, ...]
     vehicles: tuple[_VehicleRow, ...]
+    segment_names: dict[str, str] = {}
 
 
 class _SaidLine(_Row):
@@ -217,7 +218,8 @@ def _segments(first: PlanFile, site: Site, report: _Report, log: _Log) -> tuple[
                 corridor_m=site.inspection.corridor_m,
                 speed_m_s=site.inspection.speed_m_s,
             )
-        segments.append(SegmentRecord(segment.id, segment.a_enu_m[:2], segment.b_enu_m[:2], by, at_s))
+        name = report.segment_names.get(str(segment.id), "")
+        segments.append(SegmentRecord(segment.id, segment.a_enu_m[:2], segment.b_enu_m[:2], by, at_s, name))
     return tuple(segments)
 
 

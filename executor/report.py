@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from executor.core import firmware
+from executor.core import firmware, heights
 from executor.core.context import Context
 from executor.core.ports import LinkCounts
 from executor.core.preflight import Check, Facts
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, Stage, VehicleState
+from executor.core.view import state_word
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +103,7 @@ def report_of(
     truths: Sequence[Happening] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
+    parameters: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, object]:
     """Return the content of report.json.
 
@@ -113,6 +115,7 @@ def report_of(
         frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
             many were not believed.
         said: What the vehicles said before the flight, and what was found then.
+        parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
     uncovered = sorted(context.wanted - set(state.inspected))
@@ -121,6 +124,8 @@ def report_of(
         "segments_total": context.segments,
         "segments_inspected": len(state.inspected),
         "segments_uncovered": uncovered,
+        "uncovered_names": [context.segment_name(segment) for segment in uncovered],
+        "segment_names": {str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
         "finished": not uncovered,
         "duration_s": round(ended_s - began_s, 1),
         "faults": [_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))],
@@ -137,10 +142,12 @@ def report_of(
             for record in state.records
         ],
         "vehicles": [
-            {**_vehicle(context, state, vehicle, frames), **said.firmware(vehicle.name)}
+            {**_vehicle(context, state, vehicle, frames, began_s), **said.firmware(vehicle.name)}
             for vehicle in state.vehicles.values()
         ],
         "checks": said.plain_checks(),
+        "parameters": list(parameters),
+        "heights": _heights(context, state),
         "absences": [
             {
                 "until_s": round(absence.until_s - began_s, 1),
@@ -152,19 +159,29 @@ def report_of(
         "inferred": sorted(state.inferred & set(state.inspected)),
         "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
         "inspection_speed_m_s": context.inspection_speed_m_s,
-        "inspections": [_inspection(state, segment) for segment in sorted(state.flown)],
-        "not_counted": [
-            {"vehicle": vehicle.name, "segment": segment, "reason": reason}
-            for vehicle in state.vehicles.values()
-            for segment, reason in vehicle.runs_broken
-        ],
+        "inspections": [_inspection(context, state, segment) for segment in sorted(state.flown)],
+        "not_counted": _not_counted(context, state),
     }
 
 
-def _inspection(state: FleetState, segment: int) -> dict[str, object]:
+def _heights(context: Context, state: FleetState) -> dict[str, object]:
+    paths = [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
+    return heights.document(context.setup, paths)
+
+
+def _not_counted(context: Context, state: FleetState) -> list[dict[str, object]]:
+    return [
+        {"vehicle": vehicle.name, "segment": segment, "name": context.segment_name(segment), "reason": reason}
+        for vehicle in state.vehicles.values()
+        for segment, reason in vehicle.runs_broken
+    ]
+
+
+def _inspection(context: Context, state: FleetState, segment: int) -> dict[str, object]:
     flown = state.flown[segment]
     return {
         "segment": segment,
+        "name": context.segment_name(segment),
         "vehicle": state.inspected[segment],
         "speed_mean_m_s": round(flown.mean_m_s, 2),
         "speed_max_m_s": None if flown.max_m_s is None else round(flown.max_m_s, 2),
@@ -190,7 +207,7 @@ def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening])
 
 
 def _vehicle(
-    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts]
+    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts], began_s: float
 ) -> dict[str, object]:
     counts = frames.get(vehicle.name)
     battery = vehicle.battery
@@ -205,9 +222,24 @@ def _vehicle(
         "energy_used_pct": round(battery.given_pct, 1),
         "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         "min_reserve_pct": battery.least_pct,
-        "state": vehicle.stage.value,
+        "state": state_word(context, vehicle),
+        "last_position": _last_position(context, vehicle, began_s),
         "frames_received": None if counts is None else counts.received,
         "frames_missing": None if counts is None else counts.missing,
         "frames_foreign": None if counts is None else counts.foreign,
         "frames_refused": None if counts is None else dict(counts.refused),
+    }
+
+
+def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> dict[str, float] | None:
+    """Return where it was heard last, for who has to find it."""
+    fix = vehicle.fix
+    if fix is None:
+        return None
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    return {
+        "lat_deg": round(lat_deg, 7),
+        "lon_deg": round(lon_deg, 7),
+        "alt_rel_m": round(fix.alt_rel_m, 1),
+        "at_s": round(fix.at_s - began_s, 1),
     }

@@ -26,6 +26,7 @@ from executor.core.state import FleetState
 from executor.demo import happenings
 from executor.errors import LogError
 from executor.keeper import Planned, plan_path
+from executor.kept import read_kept, reported
 from executor.order import Console, Order
 from executor.planning import belongs
 from executor.publishing import settings_of
@@ -138,7 +139,8 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
         if isinstance(report, dict):
             return report
     # It died between the end of the flight and its report.
-    report = report_of(left.begun.context, left.state, left.last_s, said=_said(run))
+    parameters = reported(read_kept(run) or ())
+    report = report_of(left.begun.context, left.state, left.last_s, said=_said(run), parameters=parameters)
     with suppress(OSError):  # it is shown all the same
         write_json(run / REPORT, report)
     return report

@@ -12,8 +12,7 @@ from typing import Protocol
 from executor.adapters.clock import SystemClock
 from executor.config import WebTable
 from executor.core.commands import Level
-from executor.core.intents import Intent, IntentRecord, Outcome
-from executor.core.refusals import NOT_BEGUN
+from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, SiteError
 from executor.runtime.flight import Flight
@@ -78,14 +77,11 @@ async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Con
         return flight.ask(intent)
 
     def submit(intent: Intent) -> Future[IntentRecord]:
-        if flight.state.launched_s is None:
-            refused = Future[IntentRecord]()
-            refused.set_result(IntentRecord(intent, Outcome.REFUSED, NOT_BEGUN, clock.now_s()))
-            return refused
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
     token = _token(table)
-    server = WebServer(WebSettings(table.host, table.port, token, frozenset(table.names)), flight.context, now, submit)
+    settings = WebSettings(table.host, table.port, token, frozenset(table.names), clock.speedup)
+    server = WebServer(settings, flight.context, now, submit)
     stack = ExitStack()
     try:
         await asyncio.to_thread(stack.enter_context, server)

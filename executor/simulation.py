@@ -90,7 +90,8 @@ def run_simulation(
             print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
 
         def happened(what: Truth) -> None:
-            print(f"{what.t_s:8.1f} s  {what.vehicle}: {what.what}", flush=True)
+            if what.sender is None:  # orders are for those who read the file
+                print(f"{what.t_s:8.1f} s  {what.vehicle}: {what.what}", flush=True)
             if writer is not None:
                 writer(what)
 

@@ -8,6 +8,17 @@
 'NAV_TAKEOFF'
 """
 
+from missions.clearance import (
+    OverGround,
+    check_ceiling,
+    check_clearance,
+    check_everywhere,
+    highest_return_m,
+    lowest_over_tops_m,
+    margin_m,
+    over_ground_m,
+    return_over_ground_m,
+)
 from missions.compare import alike, differences
 from missions.dialects import (
     ARDUPILOT,
@@ -33,6 +44,7 @@ from missions.estimate import Estimate, LegEstimate, estimate
 from missions.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
 from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
+from missions.heights import implausible, settled
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
@@ -76,6 +88,7 @@ __all__ = [
     "Motion",
     "Network",
     "NetworkError",
+    "OverGround",
     "Pad",
     "Phase",
     "PlanFile",
@@ -93,6 +106,9 @@ __all__ = [
     "Waypoint",
     "Window",
     "alike",
+    "check_ceiling",
+    "check_clearance",
+    "check_everywhere",
     "check_plan",
     "check_separation",
     "column_radius_m",
@@ -106,8 +122,13 @@ __all__ = [
     "flag_current",
     "flight_path",
     "flight_setup",
+    "highest_return_m",
+    "implausible",
+    "lowest_over_tops_m",
     "make_plan_file",
+    "margin_m",
     "open_task",
+    "over_ground_m",
     "parse_json",
     "parse_qgc_plan",
     "parse_qgc_waypoints",
@@ -119,7 +140,9 @@ __all__ = [
     "read_network",
     "read_plan",
     "read_text",
+    "return_over_ground_m",
     "separation_m",
+    "settled",
     "tracks_m",
     "whole_task",
     "write_plan",

@@ -88,11 +88,16 @@ class ReturnParameters:
     newer_height: str | None
     """A later firmware's name of it, in metres."""
     descend_height: str | None
-    """Parameter in metres: where it stops above home before it lands, if the autopilot has one."""
+    """Parameter in metres: where it waits above home before it lands, if the autopilot has one."""
+    descend_wait: str | None
+    """Parameter in seconds: how long it waits there; 0 lands without a stop, and then that height does not matter."""
     cone: str
     """Parameter: the cone about home in which it climbs less."""
     cone_off: float
     """The value of ``cone`` that makes it always climb to ``height``."""
+    cone_least: float
+    """A smaller value means the same."""
+    cone_unit: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +209,11 @@ ARDUPILOT = Dialect(
         unit_m=0.01,
         newer_height="RTL_ALT_M",  # 4.7.0 renames centimetre parameters and scales them to metres
         descend_height=None,  # RTL_ALT_FINAL 0 (default) lands without a stop
+        descend_wait=None,
         cone="RTL_CONE_SLOPE",  # default 3: within a third of the height it climbs less
         cone_off=0.0,  # ArduPilot's manual: 0 disables the limit
+        cone_least=0.5,  # mode_rtl.cpp: shallower cones are ignored
+        cone_unit="",
     ),
     ground_station_failsafe=ARDUPILOT_LINK,
     battery_failsafe=ARDUPILOT_BATTERY,
@@ -255,8 +263,11 @@ PX4 = Dialect(
         unit_m=1.0,
         newer_height=None,
         descend_height="RTL_DESCEND_ALT",
-        cone="RTL_CONE_ANG",  # degrees
+        descend_wait="RTL_LAND_DELAY",  # rtl_direct.cpp: without a wait a multicopter lands from where it arrives
+        cone="RTL_CONE_ANG",
         cone_off=0.0,  # PX4's manual: without a cone it returns at RTL_RETURN_ALT or above
+        cone_least=1.0,  # whole degrees
+        cone_unit="deg",
     ),
     ground_station_failsafe=PX4_LINK,
     battery_failsafe=PX4_BATTERY,

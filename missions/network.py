@@ -28,6 +28,8 @@ class Pylon:
     """Ground at its foot above mean sea level, if known."""
     height_m: float | None = None
     """The structure's own height, if known."""
+    third_m: float | None = None
+    """The third coordinate of its position in the file, of which nobody knows what it means; see ``heights``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,8 @@ class Network:
     """Its origin is the depot."""
     source: str = "network"
     """Where it was read, for messages."""
+    flat: bool = False
+    """Whether its ground is taken to be as high as the depot's everywhere, by its file's format or by a claim."""
     positions_m: FloatArray = field(init=False, repr=False, compare=False)
     """(p, 2) float64: east and north of every pylon."""
 
@@ -113,7 +117,7 @@ class Network:
             Segment(number, new_index[segment.a], new_index[segment.b], segment.label)
             for number, segment in enumerate(kept)
         )
-        return Network(tuple(self.pylons[old] for old in used), segments, self.frame, self.source)
+        return Network(tuple(self.pylons[old] for old in used), segments, self.frame, self.source, self.flat)
 
     def _check_pylons(self) -> None:
         seen: set[str] = set()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -43,8 +43,6 @@ class PlanSegment:
 
     id: int
     """The network's number of it; a plan over a part of a network skips some."""
-    name: str
-    """What its network's file calls it; empty where it has no name."""
     a_enu_m: tuple[float, float, float]
     """East, north and up over the depot; up is 0 where the ground's height is not known."""
     b_enu_m: tuple[float, float, float]
@@ -57,6 +55,13 @@ class PlanSegment:
     """Ground at a and b above mean sea level, if known."""
     height_m: tuple[float | None, float | None] = (None, None)
     """Structure at a and b, if known."""
+    name: str = ""
+    """What its network's file calls it; empty if nothing."""
+
+    @property
+    def called(self) -> str:
+        """What people call it."""
+        return self.name or f"segment {self.id}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +137,7 @@ class PlanFile:
             raise PlanFileError(f"{self.source}: {error}") from error
 
     def network(self) -> Network:
-        """Return the file's segments as a network, numbered by their position; whoever has no name is named by its id.
+        """Return the file's segments as a network, numbered by their position; labels are their names.
 
         Raises:
             NetworkError: the segments do not make one.
@@ -146,7 +151,7 @@ class PlanFile:
                 pylons.setdefault(name, Pylon(name, *place, elevation_m, height_m))
         index = {name: number for number, name in enumerate(pylons)}
         segments = tuple(
-            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], segment.name or f"segment {segment.id}")
+            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], segment.called)
             for number, segment in enumerate(self.segments)
         )
         return Network(tuple(pylons.values()), segments, self.frame, self.source)
@@ -182,6 +187,9 @@ def make_plan_file(
     if cost is None and window is None:
         raise PlanFileError("cost: expected the re-plan window that the plan was chosen by")
     evaluation = evaluate(task.instance, plan, cost or Cost.MINMAX)
+    if inspection is not None and network.flat:
+        # The file must say so itself: nothing else is asked when it is exported.
+        inspection = replace(inspection, flat=True)
     return PlanFile(
         frame=network.frame,
         segments=tuple(_plan_segment(network, segment) for segment in task.segment_ids),
@@ -262,7 +270,7 @@ def _coverage_findings(content: PlanFile) -> Iterator[str]:
     visited = {segment_of(visit) for route in content.plan.routes for visit in route.visits}
     for index, segment in enumerate(content.segments):
         if index not in visited and index not in content.plan.uncovered:
-            yield f"segment {segment.id} is neither visited nor named as uncovered"
+            yield f"{segment.called} is neither visited nor named as uncovered"
 
 
 def _place_findings(content: PlanFile) -> Iterator[str]:
@@ -273,10 +281,10 @@ def _place_findings(content: PlanFile) -> Iterator[str]:
         ):
             apart_m = math.dist(enu_m[:2], content.frame.to_local_m(*lat_lon_deg))
             if not apart_m <= PLACE_TOLERANCE_M:
-                yield f"segment {segment.id}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
+                yield f"{segment.called}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
         length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
         if not _agree(segment.length_m, length_m):
-            yield f"segment {segment.id}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
+            yield f"{segment.called}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
 
 
 def _agree(written: float, computed: float) -> bool:
@@ -289,7 +297,6 @@ def _plan_segment(network: Network, number: int) -> PlanSegment:
     a_m, b_m = network.ends_m[number].tolist()
     return PlanSegment(
         id=number,
-        name=segment.label,
         a_enu_m=(*a_m, _up_m(network.frame, a)),
         b_enu_m=(*b_m, _up_m(network.frame, b)),
         a_lat_lon_deg=(a.lat_deg, a.lon_deg),
@@ -298,6 +305,7 @@ def _plan_segment(network: Network, number: int) -> PlanSegment:
         length_m=float(network.lengths_m[number]),
         elevation_m=(a.elevation_m, b.elevation_m),
         height_m=(a.height_m, b.height_m),
+        name=segment.label,
     )
 
 

@@ -9,6 +9,7 @@ import errno
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import PlanFileError, SafetyError
@@ -39,6 +40,9 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 """Of a vehicle, as in a site file; files are named after it."""
 SLOWEST_M_S = 0.001
 _INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
+_CEILINGS = ("ceiling_m", "return_ceiling_m")
+FLAT, KNOWN = "flat", "known"
+"""What ``inspection.heights`` may say."""
 
 
 def write_plan(path: Path | str, plan_file: PlanFile) -> None:
@@ -131,16 +135,21 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             "longest_route_s": content.window.longest_route_s,
         }
     if content.inspection is not None:
-        document["inspection"] = {key: getattr(content.inspection, key) for key in _INSPECTION_KEYS}
+        document["inspection"] = _inspection_document(content.inspection)
     # Last, for it is by far the longest.
     document["segments"] = [_segment_document(segment) for segment in content.segments]
     return document
 
 
+def _inspection_document(inspection: Inspection) -> dict[str, object]:
+    figures = {key: getattr(inspection, key) for key in (*_INSPECTION_KEYS, *_CEILINGS)}
+    return {**figures, "heights": FLAT if inspection.flat else KNOWN}
+
+
 def _segment_document(segment: PlanSegment) -> dict[str, object]:
     return {
         "id": segment.id,
-        "name": segment.name,
+        **({"name": segment.name} if segment.name else {}),
         "a": list(segment.a_enu_m),
         "b": list(segment.b_enu_m),
         "a_lat_lon_deg": list(segment.a_lat_lon_deg),
@@ -211,7 +220,7 @@ def _parsed_segment(fields: Fields) -> PlanSegment:
     elevation_m, height_m = fields.optional_numbers("elevation_m", 2), fields.optional_numbers("height_m", 2)
     return PlanSegment(
         id=number,
-        name=fields.optional_text("name"),
+        name="" if fields.content.get("name") is None else fields.text("name"),
         a_enu_m=(a_m[0], a_m[1], a_m[2]),
         b_enu_m=(b_m[0], b_m[1], b_m[2]),
         a_lat_lon_deg=(a_deg[0], a_deg[1]),
@@ -309,7 +318,12 @@ def _parsed_window(fields: Fields | None) -> Window | None:
 def _parsed_inspection(fields: Fields | None) -> Inspection | None:
     if fields is None:
         return None
+    heights = fields.content.get("heights", KNOWN)
+    if heights not in {FLAT, KNOWN}:
+        raise fields.fail("heights", f"{FLAT!r} or {KNOWN!r}")
+    figures = {key: fields.number(key) for key in _INSPECTION_KEYS}
+    ceilings = {key: fields.number(key) for key in _CEILINGS if fields.content.get(key) is not None}
     try:
-        return Inspection(**{key: fields.number(key) for key in _INSPECTION_KEYS})
+        return replace(Inspection(**figures, flat=heights == FLAT), **ceilings)  # type: ignore[arg-type]
     except SafetyError as error:
         raise PlanFileError(f"{fields.source}: {error}") from error

@@ -16,6 +16,10 @@ from missions.network import Network
 from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
 from missions.waypoints import FlightPath
 
+FLAT_M = 1.0
+"""Less relief than this is flat: autopilots hold their height to half of it."""
+WHOLE_METRE_M = 1.0
+"""Some autopilots take the height of a return in whole metres only."""
 HEIGHT_KEEPING_M = 1.0
 """What autopilots are off their height in level flight: PX4 and ArduPilot simulations stay within 0.5 m each."""
 
@@ -62,6 +66,24 @@ class Layers:
     def height_m(self, vehicle: str, east_m: float, north_m: float) -> float:
         """Return a vehicle's flight height over a place, counted from the depot's ground."""
         return self.surface.height_m(east_m, north_m) + self.offset_m(vehicle)
+
+    def return_up_m(self, vehicle: str) -> float:
+        """Return the height over the depot's ground at which a vehicle comes home by itself, straight and level.
+
+        Over flat ground that is its own layer. Where the layers rise and fall with the ground, a level flight would
+        cross those of others. The highest vehicle has nobody above it: it comes home at the top of its own layer. The
+        others are stacked over that, the lowest on top, as near to each other as level flights may be: any other order
+        makes the stack higher, and it must stay below the ceiling.
+
+        Raises:
+            SafetyError: the vehicle has no layer.
+        """
+        highest_m, offset_m = float(self.track_heights_m.max()), self.offset_m(vehicle)
+        if highest_m - float(self.track_heights_m.min()) <= FLAT_M:
+            return highest_m + offset_m
+        above = len(self.vehicles) - 1 - self.vehicles.index(vehicle)
+        step_m = self.layer_m + HEIGHT_KEEPING_M + WHOLE_METRE_M
+        return highest_m + self.offset_m(self.vehicles[-1]) + above * step_m
 
 
 def tracks_m(network: Network, standoff_m: float) -> FloatArray:

@@ -9,10 +9,12 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
+from missions.heights import settled
 from missions.network import Network
 from missions.pads import PAD_SPACING_M, Pad, place_pads
 from missions.safety import Layers, plan_layers, tracks_m
 
+FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0
 """Metres, or metres a second: a figure beyond is a mistake."""
 LOWEST_FLIGHT_M = 5.0
@@ -31,6 +33,12 @@ class Inspection:
     transit_speed_m_s: float = 8.0
     layer_m: float = 5.0
     """The distance that any two vehicles must keep."""
+    flat: bool = False
+    """Whether the ground is claimed to be as high as the depot's everywhere."""
+    ceiling_m: float = 120.0
+    """No mission goes higher than this over the ground."""
+    return_ceiling_m: float | None = None
+    """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
 
     def __post_init__(self) -> None:
         """Check all figures.
@@ -38,8 +46,10 @@ class Inspection:
         Raises:
             SafetyError: a figure is not a positive number, or the standoff a negative one.
         """
-        for key in ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m"):
+        for key in FIGURES:
             value = getattr(self, key)
+            if key == "return_ceiling_m" and value is None:
+                continue
             if not 0 <= value <= MOST or (value == 0 and key != "standoff_m"):
                 raise SafetyError(f"inspection.{key}: expected a positive number up to {MOST:g}, got {value}")
 
@@ -85,7 +95,8 @@ class FlightSetup:
             if over_pad_m < LOWEST_FLIGHT_M:
                 raise SafetyError(
                     f"inspection.height_m: expected flight heights of {LOWEST_FLIGHT_M:g} m or more over the pad of "
-                    f"{pad.vehicle}, got {over_pad_m:.1f} m: the lines lie below the depot"
+                    f"{pad.vehicle}, got {over_pad_m:.1f} m: the lines lie below it, or one of the heights above sea "
+                    f"level is wrong: depot.alt_m {self.frame.alt_m:g}, the pad {pad.alt_m:.0f}"
                 )
 
     @property
@@ -108,6 +119,14 @@ class FlightSetup:
             if pad.vehicle == vehicle:
                 return pad
         raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.layers.vehicles)}")
+
+    def return_height_m(self, vehicle: str) -> float:
+        """Return the height over its own home at which a vehicle comes home by itself, straight and level.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        return self.layers.return_up_m(vehicle) - self.frame.up_m(self.pad_of(vehicle).alt_m)
 
     def other_pads_m(self, vehicle: str) -> FloatArray:
         """Return (k - 1, 2) float64: east and north of everybody else's pad."""
@@ -135,8 +154,10 @@ def flight_setup(
         motion: How the multicopters climb, stop and wait.
 
     Raises:
+        NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
         SafetyError: there is no room for the pads, or the heights are below the depot's ground.
     """
+    network = settled(network, flat=inspection.flat)
     tracks = tracks_m(network, inspection.standoff_m)
     layers = plan_layers(
         network,

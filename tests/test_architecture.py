@@ -99,13 +99,13 @@ def test_the_numbers_of_items_are_mavlinks(member: Command | Frame, prefix: str)
 COMMANDS = ("DO_SET_MODE", "DO_CHANGE_SPEED", "MISSION_START", "COMPONENT_ARM_DISARM", "RUN_PREARM_CHECKS",
             "SET_MESSAGE_INTERVAL", "REQUEST_MESSAGE")  # fmt: skip
 MESSAGES = ("GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT", "BATTERY_STATUS", "AUTOPILOT_VERSION",
-            "EXTENDED_SYS_STATE")  # fmt: skip
+            "EXTENDED_SYS_STATE", "ATTITUDE", "GPS_RAW_INT", "WIND", "WIND_COV", "FENCE_STATUS")  # fmt: skip
 
 
 def test_the_numbers_of_orders_are_mavlinks() -> None:
     ours = {name: value for name, value in vars(orders).items() if name.isupper()}
     assert ours == {name: getattr(mav, f"MAV_CMD_{name}") for name in COMMANDS} | {
-        name: getattr(mav, f"MAVLINK_MSG_ID_{name}") for name in MESSAGES
+        name: getattr(ardupilotmega, f"MAVLINK_MSG_ID_{name}") for name in MESSAGES
     } | {"DO_SEND_BANNER": ardupilotmega.MAV_CMD_DO_SEND_BANNER}
 
 

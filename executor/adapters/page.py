@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from executor.core import words
 from executor.core.commands import Level
 from executor.core.record import FlightRecord, given_away
 
@@ -20,9 +21,9 @@ PICTURES = {
 }
 """Files beside the page, and what they show."""
 
-FAULTS = ("vehicle", "kind", "reason", "happened (s)", "detected (s)", "delay (s)")
-DECISIONS = ("at (s)", "level", "what")
-SEGMENTS = ("segment", "length (m)", "planned for", "inspected by", "at (s)")
+FAULTS = ("vehicle", "kind", "reason", "happened", "detected", "delay (s)")
+DECISIONS = ("at", "level", "what")
+SEGMENTS = ("segment", "length (m)", "planned for", "inspected by", "at")
 REPLANS = {
     "revision": "number",
     "trigger": "because of",
@@ -43,6 +44,8 @@ VEHICLES = {
     "autopilot": "autopilot",
     "firmware": "firmware",
 }
+LANDINGS = dict.fromkeys(("name", "state", "landed", "last_position"), "")
+AWAY = ("vehicle", "state", "last heard at", "height (m)", "when")
 CHECKS = {"subject": "about", "severity": "finding", "text": "what"}
 INSPECTIONS = {
     "segment": "segment",
@@ -114,6 +117,7 @@ def page(record: FlightRecord, report: Mapping[str, object], pictures: Mapping[s
         _section("Faults", FAULTS, _faults(record)),
         _section("Re-plans", REPLANS.values(), _rows(report, "replans", REPLANS)),
         _section("Vehicles", VEHICLES.values(), _rows(report, "vehicles", VEHICLES)),
+        _section("Not at home: where to look", AWAY, _away(report)),
         _section("Before the flight", CHECKS.values(), _rows(report, "checks", CHECKS), _severities(report)),
         _section("How the segments were flown", INSPECTIONS.values(), _rows(report, "inspections", INSPECTIONS)),
         _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, "not_counted", NOT_COUNTED)),
@@ -150,8 +154,8 @@ def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:
         facts.append(f"any two vehicles stayed at least {said(report['min_separation_m'])} m apart")
     facts += _speeds(report)
     if record.uncovered:
-        facts.append("not inspected: " + ", ".join(str(segment.id) for segment in record.uncovered))
-    return "; ".join(facts) + ". All times are seconds since the launch."
+        facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
+    return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
 
 def _severities(report: Mapping[str, object]) -> list[str]:
@@ -166,37 +170,62 @@ def _speeds(report: Mapping[str, object]) -> list[str]:
     )
     if not (means and highest and asides):
         return []
-    words = (
+    text = (
         f"segments were flown at {said(sum(means) / len(means))} m/s on average "
         f"({said(report.get('inspection_speed_m_s'))} m/s were asked for), "
         f"at most {said(max(highest))} m/s and at most {said(max(asides))} m beside the track"
     )
-    return [words]
+    return [text]
 
 
 def _faults(record: FlightRecord) -> Iterator[Sequence[object]]:
     for vehicle, fault in record.lost:
         delay_s = None if fault.happened_s is None else fault.detected_s - fault.happened_s
-        yield vehicle.name, fault.kind.value, fault.reason, fault.happened_s, fault.detected_s, delay_s
+        yield vehicle.name, fault.kind.value, fault.reason, _at(fault.happened_s), _at(fault.detected_s), delay_s
 
 
 def _decisions(record: FlightRecord) -> Iterator[Sequence[object]]:
     for decision in record.decisions:
-        yield decision.t_s, decision.level.value, decision.text
+        yield _at(decision.t_s), decision.level.value, decision.text
 
 
 def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
     planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
     for segment in record.segments:
         by = segment.inspected_by or "nobody"
-        yield segment.id, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, segment.inspected_s
+        yield segment.shown, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, _at(segment.inspected_s)
 
 
 def _rows(report: Mapping[str, object], key: str, columns: Mapping[str, str]) -> list[Sequence[object]]:
     rows = report.get(key)
     if not isinstance(rows, list):
         return []
-    return [[row.get(column) for column in columns] for row in rows if isinstance(row, Mapping)]
+    names = report.get("segment_names")
+    known = names if isinstance(names, Mapping) else {}
+    return [[_named(known, column, row.get(column)) for column in columns] for row in rows if isinstance(row, Mapping)]
+
+
+def _named(names: Mapping[str, object], column: str, value: object) -> object:
+    """Return a value with segments by the names of their assets."""
+    if column not in {"segment", "segments", "uncovered"}:
+        return value
+    if isinstance(value, list):
+        return [names.get(str(one), one) for one in value]
+    return names.get(str(value), value)
+
+
+def _away(report: Mapping[str, object]) -> Iterator[Sequence[object]]:
+    for name, state, landed, last in _rows(report, "vehicles", LANDINGS):
+        if landed or not isinstance(last, Mapping):
+            continue
+        lat_deg, lon_deg, at_s = (last.get(key) for key in ("lat_deg", "lon_deg", "at_s"))
+        if isinstance(lat_deg, float) and isinstance(lon_deg, float) and isinstance(at_s, int | float):
+            yield name, words.state(str(state)), words.place(lat_deg, lon_deg), last.get("alt_rel_m"), _at(at_s)
+
+
+def _at(t_s: float | None) -> str | None:
+    """Return a time as the terminal and the page show it; what was before the take-off has none."""
+    return None if t_s is None else words.since_take_off(t_s) or "before"
 
 
 def _section(

@@ -196,6 +196,10 @@ class _Watch:
             self._left = True
             os.kill(os.getpid(), signal.SIGINT)
 
+    async def ask(self, question: str) -> bool:
+        """Say yes; what is measured begins with the last question."""
+        return self.confirm(question) if "Take off" in question else True
+
     def confirm(self, question: str) -> bool:  # noqa: ARG002 - the console's signature
         os.sched_setaffinity(0, self._processor)
         self._began_s, self._cpu_began_s = time.perf_counter(), time.process_time()

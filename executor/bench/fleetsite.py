@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.demo import free_ports
+from executor.demo import SIMULATED_CEILING_M, free_ports
 from planner.synthetic import generated_network
 
 SPEED_M_S = 3.0
@@ -43,8 +43,10 @@ def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
     return {
         "depot": DEPOT,
         "network": {"file": network},
+        # Fifty layers; a simulation needs no permit for them.
+        "inspection": {"ceiling_m": SIMULATED_CEILING_M},
         "energy": {"capacity_ah": CAPACITY_AH},
-        "flight": {"speedup": speedup},
+        "flight": {"speedup": speedup, "fly_again": "auto"},
         "vehicle": [
             {
                 "name": f"uav{number}",

@@ -7,13 +7,14 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
 from executor import app as flying
 from executor import build
 from executor.adapters.rundir import new_run_directory
+from executor.changes import check_run, still_open
 from executor.commands import OUR_ERRORS
 from executor.commands.options import (
     DEFAULT_COST,
@@ -40,6 +41,7 @@ from executor.commands.planned import can_be_written, first_plan, routes_of, wan
 from executor.config import check_site, read_site, signing_key
 from executor.console import TerminalConsole
 from executor.core.commands import Level
+from executor.core.parameters import number
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.errors import PreflightFailed
@@ -67,11 +69,14 @@ def demo(
     seed: SeedOption = 1,
     fault: FaultOption = None,
     autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,
+    flat: Annotated[bool, typer.Option("--flat", help="Of a network without heights: its ground is flat.")] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = demo_site(network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value)
+    content = demo_site(
+        network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
+    )
     faults = fault if fault is not None else ["uav2:silent@40%"]
     site = check_site(content, "demo")
     ground = build.ground_of(site, Path())
@@ -150,6 +155,7 @@ def fly(
     mqtt = settings_of(content.mqtt, site.parent, str(site))
     routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
+    check_run(order.run, content)
     keep(order)
     flown = turns.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
@@ -209,6 +215,9 @@ def resume(
     report = resuming.over(directory, left)
     if report is not None:
         console.say(Level.INFO, f"{directory}: this flight is over")
+        for one in still_open(directory):
+            text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
+            console.say(Level.WARNING, text)
         _finish_flight(order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
         return
     for line in resuming.words(left):
@@ -225,7 +234,7 @@ def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
     else:
         print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
         if report["segments_uncovered"]:
-            print(f"not inspected: {report['segments_uncovered']}")
+            print(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report["finished"]:

@@ -103,8 +103,9 @@ FaultOption = Annotated[
     typer.Option(
         metavar="SPEC",
         help="VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40% or uav3:battery-step=30@300s; may be repeated. Kinds: "
-        "silent[=20s], battery-step=30, drain=3, crash, reboot, refuse-upload, half-upload, loss=0.2, delay=0.3, "
-        "duplicate=0.1, reorder=0.1; 'all' names every vehicle.",
+        "silent[=20s], battery-step=30, drain=3, crash, reboot[=pad], refuse-upload, half-upload, loss=0.2, delay=0.3, "
+        "duplicate=0.1, reorder=0.1, wreck, fence, emergency[=RTL], ekf; of people: pilot=MODE, sticks, station=MODE, "
+        "kill, disarm. 'all' names every vehicle. Besides s and %, WHEN may be a height: 2.5m on its way up, 20m-down.",
     ),
 ]
 AfterOption = Annotated[

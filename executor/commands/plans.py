@@ -37,7 +37,9 @@ from executor.commands.options import (
 from executor.commands.planned import announced, can_be_written, first_plan, wanted_of, writable
 from executor.config import read_site
 from executor.console import TerminalConsole
+from executor.core.heights import too_low
 from executor.errors import SiteError
+from executor.heights import PlannedHeights, planned_heights
 from executor.planning import DEFAULT, Wanted
 from executor.planwords import left_over, left_words, route_words, summary
 from missions import (
@@ -97,13 +99,14 @@ def plan(
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
     content = first_plan(ground, console, wanted, sortie.left_over(after, ground) if after is not None else None)
+    heights = planned_heights(ground, content)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.adapters.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture))
-    _print_plan(content, as_json=as_json)
+    _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         print(f"flown as it is by: faultline fly {site} --plan {output}")
     if content.plan.uncovered:
@@ -121,6 +124,7 @@ def _plan_front(
 ) -> None:
     plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
     console.progress("")
+    heights = [planned_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
@@ -142,6 +146,8 @@ def _plan_front(
             _print_trade(str(number), content)
         for name, content in references.items():
             _print_trade(name, content)
+        for line in dict.fromkeys(line for one in heights for line in one.warnings):
+            print(f"warning: {line}")
 
 
 def _front_point(content: PlanFile) -> FrontPoint:
@@ -229,6 +235,9 @@ def export(
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
     setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for line in too_low(setup, list(build.paths_of(setup, routes).values())):
+        raise SiteError(f"{plan}: heights: {line}")
     dialect = dialect_for(autopilot.value)
     write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
     writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
@@ -279,9 +288,11 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )
 
 
-def _print_plan(content: PlanFile, *, as_json: bool) -> None:
+def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
     if as_json:
-        print(json.dumps(plan_document(content) | {"left_over": [asdict(one) for one in left_over(content)]}))
+        more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
+        left = {"left_over": [asdict(one) for one in left_over(content)]}
+        print(json.dumps({**plan_document(content), **left, **more}))
         return
     for line in (*route_words(content), summary(content)):
         print(line)
@@ -291,5 +302,9 @@ def _print_plan(content: PlanFile, *, as_json: bool) -> None:
             f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
             "vehicle may be lost"
         )
+    if heights is not None:
+        print(f"heights: {heights.words}")
+        for line in heights.warnings:
+            print(f"warning: {line}")
     for line in left_words(content):
         print(line)

@@ -72,6 +72,22 @@ class LandNow:
 
 
 @dataclass(frozen=True, slots=True)
+class Disarm:
+    """Order the motors to be stopped."""
+
+    vehicle: str
+    force: bool
+    """Whether the autopilot is to do so even if it does not believe that it is on the ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandsOff:
+    """Say nothing more to the vehicle: a person has it. What is half on board is still made whole."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
 class Survivor:
     """One vehicle that can take over work."""
 
@@ -120,4 +136,18 @@ class Finish:
     reason: str
 
 
-Command = Say | Upload | Start | SendHome | Hold | Resume | LandNow | Solve | Compose | CancelSolve | Finish
+Command = (
+    Say
+    | Upload
+    | Start
+    | SendHome
+    | Hold
+    | Resume
+    | LandNow
+    | Disarm
+    | HandsOff
+    | Solve
+    | Compose
+    | CancelSolve
+    | Finish
+)

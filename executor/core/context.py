@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 
 from executor.core.estimator import Prior
 from executor.core.limits import Limits
@@ -13,8 +14,17 @@ from planner import Drone, Travel, pct_per_s, range_speed_m_s
 
 MODEL_SPEED_RATIO = 1.2
 """Above this multiple of the speed of best range the energy model does not hold."""
-FLAT_M = 1.0
-"""Less relief than this is flat: autopilots hold their height to half of it."""
+
+
+class FlyAgain(Enum):
+    """Whether a vehicle on the ground takes off for a re-plan."""
+
+    ASK = "ask"
+    """When the crew has said that its pad is clear."""
+    NEVER = "never"
+    """Not one that has landed, unless the crew includes it."""
+    AUTO = "auto"
+    """By itself: for simulation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +93,13 @@ class Context(Scene):
     """What the climb from the pad and the descent onto it cost, which the planning model does not know."""
     landing_pct: float
     """The descent's part of that."""
-    fly_again: bool
+    fly_again: FlyAgain
+    pilot_grace_s: float
+    """How long the segments of a vehicle that its pilot has taken are kept for it."""
+    pilot_returns: bool
+    """Whether a vehicle that its pilot has put back on its mission is in the plan again without asking."""
+    offer_s: float
+    """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
 
@@ -97,13 +113,5 @@ class Context(Scene):
         return self.setup.network.segment_name(segment)
 
     def return_height_m(self, name: str) -> float:
-        """Return the height over its own home at which a vehicle must come home by itself, straight and level.
-
-        Over flat ground that is its own layer. Where the layers rise and fall with the ground, a level flight would
-        cross those of others, so the returns are stacked above all of them.
-        """
-        layers = self.setup.layers
-        heights = layers.track_heights_m
-        highest_m, relief_m = float(heights.max()), float(heights.max() - heights.min())
-        stack_m = len(layers.vehicles) * layers.spacing_m if relief_m > FLAT_M else 0.0
-        return highest_m + stack_m + layers.offset_m(name) - self.frame.up_m(self.setup.pad_of(name).alt_m)
+        """Return the height over its own home at which a vehicle must come home by itself, straight and level."""
+        return self.setup.return_height_m(name)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from executor.core import energy
 from executor.core.faults import View
 from executor.core.vehicle import FaultKind, Stage
+from missions import Phase
 
 BATTERY_SENSOR = 0x2000000
 """MAV_SYS_STATUS_SENSOR_BATTERY."""
@@ -80,6 +81,9 @@ def battery_low(view: View) -> str:
 
 def reserve_doubtful(view: View) -> str:
     """It may well land below the reserve."""
+    leg = view.state.leg
+    if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
+        return ""  # it lands: nothing more can be done about it
     chance = energy.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
     if chance is None or chance < view.context.limits.reserve_warn_chance:
         return ""
@@ -130,6 +134,6 @@ def said(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
 
 def warnings(view: View) -> tuple[tuple[Doubt, str], ...]:
     """Look at every row; return those that hold, with their words."""
-    if view.state.stage in {Stage.GROUND, Stage.LANDED}:
+    if view.state.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return ()
     return tuple((row, words) for row in TABLE if (words := row.look(view)))

@@ -7,7 +7,7 @@ import math
 from executor.core import battery
 from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.estimator import Projection, projected
-from executor.core.vehicle import VehicleState
+from executor.core.vehicle import Stage, VehicleState
 
 FAR, PLENTY_PCT = 3.0, 10.0
 """With three times the way home and this much left there is no doubt: a factor is known to a third or better."""
@@ -49,7 +49,7 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
     if state.battery.estimate is None:
         return None
     modelled_pct = modelled_to_return_pct(context, state, setup)
-    if state.board is not None:
+    if state.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
         modelled_pct = modelled_to_reach_pct(state, len(state.board.legs) - 1)
     if modelled_pct is None:
         return None

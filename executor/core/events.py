@@ -48,6 +48,8 @@ class StartEnded:
     vehicle: str
     accepted: bool
     reason: str
+    armed: bool = False
+    """Whether the vehicle had acknowledged that it arms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,10 @@ class ReturnEnded:
     vehicle: str
     accepted: bool
     reason: str
+    lost: bool = False
+    """Whether nothing came back: the order, or its answer, got lost."""
+    refused: bool = False
+    """Whether the vehicle said no."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +153,26 @@ class IntentReceived:
 
 @dataclass(frozen=True, slots=True)
 class OrderEnded:
-    """An order to hold, to go on or to land was carried out by the vehicle, or not."""
+    """An order to hold, to go on, to land or to stop the motors was carried out by the vehicle, or not."""
 
     vehicle: str
     action: Action
     accepted: bool
     reason: str
+    lost: bool = False
+    """Whether nothing came back: the order, or its answer, got lost."""
+    refused: bool = False
+    """Whether the vehicle said no."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The crew is asked something before the flight."""
+
+    question: str
+    """The name of the action that answers it with yes."""
+    text: str
+    lines: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,4 +201,5 @@ Event = (
     | IntentReceived
     | OrderEnded
     | LossJudged
+    | Asked
 )

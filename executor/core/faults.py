@@ -16,7 +16,8 @@ from executor.core import battery, drift, energy
 from executor.core.context import Scene, VehicleSetup
 from executor.core.limits import Limits
 from executor.core.modes import is_home_mode, is_mission_mode, mode_name
-from executor.core.vehicle import FaultKind, Stage, VehicleState, Watch
+from executor.core.places import fell, mission_over, seen_at_rest
+from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
 from missions import Phase
 
 _BATTERY_ALARM = re.compile(
@@ -86,7 +87,7 @@ def link_silent(view: View) -> Finding:
     return OK
 
 
-def down_off_pad(view: View) -> Finding:
+def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
     """It disarmed where, or when, it should not have landed."""
     state, limits = view.state, view.context.limits
     if state.fix is None or state.heartbeat is None:
@@ -96,15 +97,23 @@ def down_off_pad(view: View) -> Finding:
     if not view.setup.planned:
         return _down_in_flight(view)
     away_m = math.dist(state.fix.place_m, view.setup.pad_m)
+    if not seen_at_rest(state, view.now_s):
+        return STALE  # its place is from before it was silent, or began anew
+    if state.stage is Stage.PILOT:
+        return OK  # its pilot may disarm it anywhere
     if away_m > limits.off_pad_m:
         return Finding(
             Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.fix.alt_rel_m:.0f} m high{_alarm(view)}"
         )
     # An old position says nothing of its height: it may have come down since.
-    if state.fix.alt_rel_m > limits.off_pad_up_m and view.now_s - state.fix.at_s <= limits.link_stale_s:
+    if fell(view.context, state) and view.now_s - state.fix.at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"disarmed {state.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
     if not state.took_off and state.stage is Stage.FLYING:
         return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
+    if state.rebooted_s is not None:
+        return Finding(Verdict.FAIL, f"its autopilot has started anew, and it is disarmed{_alarm(view)}")
+    if not mission_over(view.context, state):
+        return Finding(Verdict.FAIL, f"disarmed over its pad in the midst of its mission{_alarm(view)}")
     return OK
 
 
@@ -142,22 +151,22 @@ def falling(view: View) -> Finding:
 
 
 def left_mission(view: View) -> Finding:
-    """It is in a mode that nobody here ordered."""
+    """It is in a mode that nobody here ordered, by its own failsafe."""
     state = view.state
     if state.heartbeat is None:
         return STALE
     dialect = view.setup.dialect
+    if view.setup.planned:
+        if not state.armed or state.cause is not Cause.FAILSAFE:
+            return OK
+        mode = mode_name(dialect, state.heartbeat.custom_mode)
+        return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
     if is_mission_mode(dialect, state.heartbeat.custom_mode) or not state.armed:
         return OK
-    if state.held_s is not None and state.heartbeat.custom_mode == dialect.modes.hold.custom_mode:
-        return OK  # the operator's order
     if view.now_s - state.ordered_mode_s < view.context.limits.mode_grace_s:
         return OK
-    if not view.setup.planned and (not state.flew_mission or _by_order(view)):
+    if not state.flew_mission or _by_order(view):
         return OK  # it never was on a mission, or somebody else ordered this
-    leg = state.leg
-    if leg is not None and leg.phase is Phase.LAND:
-        return OK  # PX4 leaves the mission mode on its own when it has landed
     if is_home_mode(dialect, state.heartbeat.custom_mode) and _at_its_end(view):
         return OK  # and ends a mission whose last item is a return in the mode for it
     mode = mode_name(dialect, state.heartbeat.custom_mode)
@@ -350,13 +359,14 @@ PLUNGE = 1.7
 """Times the threshold of a drain."""
 UNKNOWN_TOTAL = 65535
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
+_OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})
 
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR),
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR),
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR),
-    Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _IN_THE_AIR | {Stage.STARTING}),
+    Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE),
     Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION),
     Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION),
     Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION),

@@ -11,12 +11,26 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import degraded, faults, operator, replanning, resuming, silence
-from executor.core.commands import Command, Finish, LandNow, Level, Say, SendHome, Start
-from executor.core.context import Context
-from executor.core.declare import comes_home, declare, on_mission
+from executor.core import (
+    custody,
+    degraded,
+    down,
+    faults,
+    homeward,
+    offers,
+    operator,
+    replanning,
+    resuming,
+    silence,
+    takeover,
+)
+from executor.core.changed import changed
+from executor.core.commands import Command, Finish, HandsOff, Level, Say, SendHome, Start
+from executor.core.context import Context, FlyAgain
+from executor.core.declare import declare
 from executor.core.degraded import Told
 from executor.core.events import (
+    Asked,
     Event,
     Heard,
     IntentReceived,
@@ -33,19 +47,23 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )
-from executor.core.faults import View
+from executor.core.faults import View, Watchpoint
 from executor.core.hearing import fold
+from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import Heartbeat, Position
-from executor.core.state import FleetState, Outlook, SaidLine, Separation
+from executor.core.places import at_rest, last_heard, over_its_pad, place_words, seen_at_rest
+from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_words
-from executor.core.vehicle import FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from missions import StartStep
+from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 RETRIES = 3
 """How often a start that failed is tried again."""
-ORDER_AGAIN_S = 5.0
-"""A vehicle that was told to return and does not is told again."""
+START_WINDOW_S = 60.0
+"""So long after the crew's yes a start that failed is tried again: later somebody may stand at the pad."""
 WARNING_SEVERITY = 4
 """MAV_SEVERITY_WARNING: less severe texts stay in the log."""
 TEXT_AGAIN_S = 30.0
@@ -56,9 +74,10 @@ CLIMBS_MOST_M = 15.0
 """More than anybody rises or sinks in that time."""
 
 
-def initial(boards: Mapping[str, OnBoard | None]) -> FleetState:
-    """Return the state before the launch, with the missions that are on board."""
-    return FleetState(MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()}))
+def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] = ()) -> FleetState:
+    """Return the state before the launch, with the missions that are, or are to be, on board."""
+    vehicles = MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()})
+    return FleetState(vehicles, briefing=Briefing(checks))
 
 
 def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
@@ -77,7 +96,7 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case Tick():
             return _tick(context, state, now_s)
         case LaunchOrdered():
-            return _launch(state, now_s)
+            return _launch(context, state, now_s)
         case StartEnded():
             return _started(context, state, event, now_s)
         case UploadEnded():
@@ -94,6 +113,9 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
             return resuming.reopened(state, event, now_s)
         case Resumed():
             return _resumed(context, state, event, now_s)
+        case Asked(question, text, lines):
+            asked = Question(question, text, lines)
+            return replace(state, briefing=replace(state.briefing, question=asked, answered="")), ()
 
 
 def _resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Stepped:
@@ -115,21 +137,39 @@ def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
     return replace(state, outlook=MappingProxyType(outlook))
 
 
-def _launch(state: FleetState, now_s: float) -> Stepped:
+HEARD_LATELY_S = 15.0
+"""Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
+
+
+def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.heard_s is not None and now_s - vehicle.heard_s < HEARD_LATELY_S:
+            state = state.put(changed(vehicle, heard_s=now_s, excused_s=now_s))
+    planned: set[int] = set()
     for vehicle in state.vehicles.values():
         if vehicle.board is None or not vehicle.board.visits:
             continue
-        state, start = _start(state, vehicle, now_s)
+        if vehicle.armed:
+            continue  # somebody else has armed it since it was looked at
+        planned |= {segment_of(visit) for visit in vehicle.board.visits}
+        state, start = _start(context, state, vehicle, now_s)
         commands.append(start)
-    return replace(state, launched_s=now_s), tuple(commands)
+    # What the first plan leaves over is the next sortie's: no reason for a re-plan.
+    state = replace(state, given_up=state.given_up | (context.wanted - planned))
+    return replace(state, launched_s=now_s, briefing=replace(state.briefing, question=None)), tuple(commands)
 
 
-def _start(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
+def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
+    dialect = context.vehicles[vehicle.name].dialect
+    modes_on_the_way = {dialect.modes.mission.custom_mode}
+    if StartStep.GUIDED in dialect.start:
+        modes_on_the_way.add(dialect.modes.guided.custom_mode)
     vehicle = moved_to(vehicle, Stage.STARTING)
     vehicle = replace(
         vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
-        began_pct=vehicle.battery.remaining_pct,
+        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None, away_once=False,
+        ordered_modes=frozenset(modes_on_the_way),
     )  # fmt: skip
     return state.put(vehicle), Start(vehicle.name)
 
@@ -139,30 +179,36 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
     if vehicle.stage is not Stage.STARTING:
         return state, ()
     if event.accepted:
-        vehicle = replace(moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s, anchor=None)
+        vehicle = replace(
+            moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s, anchor=None, cleared_s=None
+        )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    if vehicle.failures + 1 < RETRIES:
+    asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
+    stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
+    fresh = context.fly_again is FlyAgain.AUTO or now_s - asked_s < START_WINDOW_S
+    if vehicle.failures + 1 < RETRIES and fresh and not stopped:
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
-    return declare(context, state, vehicle, FaultKind.INTERRUPTION, f"did not start: {event.reason}", now_s)
+    why = f"did not start: {event.reason}" + (", and it has disarmed" if stopped else "")
+    return declare(context, state, vehicle, FaultKind.INTERRUPTION, why, now_s)
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
     folded = fold(context, before, event.message, now_s)
+    if isinstance(event.message, Heartbeat):
+        folded = replace(folded, state=custody.judged(context, state.absences, before, folded.state, now_s))
     state = state.put(folded.state)
     commands: list[Command] = [
         Say(Level.WARNING, f"{event.vehicle}: {stranger_words(stranger)}")
         for stranger in folded.state.strangers - before.strangers
     ]
-    if folded.text is not None and folded.text.severity <= WARNING_SEVERITY:
+    if folded.text is not None and (folded.text.severity <= WARNING_SEVERITY or folded.state.alarm[1] == now_s):
         heard = (folded.text.text, now_s)
         if heard[0] != before.last_text[0] or now_s - before.last_text[1] > TEXT_AGAIN_S:
             commands.append(Say(Level.WARNING, f"{event.vehicle} says: {heard[0]}"))
         state = state.put(replace(folded.state, last_text=heard))
-    if folded.broken:
-        commands.append(Say(Level.WARNING, f"{event.vehicle}: inspection does not count: {folded.broken}"))
     if folded.inspected is not None and folded.inspected not in state.inspected:
         inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
         flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
@@ -170,26 +216,43 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     if isinstance(event.message, Position):
         state = _separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
-    if before.stage is Stage.LOST and isinstance(event.message, Heartbeat):
-        state, more = _came_back(context, state, state.vehicles[event.vehicle], now_s)
+    if isinstance(event.message, Heartbeat):
+        state, more = _beat(context, state, before, now_s)
         commands.extend(more)
     return state, tuple(commands)
 
 
+def _beat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
+    vehicle = state.vehicles[before.name]
+    commands: tuple[Command, ...] = ()
+    if vehicle.cause is Cause.PERSON and before.cause is not Cause.PERSON:
+        commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
+    if before.stage is Stage.LOST:
+        state, more = _came_back(context, state, vehicle, now_s)
+        return state, (*commands, *more)
+    return state, commands
+
+
 def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
-    heard = f"{vehicle.name}: is heard again"
+    heard = f"{vehicle.name}: link regained"
+    if vehicle.armed and custody.in_other_hands(vehicle):
+        state, more = takeover.taken(context, state, vehicle)
+        return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
-        vehicle = replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s)
+        vehicle = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+        state, more = homeward.sent_home(context, state, vehicle, now_s)
         if comes_home(context, vehicle):
-            return state.put(vehicle), (Say(Level.WARNING, f"{heard}, on its way home or down by itself"),)
-        text = f"{heard}; its work was given away, so it is told to return"
-        return state.put(vehicle), (Say(Level.WARNING, text), SendHome(vehicle.name))
+            return state, (Say(Level.WARNING, f"{heard}, on its way home or down by itself"), *more)
+        return state, (Say(Level.WARNING, f"{heard}; its work was given away, so it does not go on with it"), *more)
+    if not over_its_pad(context, vehicle):
+        state = state.put(replace(moved_to(vehicle, Stage.DOWN), ordered_mode_s=now_s, place_told=True))
+        return state, (Say(Level.FAULT, f"{heard}, {place_words(context, vehicle)}"),)
     state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
     if not on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
-    text = f"{heard}, on the ground; it is told to return, so that it does not take off with its old mission"
+    text = f"{heard}, on the ground; it is switched to RTL, so that it does not take off with its old mission"
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 
 
@@ -234,6 +297,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
         commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
+    state, more = offers.looked_at(context, state, now_s)
+    commands.extend(more)
     state = operator.settled(context, state, now_s)
     state, more = _finish(context, state)
     return state, (*commands, *more)
@@ -241,12 +306,14 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, alone: bool) -> Stepped:
     vehicle = state.vehicles[name]
-    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.LOST}:
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+        return _on_the_ground(context, state, vehicle, now_s)
+    if vehicle.stage is Stage.LOST:
         return state, ()
     commands: list[Command] = []
     state, more = silence.of_one(context, state, vehicle, now_s)
     commands.extend(more)
-    vehicle = state.vehicles[name]
+    vehicle = custody.looked_at_again(context, state.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
     told, lines = degraded.said(view, state.told.get(name, Told()))
     if told is not state.told.get(name):
@@ -256,20 +323,75 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
-    if raised and raised[0][0].name == "mode" and silence.ended_its_mission(context, state, vehicle, now_s):
-        state, more = _missed_us(context, state, vehicle, now_s)
-        commands.extend(more)
-    elif raised:
+    state, more = _decided(context, state, vehicle, raised, now_s)
+    commands.extend(more)
+    state, more = _owed(context, state, name)
+    return state, (*commands, *more)
+
+
+def _decided(
+    context: Context, state: FleetState, vehicle: VehicleState, raised: list[tuple[Watchpoint, str]], now_s: float
+) -> Stepped:
+    """One thing at a time, the most important first."""
+    name = vehicle.name
+    lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
+    if vehicle.stage is not Stage.PILOT and custody.takes_over(vehicle, now_s) and not lost:
+        return takeover.taken(context, state, vehicle)
+    if raised and raised[0][0].name == "mode" and custody.missed_us(context, state.absences, vehicle, now_s):
+        return _missed_us(context, state, vehicle, now_s)
+    if raised:
         point, why = raised[0]
-        state, more = _fault(context, state, vehicle, point.kind, why, now_s)
-        commands.extend(more)
-    elif _has_landed(vehicle):
-        state, more = _landed(state, vehicle, now_s)
-        commands.extend(more)
-    elif vehicle.stage is Stage.RETURNING:
-        state, more = _order_again(context, state, vehicle, now_s)
-        commands.extend(more)
-    return state, tuple(commands)
+        return _fault(context, state, vehicle, point.kind, why, now_s)
+    if why := down.found_down(context, vehicle, now_s):
+        return _down(context, state, vehicle, why, now_s)
+    if vehicle.stage is Stage.PILOT:
+        return takeover.attended(context, state, vehicle, now_s)
+    if _has_landed(vehicle):
+        return _landed(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
+    return homeward.pursued(context, state, name, now_s)
+
+
+def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that should not move."""
+    if state.launched_s is None:
+        return state, ()
+    if vehicle.stage is Stage.DOWN:
+        if not vehicle.armed and not vehicle.place_told and at_rest(vehicle, now_s):
+            state = state.put(replace(vehicle, place_told=True))
+            return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
+        if not down.flies_again(vehicle):
+            return state, ()
+        text = f"{vehicle.name}: was taken to be down and flies, {last_heard(context, vehicle)}"
+        back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+        state, more = homeward.sent_home(context, state, back, now_s)
+        return state, (Say(Level.FAULT, text), *more)
+    if vehicle.armed and custody.takes_over(vehicle, now_s):
+        return takeover.taken(context, state, vehicle)
+    return state, ()
+
+
+def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
+    """Say where a vehicle is down that is armed still."""
+    if vehicle.fault is None:
+        return declare(context, state, vehicle, FaultKind.DOWN, why, now_s)
+    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, anchor=vehicle.fix, place_told=True)
+    return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
+
+
+def _owed(context: Context, state: FleetState, name: str) -> Stepped:
+    """Say that an inspection does not count once its vehicle has left the segment without proof."""
+    vehicle = state.vehicles[name]
+    if vehicle.owed is None or vehicle.board is None:
+        return state, ()
+    visit, why = vehicle.owed
+    ahead = any(point.visit == visit for point in vehicle.board.path.waypoints[vehicle.waypoint :])
+    if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
+        return state, ()
+    state = state.put(replace(vehicle, owed=None))
+    segment = vehicle.board.tracks[visit].segment
+    if segment in state.inspected:
+        return state, ()
+    return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
 
 
 def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -277,37 +399,29 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
 
     Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
     """
-    state = state.put(replace(moved_to(vehicle, Stage.RETURNING), ordered_mode_s=now_s, run=None))
+    vehicle = replace(moved_to(vehicle, Stage.RETURNING), run=None, anchor=None, left_s=now_s)
+    state, more = homeward.sent_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was away"
     state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
-    said = Say(Level.WARNING, f"{trigger}; it comes home, and may fly again")
-    return state, (said,) if comes_home(context, vehicle) else (said, SendHome(vehicle.name))
+    return state, (Say(Level.WARNING, f"{trigger}; it comes home"), *more)
 
 
 def _has_landed(vehicle: VehicleState) -> bool:
     return vehicle.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
 
 
-def _landed(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None)
+def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None, errand=None, cleared_s=None)
     state = state.put(vehicle)
     if vehicle.fault is None and not vehicle.excluded and vehicle.name not in state.considered:
         # It was on its way down when the last re-plan was made: what was left then may be for it.
         state = replace(state, considered=state.considered | {vehicle.name})
-        if state.given_up:
+        if context.fly_again is FlyAgain.AUTO and state.given_up:
             trigger = f"{vehicle.name}: landed with battery to spare"
             state = replace(state, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s)
     left = "" if vehicle.battery.remaining_pct is None else f" with {vehicle.battery.remaining_pct:.0f} %"
-    return state, (Say(Level.INFO, f"{vehicle.name}: landed{left}"),)
-
-
-def _order_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    if vehicle.heartbeat is None or vehicle.stale or comes_home(context, vehicle):
-        return state, ()
-    if now_s - vehicle.ordered_mode_s < ORDER_AGAIN_S:
-        return state, ()
-    again = LandNow(vehicle.name) if vehicle.lands else SendHome(vehicle.name)
-    return state.put(replace(vehicle, ordered_mode_s=now_s)), (again,)
+    place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
+    return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
 
 
 def _fault(
@@ -317,10 +431,16 @@ def _fault(
     if vehicle.fault is None:
         return declare(context, state, vehicle, kind, why, now_s)
     if kind is FaultKind.LINK:
-        return state.put(moved_to(vehicle, Stage.LOST)), (Say(Level.WARNING, f"{vehicle.name}: {why}"),)
-    if _has_landed(vehicle):
-        return state.put(moved_to(vehicle, Stage.LANDED)), ()
-    return state, ()
+        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
+        return state.put(replace(moved_to(vehicle, Stage.LOST), errand=None)), (Say(Level.WARNING, text),)
+    if vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle):
+        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
+        return state.put(replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)), (
+            Say(Level.FAULT, text),
+        )
+    if _has_landed(vehicle) and seen_at_rest(vehicle, now_s):
+        return _landed(context, state, vehicle, now_s)
+    return homeward.pursued(context, state, vehicle.name, now_s)
 
 
 def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
@@ -336,18 +456,21 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
         state = state.put(replace(vehicle, board=board))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
-        commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {to_go} segments to go"))
+        what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
+        commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(replace(vehicle, stubborn=True))
         text = f"{vehicle.name}: could not be given its new mission ({event.reason}); planning around it"
         commands.append(Say(Level.WARNING, text))
         state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
-    if mission.fresh and event.accepted:
-        state, start = _start(state, state.vehicles[vehicle.name], now_s)
+    if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
+        state, start = _start(context, state, state.vehicles[vehicle.name], now_s)
         commands.append(start)
+    elif mission.fresh and event.accepted:
+        commands.append(Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's word for it is too old"))
     elif vehicle.stage is Stage.STARTING and not event.mixed:
-        state, more = _started_again(state, state.vehicles[vehicle.name], now_s)
+        state, more = _started_again(context, state, state.vehicles[vehicle.name], now_s)
         commands.extend(more)
     state = replace(state, replan=plan)
     if event.mixed and not event.accepted and not mission.fresh:
@@ -364,20 +487,20 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     return state, (*commands, *more)
 
 
-def _started_again(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
     if vehicle.took_off:
         vehicle = replace(moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s)
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    state, start = _start(state, vehicle, now_s)
+    state, start = _start(context, state, vehicle, now_s)
     return state, (start,)
 
 
 def _finish(context: Context, state: FleetState) -> Stepped:
-    waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+    waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
     if state.finished or state.launched_s is None or state.replan is not None:
         return state, ()
-    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()):
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.stands(state):
         return state, ()
     if not state.recalled and replanning.orphans(context, state):
         return state, ()

@@ -36,14 +36,21 @@ from executor.core.voltage import Report, Thresholds, VoltageState, measured
 from missions import Phase
 
 _ALARM = re.compile(
-    r"failsafe|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
-    r"battery .*(low|critical|missing|unhealthy|fail)",
+    r"failsafe|fence|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )
 """What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
 
+OVERTAKEN_S = 60.0
+"""A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
+autopilot has started anew."""
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
+_ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
+"""Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
+NAMED_S = 5.0
+"""So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -56,12 +63,10 @@ class Folded:
     inspected: int | None = None
     flown: Flown | None = None
     """How it was flown."""
-    broken: str = ""
-    """Why an inspection under way does not count any more."""
     text: StatusText | None = None
 
 
-def fold(  # noqa: PLR0911 - one return for each kind of message
+def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
@@ -70,13 +75,17 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
             other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
             since = now_s if other else state.mode_since_s
             armed_once = state.armed_once or message.armed
+            disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
+            unseen_s = state.unseen_until_s
+            if state.heartbeat is not None and _was_unseen(context, state, now_s):
+                unseen_s = now_s
             flew = state.flew_mission
             if not flew and state.took_off and message.armed and state.name in context.vehicles:
                 flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
             return Folded(
                 changed(
                     state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
-                    armed_once=armed_once, flew_mission=flew,
+                    armed_once=armed_once, flew_mission=flew, unseen_until_s=unseen_s, disarmed_s=disarmed_s,
                 )
             )  # fmt: skip
         case Position():
@@ -93,17 +102,29 @@ def fold(  # noqa: PLR0911 - one return for each kind of message
             return Folded(changed(state, heard_s=now_s, gps=message))
         case Wind():
             return Folded(changed(state, heard_s=now_s, wind=message))
-        case Attitude():
-            return Folded(changed(state, heard_s=now_s, attitude=message))
+        case Attitude(roll_deg, pitch_deg):
+            tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
+            tilted_s = (state.tilted_since_s or now_s) if tilted else None
+            return Folded(changed(state, heard_s=now_s, attitude=message, tilted_since_s=tilted_s))
         case FenceStatus(breached):
             return Folded(changed(state, heard_s=now_s, fence_breached=breached))
         case StatusText(_, said):
-            alarm = (said, now_s) if _ALARM.search(said) else state.alarm
+            alarm = (said, now_s) if _ALARM.search(said) and not _adds_nothing(state, said, now_s) else state.alarm
             return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
         case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
             return Folded(_about(context, state, message, now_s))
         case _:
             return Folded(changed(state, heard_s=now_s))
+
+
+def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
+    """Return whether a text only says what an autopilot does about something that it has just named."""
+    return now_s - state.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
+
+
+def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:
+    """Return whether a heartbeat comes after a silence, or as the first one that this process hears."""
+    return state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s
 
 
 def _about(
@@ -196,14 +217,19 @@ def _at_item(state: VehicleState, seq: int) -> VehicleState:
     if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
         return state
     waypoint = state.board.waypoint_of[seq]
-    if waypoint is None or state.stage not in {Stage.FLYING, Stage.STARTING}:
+    if waypoint is None or state.stage not in _ON_ITS_MISSION:
         return state
+    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < state.waypoint:
+        return state  # both autopilots begin to count anew when the mission is over
     return changed(state, waypoint=waypoint)
 
 
 def _positioned(context: Scene, state: VehicleState, message: Position, now_s: float) -> Folded:
-    if state.fix is not None and -60.0 < message.boot_s - state.fix.boot_s <= 0.0:
-        return Folded(state)  # overtaken on the way by a newer one, or a duplicate
+    if state.fix is not None and message.boot_s <= state.fix.boot_s:
+        late_s = state.fix.boot_s - message.boot_s
+        if late_s < OVERTAKEN_S and now_s - state.fix.at_s < context.limits.link_stale_s:
+            return Folded(state)  # overtaken on the way by a newer one, or a duplicate
+        state = changed(state, rebooted_s=now_s)
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
     fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
@@ -216,7 +242,10 @@ def _positioned(context: Scene, state: VehicleState, message: Position, now_s: f
         anchor = fix
     took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
-    state = changed(state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump)
+    away = state.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    state = changed(
+        state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump, away_once=took_off and away
+    )
     return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 
 
@@ -238,7 +267,7 @@ def _apart_m(one: Fix, other: Fix) -> float:
 
 def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
     leg = state.leg
-    if state.board is None or leg is None or state.stage is not Stage.FLYING:
+    if state.board is None or leg is None or not _may_count(context, state):
         return Folded(state)
     # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
     visit = state.run_visit if state.run_visit is not None and state.run is not None else leg.visit
@@ -254,5 +283,14 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
         return Folded(state, inspected=track.segment, flown=step.flown)
     if step.broken:
         broken = (*state.runs_broken, (track.segment, step.broken))
-        return Folded(changed(state, runs_broken=broken), broken=f"segment {track.segment}: {step.broken}")
+        return Folded(changed(state, runs_broken=broken, owed=(visit, step.broken)))
     return Folded(state)
+
+
+def _may_count(context: Scene, state: VehicleState) -> bool:
+    """Return whether it flies its mission; a pilot may have put it back on it."""
+    if state.stage is Stage.FLYING:
+        return True
+    beat = state.heartbeat
+    on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
+    return state.stage is Stage.PILOT and on_mission

@@ -39,6 +39,8 @@ class Action(Enum):
 
 FOR_ALL = frozenset({Action.REPLAN, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
+BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
+"""Answers to what is asked before the flight."""
 
 
 class Outcome(Enum):

@@ -82,5 +82,18 @@ class Limits:
     """Where no plan says how long it should stay."""
     stall_m: float = 3.0
     """A vehicle on its mission that moved less than this in `stall_s` is stuck."""
+    tilt_deg: float = 75.0
+    """No mission, return or landing leans a multicopter so far: ArduPilot's ANGLE_MAX is 30 by default, PX4's tilt
+    limits are 45 and less; both call it a failure at 30 beyond what was asked for, and at 60."""
+    tilt_s: float = 3.0
+    """For so long no gust and no flip does."""
+    down_s: float = 30.0
+    """A vehicle that should be on its way home and does not move for this long is on the ground."""
+    on_ground_s: float = 5.0
+    """The same where it says itself that it is on the ground."""
+    pad_m: float = 6.0
+    """Nearer to its pad than this, seen from above, a vehicle that comes down lands on it."""
+    failsafe_hold_s: float = 15.0
+    """PX4 holds for COM_FAIL_ACT_T, 5 s by default, before its failsafe acts; after this nobody acts."""
     mode_grace_s: float = 3.0
     """How long a mode other than the mission may last around a change that we ordered ourselves."""

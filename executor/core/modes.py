@@ -18,6 +18,11 @@ _OTHER_NAMES = {
         8 << 24 | 4 << 16: "AUTO.FOLLOW", 9 << 24 | 4 << 16: "AUTO.PRECLAND",
     },
 }  # fmt: skip
+_MANUAL = {
+    "ardupilot": frozenset({0, 1, 2, 5, 7, 11, 13, 14, 15, 16, 18, 22, 23, 24, 28}),
+    "px4": frozenset({1 << 16, 2 << 16, 3 << 16, 5 << 16, 6 << 16, 7 << 16, 8 << 24 | 4 << 16}),
+}
+"""Modes of sticks, and those that follow somebody or something else than a mission."""
 _OTHER_WAYS_HOME = {
     "ardupilot": frozenset({21, 27}),  # SMART_RTL, and AUTO_RTL, which is reported in a landing sequence of a mission
     "px4": frozenset({9 << 24 | 4 << 16}),
@@ -35,6 +40,11 @@ def is_home_mode(dialect: Dialect, custom_mode: int) -> bool:
     return custom_mode in ours | _OTHER_WAYS_HOME[dialect.name]
 
 
+def is_manual_mode(dialect: Dialect, custom_mode: int) -> bool:
+    """Return whether somebody has to fly it: neither we, nor a mission, nor a failsafe leads there with hands off."""
+    return custom_mode in _MANUAL[dialect.name]
+
+
 def mode_name(dialect: Dialect, custom_mode: int) -> str:
     """Return a mode in words."""
     modes = dialect.modes
@@ -42,7 +52,7 @@ def mode_name(dialect: Dialect, custom_mode: int) -> str:
         modes.guided.custom_mode: "GUIDED",
         modes.hold.custom_mode: "HOLD",
         modes.mission.custom_mode: "MISSION",
-        modes.return_home.custom_mode: "RETURN",
+        modes.return_home.custom_mode: "RTL",
         modes.land.custom_mode: "LAND",
     }
     return ours.get(custom_mode) or _OTHER_NAMES[dialect.name].get(custom_mode) or f"number {custom_mode}"

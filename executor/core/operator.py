@@ -6,15 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from executor.core import refusals, replanning
+from executor.core import homeward, refusals, replanning, takeover
 from executor.core.changed import changed
-from executor.core.commands import CancelSolve, Command, Hold, LandNow, Level, Resume, Say, SendHome
+from executor.core.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.context import Context
-from executor.core.declare import declare, left_plan, on_mission, withdrawn
+from executor.core.custody import in_other_hands
+from executor.core.declare import declare, left_plan, withdrawn
 from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
+from executor.core.homeward import on_mission, sent_home
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.places import place_words
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import Cause, Fault, FaultKind, Stage, VehicleState, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -26,6 +29,8 @@ OTHERS_MODE_S = 20.0
 """A held vehicle that flies its mission for longer than this was sent on by somebody else, or never heard the order."""
 LATE_S = 120.0
 """An order may be followed this late: a radio keeps it, or only the answers were lost."""
+SHARED_S = 15.0
+"""So long the work of one that was cleared to fly again waits for the others that were offered."""
 _RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
 _ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
 
@@ -55,11 +60,11 @@ def step(
         case IntentReceived(intent):
             return _received(context, state, intent, now_s)
         case OrderEnded():
-            return _answered(state, event, now_s)
+            return _answered(context, state, event, now_s)
         case ReturnEnded():
             return _return_answered(state, event, now_s)
         case ReturnAllOrdered():
-            return _recall(state, now_s)
+            return _recall(context, state, now_s)
 
 
 def _received(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
@@ -71,6 +76,10 @@ def _received(context: Context, state: FleetState, intent: Intent, now_s: float)
     if reason:
         state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s))
         return state, (Say(Level.WARNING, f"{wish}; refused: {reason}"),)
+    question = refusals.question(context, state, intent)
+    if question:
+        record = IntentRecord(intent, Outcome.REFUSED, "has to be confirmed", now_s, ended_s=now_s, question=question)
+        return _kept(state, record), ()
     ordered = _HANDLERS[intent.action](context, state, intent, now_s)
     under_way = bool(ordered.waiting) or ordered.open
     outcome = Outcome.ACCEPTED if under_way else Outcome.DONE
@@ -94,53 +103,71 @@ def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
     return state.vehicles[intent.vehicle]
 
 
-def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
-    state = state.put(replace(vehicle, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s))
+    held = replace(vehicle, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s)
+    if vehicle.stage is Stage.PILOT:
+        held = replace(moved_to(held, Stage.FLYING), taken=None)
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    state = state.put(replace(held, ordered_modes=frozenset({hold}), cause=Cause.OURS))
     return _Ordered(state, "it is told to hold", (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
-def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
-    state = state.put(replace(vehicle, ordered_mode_s=now_s))
+    mission = context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
+    state = state.put(replace(vehicle, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
     return _Ordered(
         state, "it is told to go on with its mission", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name})
     )
 
 
-def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
-    state, more = _sent_home(state, vehicle, now_s)
+    state, more = _sent_home(context, state, vehicle, now_s, force=intent.confirmed)
     state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: returns by the operator's order", now_s)
-    text = "it is told to return, and stays on the ground until it is included; its segments are given to the others"
+    text = "it is told to return, and stays on the ground until it is included; the others are given what is left"
     return _Ordered(state, text, (*others, *more), frozenset({vehicle.name}))
 
 
-def _sent_home(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _sent_home(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, force: bool = False
+) -> Stepped:
     """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
-    stage = Stage.LANDED if vehicle.stage is Stage.STARTING and not vehicle.armed else Stage.RETURNING
-    state = state.put(replace(left_plan(vehicle, stage, now_s), excluded=True))
-    return state, (SendHome(vehicle.name),)
+    if vehicle.stage is Stage.STARTING and not vehicle.armed:
+        state = state.put(replace(left_plan(vehicle, Stage.LANDED, now_s), excluded=True))
+        return state, (SendHome(vehicle.name),)  # in place of its start
+    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), excluded=True)
+    if force:
+        left = replace(left, taken=None, cause=Cause.OURS)
+    return sent_home(context, state, left, now_s, force=force)
 
 
-def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
     planned = vehicle.stage in _ON_MISSION
     fault = vehicle.fault or Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s)
-    state = state.put(replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault))
+    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault)
+    left = replace(left, taken=None, cause=Cause.OURS) if intent.confirmed else left
+    state, told = sent_home(context, state, left, now_s, land=True, force=intent.confirmed)
     others: tuple[Command, ...] = ()
     if planned:
         state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: lands by the operator's order", now_s)
-    text = "it is told to land where it is; its segments are given to the others"
-    return _Ordered(state, text, (*others, LandNow(vehicle.name)), frozenset({vehicle.name}), level=Level.WARNING)
+    text = "it is told to land where it is; the others are given what is left"
+    return _Ordered(state, text, (*others, *told), frozenset({vehicle.name}), level=Level.WARNING)
 
 
 def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
     state = state.put(replace(vehicle, excluded=True))
-    if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
-        return _Ordered(state, "it stays on the ground and is given nothing")
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+        return _Ordered(state.put(replace(state.vehicles[vehicle.name], cleared_s=None)), "it stays on the ground")
+    if vehicle.stage is Stage.PILOT:
+        hold = replace(vehicle.taken, given_away=True) if vehicle.taken is not None else None
+        state = state.put(replace(state.vehicles[vehicle.name], taken=hold))
+        state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
+        return _Ordered(state, "it is left to its pilot; the others are given what is left", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
     state, commands = declare(
         context, state, state.vehicles[vehicle.name], FaultKind.OPERATOR, "excluded by the operator's word", now_s
@@ -165,19 +192,36 @@ def _others(state: FleetState, name: str) -> bool:
 
 def _include(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
+    if vehicle.stage is Stage.PILOT:
+        state, more = takeover.given_back(context, state, vehicle, now_s)
+        return _Ordered(state, "it is back in the plan", more)
     mended = state.mended if vehicle.fault is None else (*state.mended, (vehicle.name, vehicle.fault))
     ready = replace(
         moved_to(vehicle, Stage.GROUND), fault=None, excluded=False, stubborn=False, lands=False, held_s=None,
-        watches=(), alarm=("", float("-inf")), failures=0, armed_once=False,
+        watches=(), alarm=("", float("-inf")), failures=0, armed_once=False, cleared_s=now_s, taken=None,
     )  # fmt: skip
     trigger = f"{vehicle.name}: is back with {vehicle.battery.remaining_pct or 0.0:.0f} % in its battery"
     state = replace(
         state.put(ready), mended=mended, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s,
-        considered=state.considered - {vehicle.name},
+        considered=state.considered - {vehicle.name}, offers_over=False,
     )  # fmt: skip
+    if state.offer is not None and len(state.offer.vehicles) > 1:
+        # The others may be cleared in a moment: the work is shared then.
+        state = replace(state, wait_until_s=max(state.wait_until_s, now_s + SHARED_S))
     if replanning.orphans(context, state):
         return _Ordered(state, "it is back in the plan, which is made anew with it")
     return _Ordered(state, "it is back; nothing is left over for it, a re-plan would share the work with it")
+
+
+def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    vehicle = _vehicle(state, intent)
+    told = (Disarm(vehicle.name, force=True),)
+    return _Ordered(state, "its motors are told to stop", told, frozenset({vehicle.name}), level=Level.WARNING)
+
+
+def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    briefing = replace(state.briefing, question=None, answered=intent.action.value)
+    return _Ordered(changed(state, briefing=briefing), "yes")
 
 
 def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
@@ -187,22 +231,24 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 
 def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    state, commands = _recall(state, now_s)
-    told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
-    commands = tuple(command for command in commands if not isinstance(command, Say))
+    state, commands = _recall(context, state, now_s)
+    told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
+    commands = commands[1:]  # the first line says what the intent's own does
     return _Ordered(state, "everybody is told to return", commands, told, level=Level.WARNING)
 
 
-def _recall(state: FleetState, now_s: float) -> Stepped:
+def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Send everybody home."""
     commands: list[Command] = [Say(Level.WARNING, "the operator sends everybody home")]
     if state.replan is not None and state.replan.solve_s is None:
         commands.append(CancelSolve(state.replan.solve.revision))
     for vehicle in state.vehicles.values():
-        if vehicle.stage in _ON_MISSION:
-            state, more = _sent_home(state, vehicle, now_s)
+        if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and in_other_hands(vehicle)):
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: is with its pilot and is not told to return"))
+        elif vehicle.stage in _ON_MISSION:
+            state, more = _sent_home(context, state, vehicle, now_s)
             commands.extend(more)
-    return replace(state, recalled=True, replan=None, launched_s=state.launched_s or now_s), tuple(commands)
+    return replace(state, recalled=True, replan=None, offer=None, launched_s=state.launched_s or now_s), tuple(commands)
 
 
 _Handler = Callable[[Context, FleetState, Intent, float], _Ordered]
@@ -215,33 +261,47 @@ _HANDLERS: Mapping[Action, _Handler] = {
     Action.INCLUDE: _include,
     Action.REPLAN: _replan,
     Action.ABORT: _abort,
+    Action.DISARM: _disarm,
+    Action.PREPARE: _answer,
+    Action.TAKE_OFF: _answer,
 }
 
 
-def _answered(state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
+def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to an order to hold, to go on or to land."""
+    state, more = homeward.answered(state, event, now_s) if event.action is Action.LAND else (state, ())
     vehicle = state.vehicles[event.vehicle]
-    state = _closed(state, event.vehicle, frozenset({event.action}), event.reason, now_s, accepted=event.accepted)
+    actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
+    state = _closed(state, event.vehicle, actions, event.reason, now_s, accepted=event.accepted)
     if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
         # It may still obey, or have obeyed unheard: that is no change of mode by itself. `settled` forgets it later.
         state = state.put(replace(vehicle, ordered_mode_s=now_s))
     if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
         gone_on = replace(vehicle, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s, anchor=None)
         state = state.put(gone_on)
+    if event.action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
+        # It was to be stopped on the ground and is not there any more.
+        state, more = homeward.sent_home(context, state, vehicle, now_s)
     if not event.accepted:
         text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
-        return state, (Say(Level.WARNING, text),)
-    done = {Action.HOLD: "holds", Action.RESUME: "flies on", Action.LAND: "lands"}[event.action]
+        return state, (Say(Level.WARNING, text), *more)
+    done = {Action.HOLD: "holds", Action.RESUME: "flies on", Action.LAND: "lands", Action.DISARM: "disarmed"}[
+        event.action
+    ]
     note = f"; {event.reason}" if event.reason else ""
+    if event.action is Action.DISARM and vehicle.stage is Stage.DOWN:
+        note = f"; {place_words(context, replace(vehicle, heartbeat=None))}"
     return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
 
 
 def _return_answered(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to the order to come home."""
     state = _closed(state, event.vehicle, _RETURNS, event.reason, now_s, accepted=event.accepted)
+    state, more = homeward.answered(state, event, now_s)
     if event.accepted:
-        return state, (Say(Level.INFO, f"{event.vehicle}: returns"),)
-    return state, (Say(Level.WARNING, f"{event.vehicle}: did not acknowledge the return ({event.reason})"),)
+        return state, (Say(Level.INFO, f"{event.vehicle}: returns"), *more)
+    said = "refused the return" if event.refused else "did not acknowledge the return"
+    return state, (Say(Level.WARNING, f"{event.vehicle}: {said} ({event.reason})"), *more)
 
 
 _DONE = {
@@ -249,6 +309,7 @@ _DONE = {
     Action.RESUME: "it flies on",
     Action.RETURN: "it returns",
     Action.LAND: "it lands",
+    Action.DISARM: "its motors are off",
     Action.EXCLUDE: "it is out of the plan and returns",
     Action.ABORT: "everybody returns",
 }

@@ -12,7 +12,7 @@ from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe, Parameters
 from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
 from executor.core.strangers import stranger_words
-from missions import Dialect, FlightPath, Pad, check_separation, estimate
+from missions import Dialect, FlightPath, Pad, check_separation, estimate, margin_m
 
 RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
@@ -20,6 +20,10 @@ SPARE_ROOM = 4.0
 """A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
 AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT."""
+PAD_OFF_M = 15.0
+"""What a GPS may be off in height."""
+PAD_SLOPE = 0.3
+"""By how much the ground may rise from the depot to a pad, in metres a metre."""
 FARTHEST_PAD_M = 200.0
 """A vehicle that stands farther from the depot than this is not the one that the site file means."""
 
@@ -91,6 +95,21 @@ def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> li
         text = f"stands {away_m:.0f} m from the depot, expected at most {FARTHEST_PAD_M:.0f} m"
         found.append(Check(Severity.STOP, facts.name, text))
     return found
+
+
+def pad_height(context: Context, facts: Facts) -> list[Check]:
+    """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
+    pad = context.setup.pad_of(facts.name)
+    off_m = pad.alt_m - context.frame.alt_m
+    text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
+    if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
+        return [Check(Severity.STOP, facts.name, f"{text}: expected depot.alt_m and GPS to agree")]
+    inspection = context.setup.inspection
+    if abs(off_m) > inspection.height_m - margin_m(context.setup):
+        return [
+            Check(Severity.WARNING, facts.name, f"{text}: its flight is {abs(off_m):.0f} m off if they do not agree")
+        ]
+    return []
 
 
 def _who(facts: Facts, dialect: Dialect) -> Check:
@@ -181,33 +200,6 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
             text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
             found.append(Check(Severity.WARNING, facts.name, text))
     return found or [Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence")]
-
-
-@dataclass(frozen=True, slots=True)
-class ReturnHeight:
-    """What became of the height of a vehicle's own return."""
-
-    parameter: str
-    height_m: float | None
-    """What it is now; None if it did not say."""
-    problem: str
-    """What could not be set; empty if all was."""
-
-
-def return_height(context: Context, name: str, now: ReturnHeight) -> Check:
-    """Say at which height a vehicle comes home by itself, and whether that keeps clear of the others' layers."""
-    wanted_m = context.return_height_m(name)
-    if now.height_m is None:
-        return Check(Severity.WARNING, name, f"the height of its own return is not known: {now.problem}")
-    if now.height_m < math.floor(wanted_m):
-        text = (
-            f"its own return stays at {now.height_m:g} m ({now.parameter}), below the {wanted_m:.0f} m that keep it "
-            f"clear of the others: {now.problem}"
-        )
-        return Check(Severity.WARNING, name, text)
-    if now.problem:
-        return Check(Severity.WARNING, name, f"its own return at {now.height_m:g} m: {now.problem}")
-    return Check(Severity.OK, name, f"its own return is set to {now.height_m:g} m ({now.parameter})")
 
 
 def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:

@@ -48,6 +48,13 @@ class SegmentRecord:
     """None if it was left over."""
     inspected_s: float | None
     """None if it was left over, or if the positions that are on record do not show it."""
+    name: str = ""
+    """What its asset is called; empty where nobody said."""
+
+    @property
+    def shown(self) -> str:
+        """What people call it."""
+        return self.name or str(self.id)
 
 
 @dataclass(frozen=True, slots=True)

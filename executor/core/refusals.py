@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from executor.core import replanning
+from executor.core import homeward, replanning
 from executor.core.context import Context
-from executor.core.intents import FOR_ALL, Action, Intent
+from executor.core.custody import in_other_hands
+from executor.core.intents import BEFORE, FOR_ALL, Action, Intent
+from executor.core.offers import open_segments
+from executor.core.places import where
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from planner import segment_of
 
@@ -20,13 +23,16 @@ PAD_M = 4.0
 LEAST_SPARE_PCT = 5.0
 """A battery with less than this over the reserve brings nobody back into the plan."""
 NOT_BEGUN = "the flight has not begun"
-_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
+_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
+_COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND})
 
 
 def reason(context: Context, state: FleetState, intent: Intent, now_s: float) -> str:
     """Return why an intent is refused; empty if it is not."""
     if state.finished:
         return "the flight is over"
+    if intent.action in BEFORE:
+        return _before(state, intent)
     if state.launched_s is None:
         return NOT_BEGUN
     if intent.action in FOR_ALL:
@@ -41,6 +47,30 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     return _VEHICLE[intent.action](context, state, vehicle, now_s)
 
 
+def question(context: Context, state: FleetState, intent: Intent) -> str:
+    """Return what has to be confirmed before an intent is carried out that is not refused; empty if nothing has."""
+    vehicle = None if intent.vehicle is None else state.vehicles.get(intent.vehicle)
+    if vehicle is None or intent.confirmed:
+        return ""
+    if intent.action is Action.DISARM:
+        where_ = where(context, vehicle)
+        return f"{vehicle.name} is down at {where_}: stop its motors by force? If it flies after all, it falls"
+    if intent.action is Action.INCLUDE and vehicle.stage is not Stage.PILOT:
+        return f"{vehicle.name} may take off as soon as its mission is on board: is its pad clear of people?"
+    if intent.action in _COMMANDING and in_other_hands(vehicle):
+        return f"{vehicle.name} is with its pilot: take it out of the pilot's hands? Speak to the pilot first"
+    return ""
+
+
+def _before(state: FleetState, intent: Intent) -> str:
+    asked = state.briefing.question
+    if state.launched_s is not None:
+        return "the flight has begun"
+    if intent.vehicle is not None:
+        return f"{intent.action.value} concerns everybody; expected no vehicle"
+    return "" if asked is not None and asked.id == intent.action.value else "nobody asks for that now"
+
+
 def _silent(vehicle: VehicleState, context: Context, now_s: float) -> str:
     heard_s = vehicle.heard_s
     if heard_s is None:
@@ -51,7 +81,7 @@ def _silent(vehicle: VehicleState, context: Context, now_s: float) -> str:
 
 
 def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
-    if vehicle.stage is not Stage.FLYING:
+    if vehicle.stage is not Stage.FLYING and vehicle.stage is not Stage.PILOT:
         return f"it does not fly its mission, it is {vehicle.stage.value}"
     if vehicle.held_s is not None:
         return "it holds already"
@@ -66,6 +96,8 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
 
 
 def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+    if vehicle.stage is Stage.PILOT:
+        return "its pilot has it, and must put it back on its mission; then it can be included"
     if vehicle.stage is not Stage.FLYING or vehicle.held_s is None:
         return f"it does not hold by an order, it is {vehicle.stage.value}"
     if state.recalled:
@@ -75,19 +107,19 @@ def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
     match vehicle.stage:
-        case Stage.RETURNING:
+        case Stage.RETURNING if homeward.comes_home(context, vehicle):
             return "it is on its way home already"
-        case Stage.GROUND | Stage.LANDED:
+        case Stage.GROUND | Stage.LANDED | Stage.DOWN:
             return "it is on the ground"
         case Stage.LOST:
-            return "it is not heard; heard again, it is told to return without asking"
+            return "its link is lost; when it is regained, it is told to return"
         case _:
             return ""
 
 
 def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
     fix = vehicle.fix
-    if vehicle.stage not in {Stage.FLYING, Stage.RETURNING} or not vehicle.armed:
+    if vehicle.stage not in IN_THE_AIR or not vehicle.armed:
         return f"it does not fly, it is {vehicle.stage.value}"
     if vehicle.lands:
         return "it is landing already"
@@ -122,22 +154,44 @@ def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     return ""
 
 
-def _include(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+def _include(  # noqa: PLR0911 - one return for each reason
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float
+) -> str:
     setup, remaining = context.vehicles[vehicle.name], vehicle.battery.remaining_pct
+    if vehicle.stage is Stage.PILOT:
+        return _from_its_pilot(state, vehicle)
     if vehicle.stage not in _ON_GROUND or vehicle.armed:
         return f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
     if state.recalled:
         return "everybody was sent home"
     if silent := _silent(vehicle, context, now_s):
         return silent
-    if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not state.given_up:
-        return "it is in the plan"
+    if vehicle.cleared_s is not None:
+        return "it is cleared for take-off already"
+    if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not open_segments(context, state):
+        return "it is in the plan, and nothing is left over for it"
     if vehicle.fix is None or math.dist(vehicle.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
         return "it does not stand on its pad; its way up and down is planned from there"
     if remaining is None or remaining < setup.reserve_pct + LEAST_SPARE_PCT:
         shown = "unknown" if remaining is None else f"{remaining:.0f} %"
         return f"its battery is {shown}; expected more than its reserve of {setup.reserve_pct:g} %"
     return ""
+
+
+def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> str:
+    if vehicle.taken is None or vehicle.taken.returned_s is None:
+        return "its pilot has it, and must put it back on its mission first"
+    if vehicle.fault is not None:
+        return f"it is out of the plan: {vehicle.fault.reason}"
+    return "everybody was sent home" if state.recalled else ""
+
+
+def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
+    if vehicle.stage is not Stage.DOWN:
+        return f"it is not down, it is {vehicle.stage.value}"
+    if not vehicle.armed:
+        return "its motors are off already"
+    return _silent(vehicle, context, now_s)
 
 
 def _replan(context: Context, state: FleetState, now_s: float) -> str:
@@ -155,7 +209,8 @@ def _replan(context: Context, state: FleetState, now_s: float) -> str:
 
 
 def _abort(context: Context, state: FleetState, now_s: float) -> str:  # noqa: ARG001
-    if not any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values()):
+    flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
+    if not flies and state.offer is None:
         return "nobody flies a mission"
     return ""
 
@@ -167,5 +222,6 @@ _VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], s
     Action.LAND: _land,
     Action.EXCLUDE: _exclude,
     Action.INCLUDE: _include,
+    Action.DISARM: _disarm,
 }
 _FLEET: Mapping[Action, Callable[[Context, FleetState, float], str]] = {Action.REPLAN: _replan, Action.ABORT: _abort}

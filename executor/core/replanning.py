@@ -7,13 +7,15 @@ from types import MappingProxyType
 
 from executor.core import battery, energy
 from executor.core.commands import Command, Compose, Level, Say, Solve, Survivor, Upload
-from executor.core.context import Context
+from executor.core.context import Context, FlyAgain
 from executor.core.events import MissionsWanted, NewRoute, SolveEnded
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase, continue_path, flight_path
 from planner import segment_of
 
+CLEARED_S = 60.0
+"""After this the crew's word that a pad is clear is too old to plan with."""
 PROOF_GRACE_S = 5.0
 """The vehicle's index may move on before the position that proves the inspection has arrived."""
 ATTEMPTS = 2
@@ -21,6 +23,8 @@ ATTEMPTS = 2
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""
 RETRY_S = 5.0
+OLD_NEED_S = 90.0
+"""A need that nobody could answer for longer says nothing of the re-plan that came in the end."""
 FLEW_ON = "flew on before its new mission came"
 WAYS_AT_ONCE = 500
 """Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
@@ -43,7 +47,7 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     if out or not heard or state.battery.remaining_pct is None:
         return None
     if state.stage in {Stage.GROUND, Stage.LANDED}:
-        if state.stage is Stage.LANDED and not context.fly_again:
+        if context.fly_again is not FlyAgain.AUTO and not _cleared(state, now_s):
             return None
         return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
     if state.stage not in {Stage.FLYING, Stage.STARTING} or state.board is None or state.fix is None:
@@ -56,6 +60,11 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     else:
         start, spent = state.fix.place_m, 0.0
     return _offer(context, state, start, spent * battery.factor(state.battery), airborne=True, kept=kept)
+
+
+def _cleared(state: VehicleState, now_s: float) -> bool:
+    """Return whether the crew has said that it may take off, just now."""
+    return state.cleared_s is not None and now_s - state.cleared_s <= CLEARED_S
 
 
 def _kept(context: Context, state: VehicleState) -> int | None:
@@ -113,7 +122,7 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
         return state, ()
     offers = tuple(offer for vehicle in state.vehicles.values() if (offer := survivor(context, vehicle, now_s)))
     if not offers:
-        return _nobody(replace(state, ordered=False), alone)
+        return _nobody(context, replace(state, ordered=False), alone)
     if not state.urgent and not state.ordered:
         state, alone = _count_attempts(state, alone)
         if not alone:
@@ -121,7 +130,7 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     if not alone and not freed:
         return replace(state, ordered=False), ()
-    trigger = state.trigger if state.urgent or state.ordered else f"not proven to be inspected: {listed(alone)}"
+    trigger = state.trigger if state.urgent or state.ordered else _unasked(context, state, alone)
     revision = state.revision + 1
     solve = Solve(revision, tuple(sorted((alone | freed) - set(state.inspected))), offers, trigger)
     begun_s = state.trigger_s if state.urgent or state.ordered else now_s
@@ -138,6 +147,16 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     return state, (Say(Level.INFO, text), solve)
 
 
+def _unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
+    """Return why segments are without a vehicle that no fault left behind."""
+    passed = {
+        segment_of(visit) for vehicle in state.vehicles.values() if vehicle.board for visit in vehicle.board.visits
+    }
+    if alone <= passed:
+        return f"not proven to be inspected: {listed(context, alone)}"
+    return f"without a vehicle: {listed(context, alone)}"
+
+
 def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
     attempts = {**state.attempts, **{segment: state.attempts.get(segment, 0) + 1 for segment in alone}}
     hopeless = frozenset(segment for segment in alone if attempts[segment] > ATTEMPTS)
@@ -145,14 +164,21 @@ def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetStat
     return state, alone - hopeless
 
 
-def _nobody(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, tuple[Command, ...]]:
+def _nobody(context: Context, state: FleetState, alone: frozenset[int]) -> tuple[FleetState, tuple[Command, ...]]:
     back = any(
         one.stage is Stage.RETURNING and one.fault is None and not one.excluded for one in state.vehicles.values()
     )
-    if state.on_mission() or back or not alone:
+    if state.on_mission() or not alone:
         return state, ()  # somebody is landing, or about to: it may fly again
+    if back and context.fly_again is FlyAgain.AUTO:
+        return state, ()
     state = replace(state, given_up=state.given_up | alone, urgent=False)
-    return state, (Say(Level.WARNING, f"nobody is left to inspect {listed(alone)}"),)
+    waiting = any(
+        one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.excluded
+        for one in state.vehicles.values()
+    )
+    who = "nobody in the air can take over" if waiting else "nobody is left to inspect"
+    return state, (Say(Level.WARNING, f"{who} {listed(context, alone)}"),)
 
 
 def solved(
@@ -181,7 +207,7 @@ def solved(
     text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
     if event.uncovered:
-        what = f"the budgets that are left do not cover {listed(event.uncovered)}"
+        what = f"the budgets that are left do not cover {listed(context, event.uncovered)}"
         lines.append(Say(Level.WARNING, what))
     plan = replace(
         plan,
@@ -294,13 +320,18 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
         upload_s=now_s - plan.solved_s,
     )
     state = replace(state, replan=None, records=(*state.records, record), orphans_since_s=None)
-    text = f"re-plan {record.revision} is on board, {record.ended_s - record.begun_s:.1f} s after it was needed"
+    since_s = record.ended_s - record.begun_s
+    text = f"re-plan {record.revision} is on board" + (
+        f", {since_s:.1f} s after it was needed" if since_s <= OLD_NEED_S else ""
+    )
     if plan.failed:
         text = f"re-plan {record.revision} ended; {', '.join(plan.failed)} could not be given its part"
     return state, (Say(Level.INFO, text),)
 
 
-def listed(segments: frozenset[int] | tuple[int, ...]) -> str:
-    """Return segments in words."""
-    names = ", ".join(str(segment) for segment in sorted(segments))
-    return f"segment{'s' if len(segments) != 1 else ''} {names}"
+def listed(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
+    """Return segments in words, by the names of the assets where they have any."""
+    names = {segment: context.segment_name(segment) for segment in sorted(segments)}
+    if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
+        return f"segments {', '.join(map(str, names))}"
+    return ", ".join(names.values())

@@ -12,10 +12,11 @@ from types import MappingProxyType
 
 from executor.core import replanning
 from executor.core.changed import changed
-from executor.core.commands import Command, Level, Say, SendHome, Start, Upload
-from executor.core.context import Context
-from executor.core.declare import left_plan, on_mission, withdrawn
+from executor.core.commands import Command, Level, Say, Start, Upload
+from executor.core.context import Context, FlyAgain
+from executor.core.declare import left_plan, withdrawn
 from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
+from executor.core.homeward import on_mission, sent_home
 from executor.core.linkquality import LinkQuality
 from executor.core.meanwhile import NOTHING, flown_meanwhile
 from executor.core.modes import is_mission_mode
@@ -50,6 +51,7 @@ def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
             changed(
                 vehicle,
                 before=vehicle.before or _before(vehicle),
+                errand=None if vehicle.errand is None else replace(vehicle.errand, told=False),
                 heard_s=None if vehicle.heard_s is None else now_s,
                 heartbeat_s=None,
                 excused_s=now_s,
@@ -122,7 +124,7 @@ def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -
             again[found.vehicle] = one.again
     for found in event.found:
         if found.vehicle in again:
-            state, more = _sent_again(state, found, again[found.vehicle], now_s)
+            state, more = _sent_again(context, state, found, again[found.vehicle], now_s)
             commands += more
     return Resumption(state, tuple(commands), tuple(ended), tuple(strange))
 
@@ -222,13 +224,14 @@ def _stranded(
     board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
     state, said = _caught_up(context, state, vehicle, board, found.seq)
     why = "reached the end of what was on board of its new mission"
-    state = state.put(left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s))
+    left = left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
+    state, told = sent_home(context, state.put(left), left, now_s)
     state, more = withdrawn(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
-    text = f"{found.vehicle}: {why}; it is told to return, and may fly again"
-    return state, _Taken((*said, Say(Level.WARNING, text), *more, SendHome(found.vehicle)))
+    text = f"{found.vehicle}: {why}; it is told to return"
+    return state, _Taken((*said, Say(Level.WARNING, text), *more, *told))
 
 
-def _sent_again(state: FleetState, found: Found, again: tuple[Command, ...], now_s: float) -> Stepped:
+def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[Command, ...], now_s: float) -> Stepped:
     """Send the rest of a mission, unless others have flown a part of it meanwhile and it can still be let go of."""
     name, plan = found.vehicle, state.replan
     if plan is None:
@@ -238,7 +241,7 @@ def _sent_again(state: FleetState, found: Found, again: tuple[Command, ...], now
     old = None if vehicle.board is None else _match(found, vehicle.board.revision)
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
-    why = f"others flew {replanning.listed(frozenset(flown))} of its new mission meanwhile"
+    why = f"others flew {replanning.listed(context, frozenset(flown))} of its new mission meanwhile"
     state, plan, said = replanning.let_go(state, plan, name, why, now_s)
     state, more = replanning.ended_if_done(state, now_s)
     return state, (said, *more)
@@ -257,8 +260,15 @@ def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     if not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT:
         text = f"{name}: has flown and landed meanwhile"
         return state.put(moved_to(vehicle, Stage.LANDED)), _Taken((Say(Level.INFO, text),))
-    state = state.put(changed(vehicle, ordered_mode_s=now_s))
-    return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+    if context.fly_again is FlyAgain.AUTO:
+        state = state.put(changed(vehicle, ordered_mode_s=now_s))
+        return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+    # The crew's yes is from before: somebody may stand at the pad by now.
+    if vehicle.armed:
+        why = "was armed and had not taken off when the ground station went away"
+        return state, _Taken(strange=((name, why),))
+    state = state.put(moved_to(vehicle, Stage.GROUND))
+    return state, _Taken((Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground"),))
 
 
 def _caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
@@ -280,5 +290,5 @@ def _caught_up(context: Context, state: FleetState, vehicle: VehicleState, board
         return state, (Say(Level.WARNING, text),)
     if not new:
         return state, ()
-    listed = replanning.listed(tuple(new))
+    listed = replanning.listed(context, tuple(new))
     return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)

@@ -16,10 +16,6 @@ ALL = 2
 """Of fewer vehicles nobody can tell the silence of all from the silence of one."""
 SWITCHED_OFF_S = 30.0
 """A vehicle on the ground that has been silent for longer is switched off."""
-BEAT_S = 1.0
-"""Our last heartbeat was sent up to a second before we stopped."""
-REACTS_S = 30.0
-"""PX4 holds before it returns, and reports the change of mode a second later."""
 NOTED_SLEEP_S = 5.0
 """A pause this long is worth a line."""
 
@@ -35,16 +31,6 @@ def own_sleep(state: FleetState, now_s: float) -> Stepped:
         return state, ()
     state = changed(state, absences=(*state.absences, Absence(now_s, slept_s, restarted=False)))
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
-
-
-def ended_its_mission(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle that is not on its mission any more has its failsafe act because we were not there."""
-    failsafe_s = context.vehicles[vehicle.name].failsafe_s
-    if failsafe_s is None or not state.absences:
-        return False
-    away = state.absences[-1]
-    began_s = away.until_s - away.pause_s
-    return away.pause_s >= failsafe_s - BEAT_S and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:
@@ -71,7 +57,7 @@ def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:
 
 def _expected(state: FleetState) -> list[float]:
     """Return when each vehicle was heard last that should be heard now."""
-    away = {Stage.GROUND, Stage.LANDED}
+    away = {Stage.GROUND, Stage.LANDED, Stage.DOWN}
     heard = [
         float("-inf") if vehicle.heard_s is None else vehicle.heard_s
         for vehicle in state.vehicles.values()
@@ -93,7 +79,7 @@ def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: floa
     stale = age_s >= context.limits.link_stale_s
     if stale == vehicle.stale:
         return state, ()
-    text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: is heard again"
+    text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
     level = Level.WARNING if stale else Level.INFO
     excused_s = vehicle.excused_s if stale else now_s
     return state.put(changed(vehicle, stale=stale, excused_s=excused_s)), (Say(level, text),)

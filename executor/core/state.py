@@ -124,6 +124,18 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
+class Offer:
+    """Vehicles on the ground that could take over work, if the crew says so."""
+
+    vehicles: tuple[str, ...]
+    segments: tuple[int, ...]
+    """What nobody flies and they could."""
+    since_s: float
+    alone_since_s: float | None = None
+    """Since when nothing else is waited for."""
+
+
+@dataclass(frozen=True, slots=True)
 class Briefing:
     """What a crew reads before the flight."""
 
@@ -189,6 +201,11 @@ class FleetState:
     outlook: Mapping[str, Outlook] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that flies its mission: what its loss would mean; computed seldom."""
     briefing: Briefing = field(default_factory=Briefing)
+    offer: Offer | None = None
+    offer_wanted_s: float | None = None
+    """Since when there is something to offer."""
+    offers_over: bool = False
+    """Whether an offer was not answered in its time: nobody takes off again."""
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
@@ -203,9 +220,11 @@ class FleetState:
         return [vehicle for vehicle in self.vehicles.values() if vehicle.airborne]
 
     def on_mission(self) -> list[VehicleState]:
-        """Vehicles whose remaining visits will be flown."""
-        return [
-            vehicle
-            for vehicle in self.vehicles.values()
-            if vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
-        ]
+        """Vehicles whose remaining visits will be flown, or are kept for them while their pilot has them."""
+        return [vehicle for vehicle in self.vehicles.values() if vehicle.fault is None and _keeps_its_work(vehicle)]
+
+
+def _keeps_its_work(vehicle: VehicleState) -> bool:
+    if vehicle.stage is Stage.PILOT:
+        return vehicle.taken is not None and not vehicle.taken.given_away
+    return vehicle.stage in {Stage.STARTING, Stage.FLYING}

@@ -26,22 +26,70 @@ class Stage(Enum):
     FLYING = "flying"
     """On its mission."""
     RETURNING = "returning"
-    """Told to come home by itself."""
+    """On its way home, or down, and not to fly its mission again."""
+    PILOT = "pilot"
+    """With its pilot, or with another ground station: not commanded from here."""
     LANDED = "landed"
+    DOWN = "down"
+    """On the ground where, when or how it should not be."""
     LOST = "lost"
     """Silent for longer than its time-out."""
 
 
 TRANSITIONS: dict[Stage, frozenset[Stage]] = {
-    Stage.GROUND: frozenset({Stage.STARTING, Stage.LOST}),
-    Stage.STARTING: frozenset({Stage.FLYING, Stage.GROUND, Stage.RETURNING, Stage.LANDED, Stage.LOST}),
-    Stage.FLYING: frozenset({Stage.RETURNING, Stage.LANDED, Stage.LOST}),
-    Stage.RETURNING: frozenset({Stage.LANDED, Stage.LOST}),
-    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.LOST}),
-    Stage.LOST: frozenset({Stage.RETURNING, Stage.LANDED}),
-}
+    Stage.GROUND: frozenset({Stage.STARTING, Stage.PILOT, Stage.LOST}),
+    Stage.STARTING: frozenset({
+        Stage.FLYING, Stage.GROUND, Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST,
+    }),
+    Stage.FLYING: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
+    Stage.RETURNING: frozenset({Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
+    Stage.PILOT: frozenset({Stage.FLYING, Stage.RETURNING, Stage.LANDED, Stage.DOWN, Stage.LOST}),
+    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.PILOT, Stage.LOST}),
+    Stage.DOWN: frozenset({Stage.RETURNING, Stage.PILOT, Stage.GROUND}),
+    Stage.LOST: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN}),
+}  # fmt: skip
 """What may follow what; a vehicle at fault never flies its mission again. Landed and taken back into the plan, with
-another battery, it is on the ground as before its start."""
+another battery, it is on the ground as before its start; one that its pilot has given back flies on."""
+
+
+class Cause(Enum):
+    """Why a vehicle is in the mode that it is in."""
+
+    OURS = "ours"
+    """Ordered here, or the mission that it was started on."""
+    MISSION = "mission"
+    """Its mission's own end."""
+    FAILSAFE = "failsafe"
+    """Its own failsafe."""
+    PERSON = "person"
+    """Its pilot, another ground station, or nobody knows: hands off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """A vehicle in other hands."""
+
+    since_s: float
+    given_away: bool = False
+    """Whether its segments were given to the others."""
+    returned_s: float | None = None
+    """Since when it is on its mission again, by its pilot's doing; None if it is not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """What a vehicle is to be told, until it has answered: to return, or to land where it is."""
+
+    since_s: float
+    land: bool = False
+    told: bool = False
+    """Whether it was told, and has not refused since."""
+    not_before_s: float = float("-inf")
+    """When it may be told again after a refusal."""
+    words: str = ""
+    """Why it is not told, as the operator heard it last."""
+    force: bool = False
+    """Whether the operator has confirmed that it is taken out of its pilot's hands."""
 
 
 class FaultKind(Enum):
@@ -52,6 +100,8 @@ class FaultKind(Enum):
     INTERRUPTION = "interruption"
     OPERATOR = "operator"
     """By the operator's word."""
+    DOWN = "down"
+    """On the ground where, when or how it should not be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +111,9 @@ class Fault:
     kind: FaultKind
     reason: str
     detected_s: float
+
+
+IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +179,8 @@ class VehicleState:
     ordered_mode_s: float = float("-inf")
     """When we last ordered a change of mode."""
     armed_once: bool = False
+    disarmed_s: float = float("-inf")
+    """When it was first heard to be disarmed after it was armed."""
     fix: Fix | None = None
     anchor: Fix | None = None
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
@@ -192,12 +247,34 @@ class VehicleState:
     wind: Wind | None = None
     """As it measures it."""
     attitude: Attitude | None = None
+    tilted_since_s: float | None = None
+    """Since when it lies or hangs as no multicopter flies."""
     fence_breached: bool = False
+    ordered_modes: frozenset[int] = frozenset()
+    """The modes that the last order leads to."""
+    cause: Cause = Cause.OURS
+    """Why it is in its mode, as long as it is armed."""
+    unseen_until_s: float | None = None
+    """When its last silence ended with a heartbeat."""
+    taken: Taken | None = None
+    errand: Errand | None = None
+    cleared_s: float | None = None
+    """When the crew said that it may take off again; None if it did not, or it has."""
+    rebooted_s: float | None = None
+    """When its clock was found to have begun anew, since its last start."""
+    away_once: bool = False
+    """Whether it was seen away from its pad since its last start."""
+    place_told: bool = False
+    """Whether it was said where it is down."""
+    left_s: float | None = None
+    """When it left its mission to come home."""
+    owed: tuple[int, str] | None = None
+    """(visit, reason) of an inspection that broke, until it is known that it does not count."""
 
     @property
     def airborne(self) -> bool:
         """Whether it is out there, as far as we know."""
-        return self.stage in {Stage.FLYING, Stage.RETURNING} or (self.stage is Stage.STARTING and self.armed)
+        return self.stage in IN_THE_AIR or (self.stage is Stage.STARTING and self.armed)
 
     @property
     def armed(self) -> bool:

@@ -6,12 +6,14 @@ Everything is made of frozen dataclasses of numbers, words and tuples; `dataclas
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 
 from executor.core import energy
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.modes import mode_name
+from executor.core.offers import words
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
@@ -68,6 +70,8 @@ class ProgressView:
     """takeoff, transit, inspect, return or land."""
     segment_share: float | None = None
     """How much of the segment is behind it, from 0 to 1."""
+    inspected: int = 0
+    """Segments that it has inspected, on this route and on earlier ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,6 +226,7 @@ class FleetView:
 def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     """Return the flight as it is known at `now_s`."""
     plan = state.replan
+    by = Counter(state.inspected.values())
     return FleetView(
         now_s=round(now_s, 2),
         flight_s=None if state.launched_s is None else round(now_s - state.launched_s, 2),
@@ -236,7 +241,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         recalled=state.recalled,
         finished=state.finished,
         min_separation_m=None if state.separation is None else round(state.separation.least_m, 2),
-        vehicles=tuple(_vehicle(context, state, vehicle, now_s) for vehicle in state.vehicles.values()),
+        vehicles=tuple(_vehicle(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()),
         said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.said[-SAID_LINES:]),
         intents=tuple(
             IntentView(
@@ -247,11 +252,13 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         ),
         checks=state.briefing.checks,
         question=state.briefing.question,
-        offer=None,
+        offer=None
+        if state.offer is None
+        else OfferView(state.offer.vehicles, state.offer.segments, words(context, state.offer)),
     )  # fmt: skip
 
 
-def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleView:
+def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int) -> VehicleView:
     setup, layers = context.vehicles[vehicle.name], context.setup.layers
     outlook = state.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
@@ -269,21 +276,35 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         link_age_s=None if vehicle.heard_s is None else round(max(0.0, now_s - vehicle.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
         stale=vehicle.stale,
-        progress=_progress(context, vehicle),
+        progress=replace(_progress(context, vehicle), inspected=inspected),
         fault=None if vehicle.fault is None else vehicle.fault.reason,
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         excluded=vehicle.excluded,
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
         if known and outlook is not None
         else None,
-        lands_in_s=None,
+        lands_in_s=_lands_in_s(vehicle),
         gps_fix=None if vehicle.gps is None else vehicle.gps.fix,
         satellites=None if vehicle.gps is None else vehicle.gps.satellites,
         voltage_v=vehicle.volts.voltage_v,
         wind=None if vehicle.wind is None else WindView(vehicle.wind.speed_m_s, vehicle.wind.from_deg),
-        taken=None,
-        offered=False,
+        taken=_taken(context, vehicle, now_s),
+        offered=state.offer is not None and vehicle.name in state.offer.vehicles,
     )
+
+
+def _lands_in_s(vehicle: VehicleState) -> float | None:
+    if vehicle.board is None or vehicle.stage is not Stage.FLYING or vehicle.held_s is not None:
+        return None
+    return round(energy.time_to_reach_s(vehicle, len(vehicle.board.legs) - 1), 0)
+
+
+def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
+    hold = vehicle.taken
+    if hold is None:
+        return None
+    kept_s = 0.0 if hold.given_away else max(0.0, context.pilot_grace_s - (now_s - hold.since_s))
+    return TakenView(round(hold.since_s, 2), round(kept_s, 0), hold.returned_s is not None)
 
 
 def state_word(context: Context, vehicle: VehicleState) -> str:
@@ -333,11 +354,20 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
         measured_pct=vehicle.battery.remaining_pct,
         predicted_pct=predicted_pct,
         predicted_band_pct=band_pct,
-        to_finish_pct=round(energy.to_finish_pct(vehicle), 1) if vehicle.airborne else 0.0,
+        to_finish_pct=round(_to_finish_pct(context, vehicle), 1),
         landing_pct=None if ahead is None else round(ahead.mean_pct, 1),
         landing_band_pct=None if ahead is None else round(ahead.sd_pct, 1),
         reserve_pct=setup.reserve_pct,
     )
+
+
+def _to_finish_pct(context: Context, vehicle: VehicleState) -> float:
+    """Return what is still to be spent: on the mission, or on the way home."""
+    if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
+        return energy.to_finish_pct(vehicle) if vehicle.airborne else 0.0
+    if vehicle.stage is not Stage.RETURNING:
+        return 0.0
+    return energy.modelled_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
 
 
 def _progress(context: Context, vehicle: VehicleState) -> ProgressView:

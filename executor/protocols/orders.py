@@ -15,11 +15,17 @@ REQUEST_MESSAGE = 512
 DO_SEND_BANNER = 42428
 """Of ArduPilot's own dialect."""
 
+GPS_RAW_INT = 24
+ATTITUDE = 30
 GLOBAL_POSITION_INT = 33
 SYS_STATUS = 1
 MISSION_CURRENT = 42
 BATTERY_STATUS = 147
 AUTOPILOT_VERSION = 148
+FENCE_STATUS = 162
+WIND = 168
+"""Of ArduPilot's own dialect."""
+WIND_COV = 231
 EXTENDED_SYS_STATE = 245
 
 
@@ -36,6 +42,12 @@ def set_mode(mode: ModeNumber) -> SendCommand:
 def arm() -> SendCommand:
     """Arm, with all checks."""
     return _command(COMPONENT_ARM_DISARM, 1.0)
+
+
+def disarm(*, force: bool) -> SendCommand:
+    """Stop the motors; without force only where the autopilot believes that it is on the ground."""
+    forced = 21196.0  # of both autopilots: whatever they believe
+    return _command(COMPONENT_ARM_DISARM, 0.0, forced if force else 0.0)
 
 
 def start_mission() -> SendCommand:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -57,9 +58,13 @@ class Flight:
         self._solver = solver
         self._observer = observer
         self._jobs: dict[str, asyncio.Task[None]] = {}
+        self._whole: set[str] = set()
+        """Vehicles whose present job is an upload."""
         self._tasks: asyncio.TaskGroup | None = None
         self._over = asyncio.Event()
         self._mistakes: set[str] = set()
+        self._stops: list[Callable[[], None]] = []
+        self._answer = asyncio.Event()
 
     def apply(self, event: Event) -> None:
         """Write an event down, apply it, and carry out what was decided.
@@ -95,6 +100,8 @@ class Flight:
     def _apply(self, event: Event, now_s: float) -> None:
         self._sink.write(event, now_s)
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
+        if self.state.briefing.answered:
+            self._answer.set()
         self._observer.applied(event, self.state, now_s)
         for command in decided:
             self._observer.decided(command, now_s)
@@ -110,24 +117,44 @@ class Flight:
         Raises:
             ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
         """
-        stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
         try:
             async with asyncio.TaskGroup() as tasks:
                 self._tasks = tasks
                 if reopened is not None:
                     self.apply(reopened)
-                    self.apply(await self._reunion(patience_real_s))
-                tick = tasks.create_task(self._tick(), name="tick")
-                if reopened is None:
-                    self.apply(events.LaunchOrdered())
-                await self._over.wait()
-                tick.cancel()
-                for job in self._jobs.values():
-                    job.cancel()
+                with self.listening():
+                    if reopened is not None:
+                        self.apply(await self._reunion(patience_real_s))
+                    tick = tasks.create_task(self._tick(), name="tick")
+                    if reopened is None:
+                        self.apply(events.LaunchOrdered())
+                    await self._over.wait()
+                    tick.cancel()
+                    for job in self._jobs.values():
+                        job.cancel()
         finally:
             self._tasks = None
-            for stop in stops:
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take what the vehicles say; before a flight too, so that who looks sees them."""
+        if self._stops:
+            yield  # it listens already
+            return
+        self._stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
+        try:
+            yield
+        finally:
+            for stop in self._stops:
                 stop()
+            self._stops = []
+
+    async def answered(self, action: Action) -> bool:
+        """Wait until what is asked before the flight is answered with yes, from wherever; returns true."""
+        while self.state.briefing.answered != action.value:
+            self._answer.clear()
+            await self._answer.wait()
+        return True
 
     async def _reunion(self, patience_real_s: float) -> events.Resumed:
         return await reunion.asked(self.context, lambda: self.state, self._links, self._clock, patience_real_s)
@@ -149,18 +176,22 @@ class Flight:
             self.apply(events.Tick())
             await asyncio.sleep(period_s)
 
-    def _carry_out(self, command: Command, now_s: float) -> None:
+    def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901 - one case for each command
         match command:
             case commands.Say():
                 self._observer.said(command, now_s)
             case commands.Upload():
-                self._job(command.vehicle, partial(self._upload, command))
+                self._job(command.vehicle, partial(self._upload, command), whole=True)
             case commands.Start(vehicle):
                 self._job(vehicle, partial(self._start, vehicle))
             case commands.SendHome(vehicle):
                 self._job(vehicle, partial(self._send_home, vehicle))
             case commands.Hold(vehicle) | commands.Resume(vehicle) | commands.LandNow(vehicle):
                 self._job(vehicle, partial(self._order, command))
+            case commands.Disarm(vehicle):
+                self._job(vehicle, partial(self._disarm, command))
+            case commands.HandsOff(vehicle):
+                self._hands_off(vehicle)
             case commands.Solve():
                 self._spawn(self._solve(command), f"solve {command.revision}")
             case commands.Compose(revision):
@@ -176,14 +207,30 @@ class Flight:
             return None
         return self._tasks.create_task(work, name=name)
 
-    def _job(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]]) -> None:
-        """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time."""
+    def _job(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]], *, whole: bool = False) -> None:
+        """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time.
+
+        Args:
+            vehicle: Who.
+            work: What.
+            whole: Whether it is brought to its end even when a person takes the vehicle: half a mission on board is
+                worse for its pilot than a whole one, and neither moves it.
+        """
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
         task = self._spawn(self._settled(work), vehicle)
         if task is not None:
             self._jobs[vehicle] = task
+            self._whole.discard(vehicle)
+            if whole:
+                self._whole.add(vehicle)
+
+    def _hands_off(self, vehicle: str) -> None:
+        """Say nothing more to a vehicle that a person has."""
+        job = self._jobs.get(vehicle)
+        if job is not None and vehicle not in self._whole:
+            job.cancel()
 
     async def _settled(self, work: Callable[[], Coroutine[None, None, None]]) -> None:
         """Tell a vehicle something once the decision is on record and outlives a power loss."""
@@ -206,11 +253,11 @@ class Flight:
 
     async def _start(self, vehicle: str) -> None:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        self.apply(events.StartEnded(vehicle, done.accepted, done.reason))
+        self.apply(events.StartEnded(vehicle, done.accepted, done.reason, done.armed))
 
     async def _send_home(self, vehicle: str) -> None:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason))
+        self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused))
 
     async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> None:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
@@ -221,7 +268,13 @@ class Flight:
                 action, done = Action.RESUME, await procedures.resume(link, self._clock, dialect, speed_m_s)
             case commands.LandNow():
                 action, done = Action.LAND, await procedures.land(link, self._clock, dialect)
-        self.apply(events.OrderEnded(command.vehicle, action, done.accepted, done.reason))
+        self.apply(events.OrderEnded(command.vehicle, action, done.accepted, done.reason, done.lost, done.refused))
+
+    async def _disarm(self, command: commands.Disarm) -> None:
+        done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
+        self.apply(
+            events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
+        )
 
     async def _solve(self, command: commands.Solve) -> None:
         self.apply(await self._solver.solve(command))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from executor.core import failsafes, prearm
@@ -21,13 +20,13 @@ from executor.core.messages import (
     Version,
 )
 from executor.core.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import Facts, ReturnHeight
+from executor.core.preflight import Facts
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
-from executor.protocols.machine import Accepted
 from executor.runtime import procedures
-from missions import Dialect, EncodedMission
+from executor.runtime.parameters import read_parameters
+from missions import ARDUPILOT, PX4, Dialect, EncodedMission
 
 STREAMS_HZ = {
     orders.GLOBAL_POSITION_INT: 5.0,
@@ -35,12 +34,24 @@ STREAMS_HZ = {
     orders.BATTERY_STATUS: 1.0,
     orders.MISSION_CURRENT: 2.0,
     orders.EXTENDED_SYS_STATE: 1.0,
+    orders.ATTITUDE: 1.0,
+    orders.GPS_RAW_INT: 1.0,
 }
 """What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
+OWN_STREAMS_HZ = {
+    ARDUPILOT.name: {orders.WIND: 0.5, orders.FENCE_STATUS: 0.5},
+    PX4.name: {orders.WIND_COV: 0.5},
+}
+"""What only one of the dialects has; PX4 says of its fence in texts alone."""
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
 """How often a vehicle that cannot be armed is asked for its reasons."""
 BANNER_TIMEOUT_S = 3.0
+
+
+def streams_hz(dialect: Dialect) -> dict[int, float]:
+    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
+    return STREAMS_HZ | OWN_STREAMS_HZ.get(dialect.name, {})
 
 
 @dataclass(slots=True)
@@ -154,7 +165,7 @@ async def interview(
     heard = _Heard(clock)
     stop_listening = link.listen(heard.take)
     try:
-        for message, rate_hz in STREAMS_HZ.items():
+        for message, rate_hz in streams_hz(dialect).items():
             await procedures.order(link, clock, CommandDialogue(orders.message_interval(message, rate_hz), "stream"))
         await procedures.order(
             link, clock, CommandDialogue(orders.request_message(orders.AUTOPILOT_VERSION), "version")
@@ -166,9 +177,10 @@ async def interview(
             raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.missing()}") from None
         if heard.version is None:
             await _banner(heard, link, clock)
-        parameters = await _parameters(link, clock, failsafes.names(dialect))
+        said = await read_parameters(link, clock, failsafes.names(dialect))
+        parameters = {name: one.value for name, one in said.items()}
         for older in failsafes.older_names(dialect, parameters):
-            parameters |= await _parameters(link, clock, [older])
+            parameters |= {name: one.value for name, one in (await read_parameters(link, clock, [older])).items()}
     finally:
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
@@ -219,53 +231,6 @@ async def _banner(heard: _Heard, link: Link, clock: Clock) -> None:
                 await heard.changed.wait()
         except TimeoutError:
             return
-
-
-async def _parameters(link: Link, clock: Clock, names: Iterable[str]) -> dict[str, float]:
-    """Read parameters, all at once: one that the vehicle does not have is answered by nothing."""
-    asked = {name: asyncio.create_task(_parameter(link, clock, name)) for name in names}
-    try:
-        values = {name: await value for name, value in asked.items()}
-    finally:
-        for value in asked.values():
-            value.cancel()
-    return {name: value for name, value in values.items() if value is not None}
-
-
-async def _parameter(link: Link, clock: Clock, name: str) -> float | None:
-    ended = await procedures.read_parameter(link, clock, name)
-    if not isinstance(ended.outcome, Accepted) or ended.value is None or not math.isfinite(ended.value.value):
-        return None
-    return ended.value.value
-
-
-async def prepare_return(link: Link, clock: Clock, dialect: Dialect, height_m: float) -> ReturnHeight:
-    """Set the height of the vehicle's own return to its layer; returns what it is then, and what could not be done."""
-    rule = dialect.return_parameters
-    height = await procedures.read_parameter(link, clock, rule.height)
-    key, unit_m = rule.height, rule.unit_m
-    if height.value is None and rule.newer_height is not None:
-        height = await procedures.read_parameter(link, clock, rule.newer_height)
-        key, unit_m = rule.newer_height, 1.0
-    if height.value is None:
-        return ReturnHeight(key, None, f"{key} does not answer")
-    problems = []
-    wanted = float(math.ceil(height_m / unit_m))
-    is_m = wanted * unit_m
-    done = await procedures.set_parameter(link, clock, key, wanted, height.value.kind)
-    if not done.accepted:
-        problems.append(done.reason)
-        is_m = height.value.value * unit_m
-    for other, value in ((rule.descend_height, height_m), (rule.cone, rule.cone_off)):
-        if other is None:
-            continue
-        known = await procedures.read_parameter(link, clock, other)
-        if known.value is None:
-            continue
-        done = await procedures.set_parameter(link, clock, other, value, known.value.kind)
-        if not done.accepted:
-            problems.append(done.reason)
-    return ReturnHeight(key, is_m, "; ".join(problems))
 
 
 async def load(name: str, link: Link, clock: Clock, dialect: Dialect, mission: EncodedMission) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
@@ -47,6 +47,12 @@ class Done:
     reason: str = ""
     mixed: bool = False
     """Whether a part of a new mission may be on board."""
+    lost: bool = False
+    """Whether nobody answered."""
+    refused: bool = False
+    """Whether the answer was no."""
+    armed: bool = False
+    """Whether the vehicle had acknowledged that it arms."""
 
 
 def reason_of(outcome: Outcome | None) -> str:
@@ -101,12 +107,18 @@ async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[M
 async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
     """Give one command."""
     ended = await _patiently(command, link, clock)
-    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
+    return Done(
+        isinstance(ended.outcome, Accepted),
+        reason_of(ended.outcome),
+        lost=isinstance(ended.outcome, TimedOut),
+        refused=isinstance(ended.outcome, Rejected),
+    )
 
 
 async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
     """Arm and start the mission on board, in the way that the autopilot wants it."""
     said: list[str] = []
+    armed = False
 
     def note(message: Message) -> None:
         if isinstance(message, StatusText) and message.severity <= 4:
@@ -116,9 +128,10 @@ async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
     try:
         for step in dialect.start:
             done = await _start_step(link, clock, dialect, step)
+            armed = armed or done.armed
             if not done.accepted:
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
-                return Done(accepted=False, reason=why)
+                return Done(accepted=False, reason=why, armed=armed)
     finally:
         stop_listening()
     return Done(accepted=True)
@@ -134,7 +147,8 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
             done = await _arm(link, clock)
             if not done.accepted:
                 return done
-            return await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
+            seen = await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
+            return replace(seen, armed=True)
         case StartStep.MISSION_START:
             done = await order(link, clock, CommandDialogue(orders.start_mission(), "start the mission"))
             if not done.accepted:
@@ -173,6 +187,14 @@ async def hold(link: Link, clock: Clock, dialect: Dialect) -> Done:
 async def land(link: Link, clock: Clock, dialect: Dialect) -> Done:
     """Order a landing where it is, and see that the vehicle is in that mode."""
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode})
+
+
+async def disarm(link: Link, clock: Clock, *, force: bool) -> Done:
+    """Order the motors to stop, and see that the vehicle says so."""
+    done = await order(link, clock, CommandDialogue(orders.disarm(force=force), "disarm"))
+    if not done.accepted:
+        return done
+    return await _confirmed(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
 
 
 async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> Done:

@@ -21,8 +21,8 @@ from executor.protocols.download import Download
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
 from executor.runtime.dialogue import converse
-from executor.runtime.preflight import STREAMS_HZ
-from missions import MissionItem
+from executor.runtime.preflight import streams_hz
+from missions import Dialect, MissionItem
 
 ONE_REAL_S = 5.0
 """How long one vehicle that should be heard is waited for; supervision of the others waits meanwhile."""
@@ -70,7 +70,7 @@ async def asked(
         async with asyncio.TaskGroup() as tasks:
             for name, answer in answers.items():
                 if answer.heard.is_set():
-                    tasks.create_task(_read(links[name], clock, answer), name=name)
+                    tasks.create_task(_read(links[name], clock, context.vehicles[name].dialect, answer), name=name)
         found = [
             found_on(context, state(), name, answer.items, answer.seq)
             if answer.heard.is_set()
@@ -110,12 +110,12 @@ async def _all(answers: Mapping[str, _Answer], expected: list[str]) -> None:
                 await answers[name].heard.wait()
 
 
-async def _read(link: Link, clock: Clock, answer: _Answer) -> None:
+async def _read(link: Link, clock: Clock, dialect: Dialect, answer: _Answer) -> None:
     download = await converse(Download(), link, clock)
     if isinstance(download.outcome, Accepted):
         answer.items = download.items
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            for message, rate_hz in STREAMS_HZ.items():
+            for message, rate_hz in streams_hz(dialect).items():
                 order = CommandDialogue(orders.message_interval(message, rate_hz), "stream")
                 await procedures.order(link, clock, order)

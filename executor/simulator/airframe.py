@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,8 +13,16 @@ from executor.simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wa
 from executor.simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
 
 AIRBORNE_M = 0.3
+SETTLES_M_S = 8.6
+"""A fall from less than four metres, which a vehicle with killed motors survives; its legs bend."""
+WRECK_ROLL_RAD = math.radians(170.0)
+WRECK_UP_M = 0.1
+"""How high its middle lies, as such vehicles report it."""
 IDLE_DISARM_S = 10.0
 """Armed on the ground without anything to do: DISARM_DELAY, COM_DISARM_PRFLT."""
+
+
+PAD = Place(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +31,10 @@ class Event:
 
     what: str
     t_s: float
+    sender: int | None = None
+    """The system that gave the order, where it is one."""
+    place: Place = PAD
+    charge_pct: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +62,14 @@ class Airframe:
         """When it was destroyed."""
         self.climbing_out = False
         """Whether the climb under way is a take-off."""
+        self.wrecked = False
+        """Whether it lies on its back, and goes on talking."""
+        self.highest_m = 0.0
+        self._turns_over = False
+        """Whether the fall under way ends on its back."""
+        self._bears_m_s = HARD_LANDING_M_S
+        """How hard the fall under way may end."""
+        self._descending = False
         self._manners = manners
         self._climbed_to: Place | None = None
         self._falling = False
@@ -86,14 +107,10 @@ class Airframe:
         self.battery.step(
             dt_s, motors=self.motors_on, speed_m_s=self.body.ground_speed_m_s, climb_m_s=self.body.v_up_m_s
         )
+        self.highest_m = max(self.highest_m, self.body.up_m)
         if self._falling:
-            impact_m_s = self.body.fall(dt_s)
-            if impact_m_s > HARD_LANDING_M_S:
-                self._break()
-            elif self.body.on_ground:
-                self._falling = False
-                self.disarm()
-        elif self.armed:
+            self._fall(dt_s)
+        elif self.armed and not self.wrecked:
             self._fly(dt_s)
             if self.battery.empty:
                 self.lose_thrust()
@@ -109,12 +126,34 @@ class Airframe:
         """Stop the motors; in the air that is a fall."""
         if not self.armed:
             return
-        if not self.body.on_ground:
+        if not self.body.on_ground and not self.wrecked:
             self._falling = True
             return
-        self.armed = self._airborne = self.climbing_out = False
+        self._motors_off()
         self.pilot.fly([])
-        self.happened("disarmed")
+
+    def kill(self) -> None:
+        """Stop the motors and be disarmed at once, wherever it is: from three metres it comes down whole."""
+        if not self.armed:
+            return
+        self._falling = not self.body.on_ground and not self.wrecked
+        self._bears_m_s = SETTLES_M_S
+        self._motors_off()
+        self.pilot.fly([])
+
+    def wreck(self) -> None:
+        """Fall, and lie on its back from then on, with the motors on."""
+        self._turns_over = True
+        self._falling = True
+
+    def put_on_pad(self) -> None:
+        """Stand on its pad as if nothing had been, as a simulator does that is started anew."""
+        self._falling = self.wrecked = self._turns_over = False
+        self.crashed_s = None
+        self.body.east_m = self.body.north_m = self.body.up_m = 0.0
+        self.body.stop()
+        self.disarm()
+        self.happened("on_pad")
 
     def lose_thrust(self) -> None:
         """Fall; on the ground, break down."""
@@ -123,9 +162,9 @@ class Airframe:
         else:
             self._falling = True
 
-    def happened(self, what: str) -> None:
-        """Note an event."""
-        self._events.append(Event(what, self._now_s))
+    def happened(self, what: str, sender: int | None = None) -> None:
+        """Note an event, or an order of a system."""
+        self._events.append(Event(what, self._now_s, sender, self.body.place, self.battery.charge_pct))
 
     def drain_events(self) -> list[Event]:
         """Take away what happened."""
@@ -153,8 +192,37 @@ class Airframe:
             yield Hover(over, linger_s)
         yield land
 
+    def _motors_off(self) -> None:
+        self.armed = self._airborne = self.climbing_out = self._descending = False
+        self._ground_s = 0.0
+        self.happened("disarmed")
+
+    def _fall(self, dt_s: float) -> None:
+        impact_m_s = self.body.fall(dt_s)
+        if not self.body.on_ground:
+            return
+        if self._turns_over:
+            self._lie()
+        elif impact_m_s > self._bears_m_s:
+            self._break()
+        else:
+            self._falling = False
+            self.happened("fell")
+            self.disarm()
+
+    def _lie(self) -> None:
+        self._falling = self._turns_over = False
+        self.wrecked = True
+        self.body.stop()
+        self.body.up_m, self.body.roll_rad = WRECK_UP_M, WRECK_ROLL_RAD
+        self.happened("wreck")
+
     def _fly(self, dt_s: float) -> None:
         self.pilot.step(dt_s)
+        if self._descending != isinstance(self.pilot.goal, Land):
+            self._descending = not self._descending
+            if self._descending and not self.body.on_ground:
+                self.happened("descends")
         if self.body.up_m > AIRBORNE_M and not self._airborne:
             self._airborne = True
             self.happened("took_off")

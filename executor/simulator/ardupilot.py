@@ -37,6 +37,8 @@ BATTERY_BIT = 0x02000000
 EKF_READY, EKF_BOOT = 831, 1024
 """Flags of EKF_STATUS_REPORT: as recorded in flight, and 'uninitialised'."""
 LOW, CRITICAL = 1, 2
+EMERGENCY_PCT = 8.0
+"""What an emergency leaves of the charge: enough to land."""
 DEV = 0
 """FIRMWARE_VERSION_TYPE."""
 
@@ -51,10 +53,11 @@ class Mode(IntEnum):
     LOITER = 5
     RTL = 6
     LAND = 9
+    POSHOLD = 16
     BRAKE = 17
 
 
-STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER})
+STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
 """Without a remote control their throttle is low: in the air they sink."""
 ARMABLE = frozenset({*STICK_MODES, Mode.GUIDED})
 FS_LAND, FS_RTL = 1, frozenset({2, 3, 4})
@@ -68,6 +71,7 @@ class ArduPilot(Autopilot):
     REFUSED: ClassVar = Result.FAILED
     NO_MESSAGE: ClassVar = Result.FAILED
     ACKNOWLEDGES_FIRST: ClassVar = True
+    ON_ITS_BACK: ClassVar = "Arm: Leaning"
 
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
@@ -76,7 +80,8 @@ class ArduPilot(Autopilot):
         store = ArduPilotStore(item, vehicle.transfer_patience_s)
         super().__init__(vehicle, MANNERS, store, home)
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice)
-        self._gcs_failsafe = False
+        self._gcs_failsafe = self._ekf_failsafe = False
+        self._breached, self._breaches = False, 0
         self._battery_level = 0
         self._low_since_s: dict[int, float] = {}
         self._gauge_offset_pct = 0.0
@@ -110,10 +115,22 @@ class ArduPilot(Autopilot):
         if self.mode == Mode.AUTO:
             self.mission.leave()
         self.mode = Mode(mode)
+        self.frame.happened(f"mode {Mode(mode).name}")
         self.streams.soon("HEARTBEAT", self.now_s)
-        if self.frame.armed:
+        if self.frame.wrecked:
+            if mode == Mode.LAND:
+                self.frame.disarm()
+        elif self.frame.armed:
             self._enter(Mode(mode))
         return Result.ACCEPTED
+
+    def mode_of(self, word: str) -> int:
+        """Return the number of a mode that a person chooses."""
+        return Mode[word]
+
+    def mode_order(self, word: str) -> Command:
+        """Return the order of a mode as a ground station gives it."""
+        return Command(MavCommand.DO_SET_MODE, (1.0, float(Mode[word]), 0.0, 0.0, 0.0, 0.0, 0.0))
 
     def _may_enter_auto(self) -> bool:
         if not self.frame.armed:
@@ -138,6 +155,10 @@ class ArduPilot(Autopilot):
                 pilot.fly([land_goal(stopping_place(self.frame.body, LIMITS), self.params)])
             case Mode.GUIDED | Mode.BRAKE:
                 pilot.hold()
+            case Mode.LOITER | Mode.POSHOLD if self.hands:
+                pilot.hold()
+            case _ if self.hands:
+                self.drift()
             case _:
                 pilot.fly([Sink(stopping_place(self.frame.body, LIMITS), SINK_M_S)])
 
@@ -198,11 +219,35 @@ class ArduPilot(Autopilot):
 
     def _on_disarmed(self) -> None:
         self.voice.say(Severity.INFO, "Disarming motors")
+        self._breached = False
         self.mission.disarmed()
+
+    def _sticks_moved(self) -> None:
+        """Go on: in AUTO the sticks move nothing."""
+
+    def _on_kill(self) -> None:
+        self.voice.say(Severity.CRITICAL, "RC: Motors Emergency Stopped")
+
+    def _on_breach(self) -> None:
+        self._breached, self._breaches = True, self._breaches + 1
+        self.voice.say(Severity.NOTICE, "Circle fence breached")
+        self.streams.soon("FENCE_STATUS", self.now_s)
+        self.set_mode(Mode.RTL)
+
+    def _on_emergency(self, mode: int) -> None:
+        self.frame.battery.charge_pct = min(self.frame.battery.charge_pct, EMERGENCY_PCT)
+        self._raise_battery(CRITICAL, FS_LAND if mode == Mode.LAND else min(FS_RTL))
+
+    def _on_lost_estimate(self) -> None:
+        self._ekf_failsafe = True
+        self.voice.say(Severity.CRITICAL, "EKF variance: over thresholds")
+        self.voice.say(Severity.CRITICAL, "EKF Failsafe: changed to Land Mode")
+        self.set_mode(Mode.LAND)
 
     def _on_boot(self) -> None:
         self.mode = Mode.STABILIZE
-        self._gcs_failsafe = False
+        self.hands = self._breached = False
+        self._gcs_failsafe = self._ekf_failsafe = False
         self._battery_level = 0
         self._low_since_s.clear()
         self._gauge_offset_pct = 100.0 - self.frame.battery.charge_pct
@@ -248,6 +293,7 @@ class ArduPilot(Autopilot):
         if int(self.params["FS_OPTIONS"]) & 2 and self.mode == Mode.AUTO:
             return
         self._gcs_failsafe = True
+        self.frame.happened("failsafe link")
         self.voice.say(Severity.WARNING, "GCS Failsafe")
         if self.frame.body.on_ground:
             self.frame.disarm()
@@ -269,6 +315,7 @@ class ArduPilot(Autopilot):
 
     def _raise_battery(self, level: int, action: int) -> None:
         self._battery_level = level
+        self.frame.happened("failsafe battery" if action else "low battery")
         word = "low" if level == LOW else "critical"
         volts, used = self.frame.battery.voltage_v, self._consumed_mah()
         self.voice.say(Severity.WARNING, f"Battery 1 is {word} {volts:.2f}V used {used:.0f} mAh")
@@ -298,7 +345,7 @@ class ArduPilot(Autopilot):
     def _system_status(self) -> int:
         if self.now_s - self.boot_s < SILENT_BATTERY_S:
             return 1
-        if self._gcs_failsafe or self._battery_level:
+        if self._gcs_failsafe or self._battery_level or self._ekf_failsafe:
             return 5
         return 4 if self.frame.armed and not self.frame.body.on_ground else 3
 
@@ -348,5 +395,14 @@ class ArduPilot(Autopilot):
                 return telemetry.autopilot_version(
                     capabilities=CAPABILITIES, version=(4, 7, 0, DEV), uid=self.vehicle.sysid
                 )
+            case _:
+                return self._build_rare(name)
+
+    def _build_rare(self, name: str) -> Outbound | None:
+        match name:
+            case "WIND":
+                return telemetry.wind(self.vehicle.wind_m_s)
+            case "FENCE_STATUS":
+                return telemetry.fence_status(self.boot_ms, self._breaches, breached=self._breached)
             case _:
                 return None

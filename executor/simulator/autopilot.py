@@ -14,6 +14,8 @@ from executor.simulator import telemetry
 from executor.simulator.airframe import Airframe, Manners
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.enums import MavCommand, Result, Severity
+from executor.simulator.faults import FaultKind
+from executor.simulator.guidance import Hover, Leg, stopping_place
 from executor.simulator.messages import (
     Body,
     Command,
@@ -30,11 +32,12 @@ from executor.simulator.messages import (
     RequestDataStream,
     SetMode,
     Timesync,
+    order_words,
     out,
 )
 from executor.simulator.mission_store import MissionStore, StoreStep
 from executor.simulator.params import ParamTable, defaults_for
-from executor.simulator.physics import Home
+from executor.simulator.physics import Home, Place
 from executor.simulator.route import mission_length_m
 from executor.simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
 from executor.simulator.voice import Voice
@@ -43,6 +46,10 @@ STEP_S = 0.05
 """Physics and decisions, simulated."""
 BOOT_S = 5.0
 """Silence of a restart."""
+BOOT_ANEW_S = 8.0
+"""Measured: PX4's simulator, killed and started anew, answers again from its pad."""
+DRIFT_M, DRIFT_M_S = 4.0, 0.5
+"""How far and how fast the air carries a vehicle that holds its height alone."""
 LAST_WORDS_S = 2.0
 """How long a crashed vehicle still reports that it is disarmed."""
 FORCE = 21196
@@ -60,6 +67,8 @@ class Autopilot(ABC):
     """The result of a request for a message that it does not have."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
     """Whether a message that was requested comes behind the acknowledgement."""
+    ON_ITS_BACK: ClassVar[str]
+    """Why a wreck is not armed again."""
 
     def __init__(self, vehicle: SimVehicle, manners: Manners, store: MissionStore, home: Home) -> None:
         self.vehicle = vehicle
@@ -72,6 +81,8 @@ class Autopilot(ABC):
         self.now_s = 0.0
         self.boot_s = 0.0
         self.mode = 0
+        self.hands = False
+        """Whether a person holds the sticks: a mode that follows them keeps its height then."""
         self.streams = Streams(self.STREAMS_S, 0.0)
         self.gcs_heard_s: float | None = None
         """When the ground station that counts was last heard; None before it ever was."""
@@ -122,10 +133,49 @@ class Autopilot(ABC):
         if self.frame.crashed_s is None and self._rebooting_until_s is None:
             self._dispatch(received.sender, received.body)
 
-    def reboot(self) -> None:
-        """Restart; the motors stop."""
-        self._rebooting_until_s = self.now_s + BOOT_S
+    def reboot(self, *, on_pad: bool = False) -> None:
+        """Restart; the motors stop. A simulator that is started anew may stand on its pad again."""
+        self._rebooting_until_s = self.now_s + (BOOT_ANEW_S if on_pad else BOOT_S)
+        if on_pad:
+            self.frame.put_on_pad()
         self.frame.disarm()
+
+    def taken(self, word: str) -> None:
+        """Follow a person who switches the mode by remote control, and holds the sticks."""
+        self.frame.happened(f"pilot {word}")
+        self.hands = True
+        self.set_mode(self.mode_of(word))
+
+    def drift(self) -> None:
+        """Hold the height alone: the air carries it a few metres away."""
+        here = stopping_place(self.frame.body, self.frame.pilot.limits)
+        there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
+        self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
+
+    def befalls(self, kind: FaultKind, word: str) -> None:
+        """Suffer what people, fences, batteries and estimators do."""
+        match kind:
+            case FaultKind.PILOT:
+                self.taken(word)
+            case FaultKind.STICKS:
+                self._sticks_moved()
+            case FaultKind.KILL:
+                self.frame.happened("kill")
+                self._on_kill()
+                self.frame.kill()
+            case FaultKind.DISARM if self.frame.body.on_ground:
+                self.frame.happened("pilot DISARM")
+                self.frame.disarm()
+            case FaultKind.WRECK:
+                self.frame.wreck()
+            case FaultKind.FENCE:
+                self.frame.happened("failsafe fence")
+                self._on_breach()
+            case FaultKind.EMERGENCY:
+                self._on_emergency(self.mode_of(word or "LAND"))
+            case FaultKind.EKF:
+                self.frame.happened("failsafe ekf")
+                self._on_lost_estimate()
 
     # What others may ask.
 
@@ -182,7 +232,7 @@ class Autopilot(ABC):
         """Arm, unless something speaks against it; then say what."""
         if self.frame.armed:
             return True
-        reason = self._refuse_arming()
+        reason = self.ON_ITS_BACK if self.frame.wrecked else self._refuse_arming()
         if reason is not None:
             self.voice.say(Severity.CRITICAL, reason)
             return False
@@ -215,6 +265,34 @@ class Autopilot(ABC):
     @abstractmethod
     def set_mode(self, mode: int) -> Result:
         """Change the mode, or refuse."""
+
+    @abstractmethod
+    def mode_of(self, word: str) -> int:
+        """Return the number of a mode that a person chooses."""
+
+    @abstractmethod
+    def mode_order(self, word: str) -> Command:
+        """Return the order of a mode as a ground station gives it."""
+
+    @abstractmethod
+    def _sticks_moved(self) -> None:
+        """React to a person who moves the sticks."""
+
+    @abstractmethod
+    def _on_kill(self) -> None:
+        """Say what is said when somebody stops the motors."""
+
+    @abstractmethod
+    def _on_breach(self) -> None:
+        """React to the fence."""
+
+    @abstractmethod
+    def _on_emergency(self, mode: int) -> None:
+        """React to a battery that is nearly empty at once."""
+
+    @abstractmethod
+    def _on_lost_estimate(self) -> None:
+        """React to an estimator that does not know where it is."""
 
     @abstractmethod
     def _on_store(self, step: StoreStep) -> None:
@@ -300,6 +378,9 @@ class Autopilot(ABC):
     # What is heard.
 
     def _dispatch(self, sender: Peer, body: Body) -> None:
+        order = order_words(body)
+        if order:
+            self.frame.happened(order, sender.sysid)
         match body:
             case Heartbeat():
                 if self._counts_as_gcs(sender, body):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.simulator.errors import EndpointError, FaultSpecError, FleetError
-from executor.simulator.faults import ALL_VEHICLES, Fault
+from executor.simulator.faults import ALL_VEHICLES, Fault, check_modes
 from planner.energy import PRESETS, Drone
 
 LOOPBACK = "127.0.0.1"
@@ -88,6 +88,8 @@ class SimVehicle:
     """Capacity relative to a new pack; a worn one also has more internal resistance."""
     consumption: float = 1.0
     """Power relative to the energy model: the wind."""
+    wind_m_s: tuple[float, float] = (0.0, 0.0)
+    """Where the air moves to, east and north, as the vehicle reports it; what it costs is in `consumption`."""
     current_sensor: bool = True
     ready_after_s: float = 3.0
     """Boot until it can be armed, simulated. Measured: PX4 5 s, ArduPilot 42 s; shorter spares waiting."""
@@ -158,3 +160,5 @@ class SimFleet:
             if fault.vehicle not in {ALL_VEHICLES, *names}:
                 known = ", ".join([ALL_VEHICLES, *names])
                 raise FaultSpecError(f"fault {fault.spec!r}: no vehicle {fault.vehicle!r}, expected one of {known}")
+            for vehicle in self.vehicles:
+                check_modes(fault, vehicle.name, vehicle.autopilot.value)

@@ -1,15 +1,16 @@
-"""Faults to order: ``VEHICLE:KIND[=VALUE]@WHEN`` as data, and when each of them is due."""
+"""Faults to order, and what people do: ``VEHICLE:KIND[=VALUE]@WHEN`` as data, and when each of them is due."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from executor.simulator.errors import FaultSpecError
 
 ALL_VEHICLES = "all"
+DOWN = "-down"
 
 
 class FaultKind(Enum):
@@ -24,7 +25,8 @@ class FaultKind(Enum):
     CRASH = "crash"
     """The motors stop."""
     REBOOT = "reboot"
-    """The autopilot restarts: on the ground it is back after a few seconds, in the air it falls."""
+    """The autopilot restarts: on the ground it is back after a few seconds, in the air it falls; with ``pad`` it is
+    back on its pad wherever it was, as a simulator that is started anew."""
     REFUSE_UPLOAD = "refuse-upload"
     """No mission is accepted any more."""
     HALF_UPLOAD = "half-upload"
@@ -37,6 +39,24 @@ class FaultKind(Enum):
     """A share VALUE of the datagrams comes twice."""
     REORDER = "reorder"
     """A share VALUE of the datagrams is overtaken by later ones."""
+    PILOT = "pilot"
+    """A person switches to the mode VALUE by remote control, and holds the sticks from then on."""
+    STICKS = "sticks"
+    """A person moves the sticks: PX4 gives way, ArduPilot on its mission does not."""
+    STATION = "station"
+    """Another ground station, system 254, comes up beside ours and orders the mode VALUE."""
+    KILL = "kill"
+    """A person's kill switch: the motors stop at once, and it is disarmed wherever it is."""
+    DISARM = "disarm"
+    """A person disarms it, which no autopilot does in the air."""
+    WRECK = "wreck"
+    """It falls, and lies on its back with its motors on: armed, in the mode that it was in, and it goes on talking."""
+    FENCE = "fence"
+    """It is outside its fence, and returns."""
+    EMERGENCY = "emergency"
+    """Its battery falls to a few percent, and its own failsafe acts: LAND, or VALUE."""
+    EKF = "ekf"
+    """It does not know where it is any more, and lands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +70,20 @@ class _Rule:
     required: bool = True
     seconds: bool = False
     """Whether the number may carry an ``s``."""
+    words: frozenset[str] = frozenset()
+    """Where it is a word instead."""
+
+
+PILOT_MODES: Mapping[str, frozenset[str]] = {
+    "ardupilot": frozenset({"AUTO", "LOITER", "ALT_HOLD", "STABILIZE", "POSHOLD", "BRAKE", "RTL", "LAND"}),
+    "px4": frozenset({"MISSION", "POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"}),
+}
+"""The modes that a person may choose, by the autopilot's name."""
+
+
+def _mode(what: str) -> _Rule:
+    words = frozenset().union(*PILOT_MODES.values())
+    return _Rule(f"{what}: one of {', '.join(sorted(words))}", words=words)
 
 
 _SHARE = _Rule("a share from 0 to 1", high=1.0)
@@ -58,19 +92,28 @@ _RULES: dict[FaultKind, _Rule | None] = {
     FaultKind.BATTERY_STEP: _Rule("points of charge from 0 to 100", high=100.0),
     FaultKind.DRAIN: _Rule("a factor of 0 or more"),
     FaultKind.CRASH: None,
-    FaultKind.REBOOT: None,
+    FaultKind.REBOOT: _Rule("pad, or nothing", required=False, words=frozenset({"pad"})),
     FaultKind.REFUSE_UPLOAD: None,
     FaultKind.HALF_UPLOAD: None,
     FaultKind.LOSS: _SHARE,
     FaultKind.DELAY: _Rule("seconds", seconds=True),
     FaultKind.DUPLICATE: _SHARE,
     FaultKind.REORDER: _SHARE,
+    FaultKind.PILOT: _mode("a mode"),
+    FaultKind.STATION: _mode("a mode"),
+    FaultKind.STICKS: None,
+    FaultKind.KILL: None,
+    FaultKind.DISARM: None,
+    FaultKind.WRECK: None,
+    FaultKind.FENCE: None,
+    FaultKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
+    FaultKind.EKF: None,
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault of one vehicle, or of all; exactly one of ``after_s`` and ``share`` is given."""
+    """One fault of one vehicle, or of all; exactly one of ``after_s``, ``share`` and ``height_m`` is given."""
 
     vehicle: str
     """A vehicle's name, or ``all``."""
@@ -80,24 +123,38 @@ class Fault:
     """Simulated seconds after the vehicle began its mission; 0 is from the beginning, before any mission."""
     share: float | None = None
     """Of the length of the mission that the vehicle began with, 0 to 1."""
+    height_m: float | None = None
+    """Over its pad, on its way up or down."""
+    down: bool = False
+    """Whether the height counts on the way down."""
+    word: str = ""
+    """What stands behind the equals sign of a kind that takes a word."""
 
     @property
     def spec(self) -> str:
         """The fault in the grammar that ``parse_fault`` reads."""
         unit = "s" if self.kind is FaultKind.SILENT else ""
-        value = "" if self.value is None else f"={self.value:g}{unit}"
-        when = f"{self.after_s:g}s" if self.after_s is not None else f"{100 * (self.share or 0.0):g}%"
-        return f"{self.vehicle}:{self.kind.value}{value}@{when}"
+        value = f"={self.word}" if self.word else "" if self.value is None else f"={self.value:g}{unit}"
+        return f"{self.vehicle}:{self.kind.value}{value}@{self._when}"
+
+    @property
+    def _when(self) -> str:
+        if self.after_s is not None:
+            return f"{self.after_s:g}s"
+        if self.height_m is not None:
+            return f"{self.height_m:g}m{DOWN if self.down else ''}"
+        return f"{100 * (self.share or 0.0):g}%"
 
 
 def parse_fault(text: str) -> Fault:
-    """Read ``VEHICLE:KIND[=VALUE]@WHEN``, WHEN being ``300s`` or ``40%``.
+    """Read ``VEHICLE:KIND[=VALUE]@WHEN``, WHEN being ``300s``, ``40%``, ``2.5m`` on its way up or ``20m-down``.
 
     Raises:
         FaultSpecError: one line that quotes the text and says what was expected.
 
     >>> parse_fault("uav2:silent=20s@300s")
-    Fault(vehicle='uav2', kind=<FaultKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None)
+    Fault(vehicle='uav2', kind=<FaultKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None, height_m=None, \
+down=False, word='')
     """
     head, at, when = text.strip().rpartition("@")
     vehicle, colon, what = head.partition(":")
@@ -110,11 +167,11 @@ def parse_fault(text: str) -> Fault:
         kinds = ", ".join(kind.value for kind in FaultKind)
         raise FaultSpecError(f"fault {text!r}: unknown kind {name.strip()!r}, expected one of {kinds}") from None
     value = _parse_value(text, kind, raw.strip() if equals else None)
-    after_s, share = _parse_when(text, when.strip())
-    return Fault(vehicle.strip(), kind, value, after_s, share)
+    number, word = (None, value) if isinstance(value, str) else (value, "")
+    return _parse_when(text, when.strip(), Fault(vehicle.strip(), kind, number, word=word))
 
 
-def _parse_value(text: str, kind: FaultKind, raw: str | None) -> float | None:
+def _parse_value(text: str, kind: FaultKind, raw: str | None) -> float | str | None:
     rule = _RULES[kind]
     if rule is None:
         if raw is not None:
@@ -124,21 +181,28 @@ def _parse_value(text: str, kind: FaultKind, raw: str | None) -> float | None:
         if rule.required:
             raise FaultSpecError(f"fault {text!r}: {kind.value} needs a value, expected {rule.expected}")
         return None
-    value = _number(raw.removesuffix("s") if rule.seconds else raw)
+    if raw in rule.words:
+        return raw
+    value = None if rule.words else _number(raw.removesuffix("s") if rule.seconds else raw)
     if value is None or not rule.low <= value <= rule.high:
         raise FaultSpecError(f"fault {text!r}: {kind.value} has {raw!r}, expected {rule.expected}")
     return value
 
 
-def _parse_when(text: str, when: str) -> tuple[float | None, float | None]:
-    """Return seconds after the mission's start, or the share of the route; the other is None."""
-    value = _number(when[:-1])
+def _parse_when(text: str, when: str, fault: Fault) -> Fault:
+    """Return the fault at seconds after the mission's start, a share of the route, or a height."""
+    value = _number(when.removesuffix(DOWN)[:-1])
     if value is not None and value >= 0:
         if when.endswith("s"):
-            return value, None
+            return replace(fault, after_s=value)
         if when.endswith("%") and value <= 100:
-            return None, value / 100
-    raise FaultSpecError(f"fault {text!r}: WHEN is {when!r}, expected seconds such as 300s or a share such as 40%")
+            return replace(fault, share=value / 100)
+        if when.removesuffix(DOWN).endswith("m"):
+            return replace(fault, height_m=value, down=when.endswith(DOWN))
+    raise FaultSpecError(
+        f"fault {text!r}: WHEN is {when!r}, expected seconds such as 300s or a share such as 40%, a height on the way "
+        f"up such as 2.5m or on the way down such as 20m{DOWN}"
+    )
 
 
 def _number(raw: str) -> float | None:
@@ -149,19 +213,39 @@ def _number(raw: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def check_modes(fault: Fault, vehicle: str, autopilot: str) -> None:
+    """Refuse a mode that a vehicle does not have.
+
+    Raises:
+        FaultSpecError: with the modes that it has.
+    """
+    if fault.kind not in {FaultKind.PILOT, FaultKind.STATION} or fault.vehicle not in {vehicle, ALL_VEHICLES}:
+        return
+    modes = PILOT_MODES[autopilot]
+    if fault.word not in modes:
+        known = ", ".join(sorted(modes))
+        raise FaultSpecError(f"fault {fault.spec!r}: {vehicle} has no mode {fault.word}, expected one of {known}")
+
+
 def faults_of(faults: Iterable[Fault], vehicle: str) -> tuple[Fault, ...]:
     """Return the faults that befall ``vehicle``."""
     return tuple(fault for fault in faults if fault.vehicle in {ALL_VEHICLES, vehicle})
 
 
-def is_due(fault: Fault, mission_s: float | None, flown_share: float | None) -> bool:
+def is_due(
+    fault: Fault, mission_s: float | None, flown_share: float | None, up_m: float = 0.0, highest_m: float = 0.0
+) -> bool:
     """Return whether the fault's time has come.
 
     Args:
         fault: the fault.
         mission_s: simulated seconds since the vehicle began its mission; None before.
         flown_share: distance flown since then over the length of that mission; None before.
+        up_m: how high it is over its pad.
+        highest_m: how high it has been.
     """
+    if fault.height_m is not None:
+        return highest_m >= fault.height_m and (up_m <= fault.height_m or not fault.down)
     if fault.after_s == 0:
         return True
     if fault.after_s is not None:

@@ -148,8 +148,8 @@ async def _fly(
         lived_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
         for link in links:
             link.vehicle.advance(lived_s)
-            for event in link.vehicle.drain_events():
-                on_truth(Truth(link.vehicle.name, event.what, event.t_s, clock.unix_s(event.t_s)))
+            for truth in link.vehicle.drain_truths(clock.unix_s):
+                on_truth(truth)
             link.flush()
         watched([link.vehicle for link in links])
         await _pause(stop, 0.0 if behind else tick_s)

@@ -176,6 +176,30 @@ Body = (
 )  # fmt: skip
 
 
+def order_words(body: Body) -> str:
+    """Return what a message orders, as a truth says it; empty for one that changes nothing.
+
+    >>> order_words(Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    'order command 400 1'
+    """
+    match body:
+        case Command(number, params):
+            used = max((place + 1 for place, value in enumerate(params) if value), default=0)
+            return " ".join(["order command", str(number), *(f"{value:g}" for value in params[:used])])
+        case SetMode(mode):
+            return f"order mode {mode}"
+        case MissionCount(count):
+            return f"order mission {count}"
+        case MissionClearAll():
+            return "order clear"
+        case MissionSetCurrent(seq):
+            return f"order item {seq}"
+        case ParamSet(name):
+            return f"order parameter {name}"
+        case _:
+            return ""
+
+
 @dataclass(frozen=True, slots=True)
 class Received:
     """One message from somebody."""

@@ -15,6 +15,7 @@ def custom_mode(main: int, sub: int = 0) -> int:
 class Mode(IntEnum):
     """custom_mode, as far as simulated."""
 
+    ALTCTL = custom_mode(2)
     POSCTL = custom_mode(3)
     TAKEOFF = custom_mode(4, 2)
     LOITER = custom_mode(4, 3)
@@ -23,5 +24,10 @@ class Mode(IntEnum):
     LAND = custom_mode(4, 6)
 
 
+WORDS = {
+    "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
+    "MISSION": Mode.MISSION,
+}  # fmt: skip
+"""The modes that a person chooses."""
 MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
 """In which MISSION_CURRENT says 'active', as PX4 does."""

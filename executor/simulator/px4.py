@@ -15,7 +15,7 @@ from executor.simulator.guidance import Goal, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
 from executor.simulator.mission_store import StoreStep
-from executor.simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, Mode, custom_mode
+from executor.simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, custom_mode
 from executor.simulator.physics import Home, Limits, Place
 from executor.simulator.store_px4 import Px4Store
 
@@ -36,6 +36,8 @@ CONE_CLOSE_M = 2.0
 UNKNOWN_CURRENT_CA = -100
 """What 'no sensor' looks like: -1 A in centiamperes, not -1."""
 EMPTY_TOTAL = 65535
+EMERGENCY_PCT = 4.5
+"""What an emergency leaves of the charge: under BAT_EMERGEN_THR, and enough to land."""
 OFFICIAL = 255
 """FIRMWARE_VERSION_TYPE."""
 
@@ -46,10 +48,11 @@ class Px4(Autopilot):
     REFUSED: ClassVar = Result.TEMPORARILY_REJECTED
     NO_MESSAGE: ClassVar = Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
+    ON_ITS_BACK: ClassVar = "Preflight Fail: Attitude failure (roll)"
     STREAMS_S: ClassVar = {
         "HEARTBEAT": 1.0, "SYS_STATUS": 1.0, "BATTERY_STATUS": 2.0, "GLOBAL_POSITION_INT": 0.25, "ATTITUDE": 0.25,
         "VFR_HUD": 0.5, "GPS_RAW_INT": 1.0, "HOME_POSITION": 2.0, "EXTENDED_SYS_STATE": 1.0, "MISSION_CURRENT": 1.0,
-        "LOCAL_POSITION_NED": 0.5, "SYSTEM_TIME": 1.0,
+        "LOCAL_POSITION_NED": 0.5, "SYSTEM_TIME": 1.0, "WIND_COV": 2.0,
     }  # fmt: skip
 
     def __init__(self, vehicle: SimVehicle) -> None:
@@ -64,7 +67,10 @@ class Px4(Autopilot):
         self._announced = (0, 0)
         """Index and mission id as last reported."""
         self._link_lost = False
-        self._failsafe = False
+        self._failsafe = self._blind = False
+        self._emergency = Mode.LAND
+        """What the crew wants it to do with an empty battery, whatever COM_LOW_BAT_ACT says, once that is ordered."""
+        self._emergency_ordered = False
         self._action_due: tuple[float, Mode] | None = None
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
@@ -101,6 +107,16 @@ class Px4(Autopilot):
             self._switch(Mode(mode))
         return Result.ACCEPTED
 
+    def mode_of(self, word: str) -> int:
+        """Return the number of a mode that a person chooses."""
+        return WORDS[word]
+
+    def mode_order(self, word: str) -> Command:
+        """Return the order of a mode as a ground station gives it."""
+        mode = WORDS[word]
+        params = (1.0, float(mode >> 16 & 255), float(mode >> 24), 0.0, 0.0, 0.0, 0.0)
+        return Command(MavCommand.DO_SET_MODE, params)
+
     def _set_mode_command(self, command: Command) -> Result:
         """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
         self.acknowledge(command, Result.ACCEPTED)
@@ -118,9 +134,11 @@ class Px4(Autopilot):
     def _switch(self, mode: Mode) -> None:
         if self.mode == Mode.MISSION:
             self.mission.leave()
+        if mode != self.mode:
+            self.frame.happened(f"mode {mode.name}")
         self.mode = mode
         self.streams.soon("HEARTBEAT", self.now_s)
-        if self.frame.armed:
+        if self.frame.armed and not self.frame.wrecked:
             self._enter(mode)
 
     def _enter(self, mode: Mode) -> None:
@@ -138,6 +156,8 @@ class Px4(Autopilot):
                 pilot.fly(self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], self.params["MPC_TKO_SPEED"]))
             case _ if body.on_ground:
                 pilot.fly([])
+            case Mode.ALTCTL:
+                self.drift()
             case _:
                 pilot.hold()
 
@@ -231,13 +251,13 @@ class Px4(Autopilot):
     def _on_disarmed(self) -> None:
         self.mission.landed(self.now_s)
         self.voice.say(Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing")
-        self._failsafe = False
+        self._failsafe = self._blind = False
         self._action_due = None
         self._switch(self._mode_after_flight)
 
     def _on_boot(self) -> None:
         self.mode = self._mode_after_flight = Mode.LOITER
-        self._link_lost = self._failsafe = False
+        self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = False
         self._action_due = None
         self._charge_state = 1
         self.voice.muted = False
@@ -313,10 +333,13 @@ class Px4(Autopilot):
         action = int(self.params["NAV_DLL_ACT"])
         if not self.frame.armed or self.frame.body.on_ground or action == 0 or self.mode in {Mode.RETURN, Mode.LAND}:
             return
+        self.frame.happened("failsafe link")
         self._hold_then({2: Mode.RETURN, 3: Mode.LAND}.get(action))
 
     def _hold_then(self, mode: Mode | None) -> None:
         self._failsafe = True
+        delay_s = self.params["COM_FAIL_ACT_T"]
+        self.voice.say(Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
         self._switch(Mode.LOITER)
         self._action_due = None if mode is None else (self.now_s + self.params["COM_FAIL_ACT_T"], mode)
 
@@ -333,11 +356,47 @@ class Px4(Autopilot):
         if not self.frame.armed or self.frame.body.on_ground:
             return
         action = int(self.params["COM_LOW_BAT_ACT"])
-        if state == 4 and action in {2, 3}:
-            self._failsafe = True
-            self._switch(Mode.LAND)
+        if state == 4 and (action in {2, 3} or self._emergency_ordered):
+            self.frame.happened("failsafe battery")
+            self._on_empty()
         elif state == 3 and action in {2, 3} and self.mode not in {Mode.RETURN, Mode.LAND}:
+            self.frame.happened("failsafe battery")
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
+
+    def _on_empty(self) -> None:
+        """Hold before it acts, unless a failsafe acts already; on its way down it goes on."""
+        if self._failsafe:
+            self._action_due = None
+            self._switch(self._emergency)
+        elif self.mode not in {Mode.LAND, self._emergency}:
+            self._hold_then(self._emergency)
+
+    # People, fences, estimators.
+
+    def _sticks_moved(self) -> None:
+        if self.frame.armed and not self.frame.wrecked and self.mode >> 16 & 255 == MAIN_AUTO:
+            self.voice.say(Severity.INFO, "Pilot took over using sticks")
+            self.taken("POSCTL")
+
+    def _on_kill(self) -> None:
+        self.voice.say(Severity.CRITICAL, "Kill engaged")
+
+    def _on_breach(self) -> None:
+        self._failsafe = True
+        self.voice.say(Severity.WARNING, "Geofence violation")
+        self.voice.say(Severity.CRITICAL, "Failsafe activated: switching to Return")
+        self._switch(Mode.RETURN)
+
+    def _on_emergency(self, mode: int) -> None:
+        self._emergency, self._emergency_ordered = Mode(mode), True
+        self.frame.battery.charge_pct = min(self.frame.battery.charge_pct, EMERGENCY_PCT)
+
+    def _on_lost_estimate(self) -> None:
+        self._failsafe = self._blind = True
+        text = "Failsafe activated: Autopilot disengaged, switching to Descend"
+        self.voice.say(Severity.CRITICAL, text)
+        self._action_due = None
+        self._switch(Mode.LAND)
 
     # Reports.
 
@@ -373,6 +432,9 @@ class Px4(Autopilot):
                     mission_mode=1 if self.mode in MISSION_MODES else 2,
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
+            case "WIND_COV":
+                height_m = self.home.alt_m + self.frame.body.up_m
+                return telemetry.wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
             case "AUTOPILOT_VERSION":
                 return telemetry.autopilot_version(
                     capabilities=CAPABILITIES, version=(1, 17, 0, OFFICIAL), uid=self.vehicle.sysid
@@ -390,6 +452,8 @@ class Px4(Autopilot):
     def _system_status(self) -> int:
         if not self.ready:
             return 0
+        if self._blind:
+            return 6
         if self._failsafe:
             return 5
         return 4 if self.frame.armed else 3

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 MESSAGE_IDS: Mapping[str, int] = {
     "HEARTBEAT": 0, "SYS_STATUS": 1, "SYSTEM_TIME": 2, "GPS_RAW_INT": 24, "ATTITUDE": 30, "LOCAL_POSITION_NED": 32,
     "GLOBAL_POSITION_INT": 33, "MISSION_CURRENT": 42, "VFR_HUD": 74, "TIMESYNC": 111, "BATTERY_STATUS": 147,
-    "AUTOPILOT_VERSION": 148, "EKF_STATUS_REPORT": 193, "HOME_POSITION": 242, "EXTENDED_SYS_STATE": 245,
+    "AUTOPILOT_VERSION": 148, "FENCE_STATUS": 162, "WIND": 168, "EKF_STATUS_REPORT": 193, "WIND_COV": 231,
+    "HOME_POSITION": 242, "EXTENDED_SYS_STATE": 245,
 }  # fmt: skip
 MESSAGE_NAMES = {number: name for name, number in MESSAGE_IDS.items()}
 STREAMS: Mapping[int, tuple[str, ...]] = {

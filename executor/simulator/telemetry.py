@@ -124,6 +124,28 @@ def ekf_status(flags: int) -> Outbound:
     )  # fmt: skip
 
 
+def fence_status(boot_ms: int, breaches: int, *, breached: bool) -> Outbound:
+    """Return FENCE_STATUS of a circle fence."""
+    return out(
+        "FENCE_STATUS", breach_status=int(breached), breach_count=breaches, breach_type=3 if breached else 0,
+        breach_time=boot_ms, breach_mitigation=0,
+    )  # fmt: skip
+
+
+def wind(wind_m_s: tuple[float, float]) -> Outbound:
+    """Return WIND, for air that moves (east, north): ArduPilot's degrees go from -180 to 180."""
+    east, north = wind_m_s
+    return out("WIND", direction=math.degrees(math.atan2(-east, -north)), speed=math.hypot(east, north), speed_z=0.0)
+
+
+def wind_cov(wind_m_s: tuple[float, float], boot_ms: int, alt_m: float) -> Outbound:
+    """Return WIND_COV, for air that moves (east, north)."""
+    return out(
+        "WIND_COV", time_usec=boot_ms * 1000, wind_x=wind_m_s[1], wind_y=wind_m_s[0], wind_z=0.0, var_horiz=0.3,
+        var_vert=0.0, wind_alt=alt_m, horiz_accuracy=0.5, vert_accuracy=0.0,
+    )  # fmt: skip
+
+
 def heartbeat(*, autopilot: int, base_mode: int, custom_mode: int, system_status: int) -> Outbound:
     """Return HEARTBEAT of a quadrotor."""
     return out(

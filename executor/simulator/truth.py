@@ -15,12 +15,23 @@ class Truth:
 
     vehicle: str
     what: str
-    """``armed``, ``mission_started``, ``took_off``, ``landed``, ``disarmed``, ``crash``, or ``fault SPEC`` when a fault
-    was injected."""
+    """``armed``, ``mission_started``, ``took_off``, ``descends`` (a landing begins), ``landed``, ``disarmed``, ``fell``
+    (down without harm), ``wreck``, ``crash``, ``on_pad`` (put there); ``mode NAME``; ``failsafe WHY`` when one acts;
+    ``pilot MODE``, ``kill`` and ``station MODE`` when somebody else acts; ``fault SPEC`` when a fault was injected; and
+    with a sender ``order WHAT``, which is all that anybody commands."""
     t_s: float
     """Simulated seconds since the simulation began."""
     unix_s: float
     """The same moment on this machine's clock, as seconds since 1970."""
+    sender: int | None = None
+    """The system that gave the order."""
+    lat_deg: float | None = None
+    """Where it was."""
+    lon_deg: float | None = None
+    up_m: float | None = None
+    """Over its pad."""
+    charge_pct: float | None = None
+    """What its battery really held."""
 
 
 class TruthWriter:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from executor.simulator.airframe import Event
 from executor.simulator.ardupilot import ArduPilot
@@ -12,10 +12,14 @@ from executor.simulator.autopilot import STEP_S, Autopilot
 from executor.simulator.channel import Channel, LinkCondition
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.faults import Fault, FaultKind, faults_of, is_due
+from executor.simulator.messages import Heartbeat, Peer, Received, out
 from executor.simulator.mission_store import UploadFault
 from executor.simulator.px4 import Px4
+from executor.simulator.truth import Truth
 from executor.simulator.wire import Codec
 
+STATION = Peer(254, 190)
+"""Another ground station."""
 LINK_FIELDS = {
     FaultKind.LOSS: "loss",
     FaultKind.DELAY: "delay_s",
@@ -41,6 +45,9 @@ class SimulatedVehicle:
         self._pending = list(faults_of(faults, vehicle.name))
         self._condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}")
+        self._station: Codec | None = None
+        """Another ground station's transmitter, once it is there."""
+        self._station_beat_s = 0.0
         self._up = Channel(self._condition, rng)
         self._down = Channel(self._condition, rng)
         self._now_s = 0.0
@@ -63,6 +70,7 @@ class SimulatedVehicle:
             self._deliver()
             self.autopilot.advance(self._now_s)
             self._inject()
+            self._beat()
             self._collect()
 
     def drain(self) -> list[bytes]:
@@ -73,6 +81,19 @@ class SimulatedVehicle:
     def drain_events(self) -> list[Event]:
         """Take away what really happened."""
         return self.autopilot.frame.drain_events()
+
+    def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
+        """Take away what really happened, where on the globe, and when by a machine's clock."""
+        truths = []
+        for event in self.drain_events():
+            lat_e7, lon_e7 = self.autopilot.home.lat_lon_e7(event.place.east_m, event.place.north_m)
+            truths.append(
+                Truth(
+                    self.name, event.what, event.t_s, unix_s(event.t_s), event.sender, lat_e7 / 1e7, lon_e7 / 1e7,
+                    event.place.up_m, event.charge_pct,
+                )
+            )  # fmt: skip
+        return truths
 
     def _deliver(self) -> None:
         for datagram in self._up.due(self._now_s):
@@ -88,15 +109,20 @@ class SimulatedVehicle:
     def _inject(self) -> None:
         if not self._pending:
             return
-        mission_s, share = self.autopilot.mission_s, self.autopilot.flown_share
-        due = [fault for fault in self._pending if is_due(fault, mission_s, share)]
+        mission_s, share, frame = self.autopilot.mission_s, self.autopilot.flown_share, self.autopilot.frame
+        up_m, highest_m = frame.body.up_m, frame.highest_m
+        due = [fault for fault in self._pending if is_due(fault, mission_s, share, up_m, highest_m)]
         if due:
             self._pending = [fault for fault in self._pending if fault not in due]
             for fault in due:
-                self.autopilot.frame.happened(f"fault {fault.spec}")
-                self._apply(fault.kind, fault.value or 0.0)
+                self.befall(fault)
 
-    def _apply(self, kind: FaultKind, value: float) -> None:
+    def befall(self, fault: Fault) -> None:
+        """Suffer a fault now, whenever it was ordered for."""
+        self.autopilot.frame.happened(f"fault {fault.spec}")
+        self._apply(fault.kind, fault.value or 0.0, fault.word)
+
+    def _apply(self, kind: FaultKind, value: float, word: str) -> None:
         condition, frame = self._condition, self.autopilot.frame
         match kind:
             case FaultKind.SILENT:
@@ -108,10 +134,30 @@ class SimulatedVehicle:
             case FaultKind.CRASH:
                 frame.lose_thrust()
             case FaultKind.REBOOT:
-                self.autopilot.reboot()
+                self.autopilot.reboot(on_pad=word == "pad")
+            case FaultKind.STATION:
+                self._called(word)
             case FaultKind.REFUSE_UPLOAD:
                 self.autopilot.store.fault = UploadFault.REFUSE
             case FaultKind.HALF_UPLOAD:
                 self.autopilot.store.fault = UploadFault.HALF
-            case _:
+            case _ if kind in LINK_FIELDS:
                 setattr(condition, LINK_FIELDS[kind], value)
+            case _:
+                self.autopilot.befalls(kind, word)
+
+    def _called(self, word: str) -> None:
+        """Let another ground station order a mode; from now on its heartbeat is on the air."""
+        if self._station is None:
+            self._station = Codec(STATION.sysid, component=STATION.compid)
+            self._station_beat_s = self._now_s
+        self.autopilot.frame.happened(f"station {word}")
+        self.autopilot.receive(Received(STATION, self.autopilot.mode_order(word)))
+
+    def _beat(self) -> None:
+        if self._station is None or self._now_s < self._station_beat_s:
+            return
+        self._station_beat_s += 1.0
+        self.autopilot.receive(Received(STATION, Heartbeat(ground_station=True)))
+        beat = out("HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3)
+        self._down.offer(self._station.encode(beat, self._now_s), self._now_s)

@@ -139,11 +139,18 @@ READERS: Mapping[str, Callable[[_Fields], Body]] = {
 class Codec:
     """Packs and unpacks for one vehicle."""
 
-    def __init__(self, sysid: int, *, every_component: bool = False, signing: Signing | None = None) -> None:
+    def __init__(
+        self,
+        sysid: int,
+        *,
+        every_component: bool = False,
+        signing: Signing | None = None,
+        component: int = AUTOPILOT_COMPONENT,
+    ) -> None:
         self._sysid = sysid
         self._every_component = every_component
         """Whether it obeys what is for another component: ArduPilot does where it knows of none with that id."""
-        self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=AUTOPILOT_COMPONENT)
+        self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=component)
         self._began_ticks, self._ticks_per_s = 0, 0.0
         if signing is not None:
             self._began_ticks = self._packer.signing.timestamp = signing.began_ticks

@@ -24,7 +24,7 @@ _STRING = re.compile(r'"((?:[^"\\]|\\.)*)"')
 def parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = None) -> Network:
     """Return the network that a graph file describes.
 
-    z is taken as the ground's height over the depot; a file whose z are all 0 does not know it.
+    z is taken as the ground's height over the depot. A file whose z are all 0 is one of flat ground, by its format.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
@@ -49,7 +49,7 @@ def parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = 
         )
         for index, (lat, lon) in enumerate(lat_lon_deg)
     )
-    return Network(pylons, segments, frame, source)
+    return Network(pylons, segments, frame, source, flat=not knows_ground)
 
 
 def _rows(value: str) -> list[list[str]]:

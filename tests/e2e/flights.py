@@ -138,9 +138,8 @@ def site_file(
     The first `mavsdk` vehicles are reached through MAVSDK.
     """
     network, ports = graph_file(folder, pylons), free_ports(vehicles)
-    text = (
-        f'[depot]\nlat_deg = 49.6\nlon_deg = 15.6\n[network]\nfile = "{network.name}"\n[flight]\nspeedup = {speedup}\n'
-    )
+    text = f'[depot]\nlat_deg = 49.6\nlon_deg = 15.6\n[network]\nfile = "{network.name}"\n'
+    text += f'[flight]\nspeedup = {speedup}\nfly_again = "auto"\n'
     for number, port in enumerate(ports, start=1):
         text += f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\n'
         backend = "mavsdk" if number <= mavsdk else "native"

@@ -5,42 +5,19 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
 from tests.e2e.flights import called, ended, free_ports, said_in, site_file
+from tests.e2e.gallery import CHROMIUM, browsing
 
 pytestmark = pytest.mark.asyncio
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-QUIET = (
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-)  # fmt: skip
 PATIENCE_MS = 120_000.0
 SHOTS = os.environ.get("FAULTLINE_SHOTS")
 """A folder for pictures of the page, for who wants to look at it."""
-
-
-@asynccontextmanager
-async def browsing(address: str) -> AsyncIterator[Page]:
-    """Open the page in a browser; whatever it complains of fails the test."""
-    complaints = list[str]()
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
-        page = await browser.new_page(viewport={"width": 1440, "height": 900})
-        page.set_default_timeout(PATIENCE_MS)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda line: complaints.append(line.text) if "Content Security" in line.text else None)
-        await page.goto(address)
-        yield page
-        await browser.close()
-    assert complaints == []
 
 
 async def ask(page: Page, number: int, key: str) -> None:
@@ -75,11 +52,11 @@ async def test_a_flight_with_a_loss_is_watched_and_steered(tmp_path: Path) -> No
     expect.set_options(timeout=PATIENCE_MS)
     async with called(*simulated), called(*flown) as fly:
         await said_in(fly.stderr, f"page: http://127.0.0.1:{port}/")
-        async with browsing(f"http://127.0.0.1:{port}/") as page:
+        async with browsing(f"http://127.0.0.1:{port}/", patience_ms=PATIENCE_MS) as page:
             strips = page.locator(".strip")
             await expect(strips).to_have_count(4)
             first, lost, third = strips.nth(0), strips.nth(1), strips.nth(2)
-            await expect(first.locator(".route")).to_contain_text("inspects segment")
+            await expect(first.locator(".route")).to_contain_text(re.compile(r"inspects \S"))
 
             await ask(page, 1, "h")
             await expect(first).to_have_attribute("data-state", "holding")

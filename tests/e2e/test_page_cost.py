@@ -54,6 +54,9 @@ class Watching:
     def confirm(self, question: str) -> bool:
         return bool(question)
 
+    async def ask(self, question: str) -> bool:
+        return self.confirm(question)
+
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         self.state = state
         self.news.set()

@@ -10,7 +10,7 @@ from executor.build import Ground
 from executor.config import Site, check_site
 from executor.core.context import Context
 from executor.core.vehicle import OnBoard, VehicleState, aboard
-from missions import Inspection, Network, flight_path
+from missions import Network, flight_path
 from planner import Plan, Route, travel_for
 from tests.missions.builders import line_east
 
@@ -20,27 +20,22 @@ THREE: Routes = {"uav1": (0, 2), "uav2": (4, 6), "uav3": (8, 10)}
 """Two segments of 100 m each, all flown eastward, on a line of six."""
 
 
-def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", **tables: Mapping[str, object]) -> Site:
+def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", /, **tables: Mapping[str, object]) -> Site:
     """Return a site for a fleet on made-up ports."""
     vehicles = [
         {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number, "autopilot": autopilot}
         for number, name in enumerate(names, start=1)
     ]
-    return check_site({"network": {"file": "line"}, "vehicle": vehicles, **tables}, "test")
+    # In these flights nobody is at the pads, unless a test says so.
+    flight = {"fly_again": "auto", **tables.pop("flight", {})}
+    return check_site({"network": {"file": "line"}, "vehicle": vehicles, "flight": flight, **tables}, "test")
 
 
 def ground_for(site: Site, network: Network) -> Ground:
     """Return what is known before any vehicle answers."""
     table, drone = site.inspection, build.drone_of(site)
-    inspection = Inspection(
-        height_m=table.height_m,
-        standoff_m=table.standoff_m,
-        speed_m_s=table.speed_m_s,
-        transit_speed_m_s=table.transit_speed_m_s,
-        layer_m=table.layer_m,
-    )
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    return Ground(site, network, inspection, drone, travel)
+    return Ground(site, network, build.inspection_of(site, network), drone, travel)
 
 
 @dataclass(frozen=True, slots=True)

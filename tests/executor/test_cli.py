@@ -6,12 +6,16 @@ import json
 import shutil
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from executor.adapters.rundir import locked
 from executor.cli import main
+from executor.core.parameters import Kept, Stage
+from executor.kept import write_kept
 from missions import parse_qgc_plan, read_plan
 
 DEPOT = (49.6, 15.6)
@@ -58,13 +62,17 @@ class Place:
         content = json.dumps({"type": "FeatureCollection", "features": list(features)})
         (self.folder / "line.geojson").write_text(content if text is None else text, encoding="utf-8")
 
-    def site(self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "") -> None:
+    def site(
+        self, *, file: str = "line.geojson", budget_pct: float = 75.0, extra: str = "", heights: str = "flat"
+    ) -> None:
         vehicles = "".join(
             f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{port}"\nsysid = {number}\n'
             f'autopilot = "ardupilot"\nbudget_pct = {budget_pct}\n'
             for number, port in enumerate(free_ports(2), start=1)
         )
-        text = f'[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n[network]\nfile = "{file}"\n{extra}\n{vehicles}'
+        depot = f"[depot]\nlat_deg = {DEPOT[0]}\nlon_deg = {DEPOT[1]}\n"
+        network = f'[network]\nfile = "{file}"\n{extra}\n[inspection]\nheights = "{heights}"\n'
+        text = depot + network + vehicles
         (self.folder / "site.toml").write_text(text, encoding="utf-8")
 
     def path(self, name: str) -> str:
@@ -128,6 +136,7 @@ OPTIONS = {
     "export": ["--output", "--format", "--autopilot"],
     "simulate": ["--speedup", "--fault", "--seed", "--wind", "--truth", "--failsafe"],
     "fly": ["--plan", "--after", "--run", "--yes", "--json"],
+    "restore": ["--yes", "--json", "--quiet"],
 }
 
 
@@ -386,3 +395,61 @@ def test_a_place_that_cannot_be_written_to(place: Place, option: str) -> None:
     target = place.path("nowhere/plan.png")
     reason = place.refused("plan", place.path("site.toml"), "--seconds", "0.2", "--json", option, target)
     assert reason.startswith(f"{target}: cannot be written: ")
+
+
+def kept(stage: Stage, name: str = "RTL_ALT") -> Kept:
+    return Kept("uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage)
+
+
+def test_what_cannot_be_restored_is_refused(place: Place) -> None:
+    missing = "expected a run directory with parameters.json; no parameter was changed from here"
+    assert place.refused("restore", place.path("nowhere")) == f"{place.path('nowhere')}: {missing}"
+    assert place.refused("restore", str(place.folder)) == f"{place.folder}: {missing}"
+    path = place.folder / "parameters.json"
+    for text, words in (
+        ("{", "the file: expected what was changed on board: "),
+        ('{"format": "faultline-parameters/2", "parameters": []}', "format: expected what was changed on board: "),
+        ('{"format": "faultline-parameters/1"}', "parameters: expected what was changed on board: "),
+    ):
+        path.write_text(text)
+        assert place.refused("restore", str(place.folder)).startswith(f"{path}: {words}")
+    write_kept(place.folder, [kept(Stage.SET)])
+    (place.folder / "site.toml").unlink()
+    assert place.refused("restore", str(place.folder)).startswith(str(place.folder / "site.toml"))
+
+
+def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> None:
+    write_kept(place.folder, [kept(Stage.SET)])
+    with locked(place.folder):
+        assert "another faultline flies this directory already" in place.refused(
+            "restore", str(place.folder), "--yes", "--quiet"
+        )
+
+
+def test_nothing_to_restore_is_done(place: Place) -> None:
+    for rows in ([], [kept(Stage.RESTORED)]):
+        write_kept(place.folder, rows)
+        assert place.run("restore", str(place.folder)) == (0, f"{place.folder}: everything is as it was\n", "")
+        assert place.run("restore", str(place.folder), "--quiet") == (0, "", "")
+        code, out, _ = place.run("restore", str(place.folder), "--json")
+        assert (code, json.loads(out)["restored"], len(json.loads(out)["parameters"])) == (0, True, len(rows))
+
+
+def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
+    write_kept(place.folder, [kept(Stage.SET), kept(Stage.RESTORED, "RTL_CONE_SLOPE")])
+    code, out, err = place.run("restore", str(place.folder))
+    assert (code, out) == (1, "")
+    assert [line.strip() for line in err.splitlines()] == [
+        "uav1: RTL_ALT 2700 -> 1500 cm",
+        "! nobody said yes; nothing was told to any vehicle",
+    ]
+
+
+def test_a_vehicle_that_does_not_answer_stays_as_it_is(place: Place) -> None:
+    place.site(extra="[flight]\nconnect_timeout_s = 0.1")
+    write_kept(place.folder, [kept(Stage.SET), replace(kept(Stage.SET), vehicle="uav9", sysid=9)])
+    code, out, err = place.run("restore", str(place.folder), "--yes")
+    assert (code, out) == (1, f"{place.folder}: 2 of 2 stay\n")
+    assert "uav1: RTL_ALT (was 1500) not restored: does not answer" in err
+    assert "uav9: RTL_ALT (was 1500) not restored: is not in the site file" in err
+    assert f"uav1: to give it back: faultline restore {place.folder}" in err

@@ -49,7 +49,7 @@ def test_a_good_site_and_its_defaults() -> None:
     assert [table.name for table in site.vehicle] == ["uav1", "uav2"]
     assert (site.vehicle[0].budget_pct, site.vehicle[0].reserve_pct) == (75.0, 15.0)
     assert (site.inspection.speed_m_s, site.inspection.corridor_m, site.flight.speedup) == (3.0, 10.0, 1.0)
-    assert site.flight.fly_again
+    assert site.flight.fly_again == "ask"
 
 
 def test_wind_is_two_numbers_for_where_the_air_moves() -> None:
@@ -148,7 +148,7 @@ NAN, INF = float("nan"), float("inf")
         (content(energy={"efficiency": 1.5}), "energy.efficiency: expected less than or equal to 1, got 1.5"),
         (content(flight={"speedup": 0}), "flight.speedup: expected greater than 0, got 0"),
         (content(flight={"solve_s": NAN}), "flight.solve_s: "),
-        (content(flight={"fly_again": "perhaps"}), "flight.fly_again: expected boolean"),
+        (content(flight={"fly_again": "perhaps"}), "flight.fly_again: expected 'ask', 'never' or 'auto'"),
         (content(faults={"link_timeout_s": -1}), "faults.link_timeout_s: expected greater than 0, got -1"),
         (content(vehicle="uav1"), "vehicle: expected "),
         (content(network="line.geojson"), "network: expected "),

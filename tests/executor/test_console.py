@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
-import io
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from subprocess import PIPE
 
 import pytest
+from rich.console import Console
 
-from executor.console import TerminalConsole
+from executor.console import TerminalConsole, drawn
 from executor.core.commands import Level
+from executor.core.preflight import Check, Severity
+from executor.core.view import OfferView, TakenView, fleet_view
+from tests.executor.core.stories import under_way
 
 BELL = "\a"
 
@@ -34,7 +48,7 @@ def test_the_bell_rings_at_a_fault_alone(capsys: pytest.CaptureFixture[str]) -> 
 def test_a_file_gets_no_bell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     TerminalConsole(quiet=False, yes=True).say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
-    assert capsys.readouterr().err == " 309.4 X uav2: link, silent for 10.1 s\n"
+    assert capsys.readouterr().err == "   T+5:09 X uav2: link, silent for 10.1 s\n"
 
 
 @pytest.mark.usefixtures("terminal")
@@ -43,17 +57,127 @@ def test_quiet_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == ""
 
 
-class Typed(io.StringIO):
-    """What somebody types at a terminal."""
-
-    def isatty(self) -> bool:
-        return True
+def test_before_the_take_off_no_time_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    TerminalConsole(quiet=False, yes=True).say(Level.INFO, "waiting for 3 vehicles")
+    assert capsys.readouterr().err == "            waiting for 3 vehicles\n"
 
 
-@pytest.mark.parametrize(("typed", "answer"), [("y\n", True), ("n\n", False), ("\n", False), ("", False)])
-def test_a_question_shows_how_it_is_answered(
-    typed: str, answer: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_what_a_terminal_would_obey_is_not_passed_on(capsys: pytest.CaptureFixture[str]) -> None:
+    console = TerminalConsole(quiet=False, yes=True)
+    console.say(Level.INFO, "uav1: \x1b[2Jcrash\r\nuav2: ready\u202e", 0.0)
+    console.checks([Check(Severity.OK, "a\x07b", "[bold]as it is[/bold]")])
+    said = capsys.readouterr().err
+    assert not {"\x1b", "\r", "\x07", "\u202e"} & set(said)
+    assert "crash uav2: ready" in said
+    assert "[bold]as it is[/bold]" in said
+
+
+@contextmanager
+def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Give the program a terminal to read from; yields the end at which somebody types."""
+    typed, read = os.openpty()
+    with os.fdopen(read, encoding="utf-8") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        yield typed
+        os.close(typed)
+
+
+async def answered(console: TerminalConsole, typed: int, text: bytes) -> bool:
+    """Type once the question is there."""
+    answer = asyncio.create_task(console.ask("Take off?"))
+    await asyncio.sleep(0)
+    os.write(typed, text)
+    return await answer
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [(b"y\n", True), (b"YES\n", True), (b"n\n", False), (b"\n", False), (b"yo\n", False)]
+)
+@pytest.mark.asyncio
+async def test_a_question_shows_how_it_is_answered(
+    text: bytes, expected: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sys.stdin", Typed(typed))
-    assert TerminalConsole(quiet=False, yes=False).confirm("Take off?") is answer
-    assert "Take off? [y/N] " in "".join(capsys.readouterr())
+    with keyboard(monkeypatch) as typed:
+        assert await answered(TerminalConsole(quiet=False, yes=False), typed, text) is expected
+    assert capsys.readouterr().err == "Take off? [y/N] "
+
+
+@pytest.mark.asyncio
+async def test_what_was_typed_before_the_question_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    with keyboard(monkeypatch) as typed:
+        os.write(typed, b"y\n")
+        assert not await answered(TerminalConsole(quiet=False, yes=False), typed, b"n\n")
+
+
+@pytest.mark.usefixtures("terminal")
+@pytest.mark.asyncio
+async def test_a_line_that_comes_meanwhile_leaves_the_question_last(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console = TerminalConsole(quiet=False, yes=False)
+    with keyboard(monkeypatch) as typed:
+        answer = asyncio.create_task(console.ask("Take off?"))
+        await asyncio.sleep(0)
+        console.say(Level.WARNING, "uav2: nothing heard for 3.1 s")
+        os.write(typed, b"y\n")
+        assert await answer
+    assert capsys.readouterr().err.split("\n")[-1] == "Take off? [y/N] "
+
+
+@pytest.mark.asyncio
+async def test_a_question_that_was_answered_elsewhere_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    with keyboard(monkeypatch):
+        answer = asyncio.create_task(TerminalConsole(quiet=False, yes=False).ask("Take off?"))
+        await asyncio.sleep(0)
+        answer.cancel()
+        await asyncio.gather(answer, return_exceptions=True)
+    assert answer.cancelled()
+
+
+def test_ctrl_c_is_no(tmp_path: Path) -> None:
+    """In a process of its own, on a terminal of its own: no traceback, and the line is ended."""
+    script = tmp_path / "ask.py"
+    text = "print(TerminalConsole(quiet=False, yes=False).confirm('Take off?'))"
+    script.write_text(f"from executor.console import TerminalConsole\n{text}\n", encoding="utf-8")
+    typed, read = os.openpty()
+    command = [sys.executable, str(script)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(command, stdin=read, stdout=PIPE, stderr=PIPE, env=environment) as process:
+        assert process.stderr is not None
+        said = b""
+        while b"[y/N] " not in said:
+            said += os.read(process.stderr.fileno(), 100)
+        process.send_signal(signal.SIGINT)
+        out, rest = process.communicate()
+    os.close(typed)
+    os.close(read)
+    assert out == b"False\n"
+    assert rest.endswith(b"\n")
+    assert b"Traceback" not in rest
+
+
+def test_nobody_to_ask_is_no() -> None:
+    assert not TerminalConsole(quiet=False, yes=False).confirm("Take off?")
+    assert TerminalConsole(quiet=False, yes=True).confirm("Take off?")
+
+
+def test_the_table_speaks_of_spans_states_and_places() -> None:
+    flight = under_way()
+    view = fleet_view(flight.context, flight.state, flight.now_s)
+    first, second, third = view.vehicles
+    first = replace(first, state="holding", gps_fix=3, satellites=14, lands_in_s=187.0)
+    first = replace(first, progress=replace(first.progress, done=3, total=7, inspected=10, segment_name="P4-P5"))
+    second = replace(second, state="pilot", taken=TakenView(flight.now_s, 24.0, returned=False))
+    third = replace(third, state="down", fault="down, armed", fault_kind="down")
+    offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span: is its pad clear?")
+    terminal = Console(width=140, record=True, file=StringIO())
+    terminal.print(drawn(replace(view, vehicles=(first, second, third), offer=offer)))
+    shown = terminal.export_text()
+    rows = [" ".join(line.split()) for line in shown.splitlines()]
+    assert rows[0].startswith("T+1:")
+    assert "segments inspected" in rows[0]
+    assert any("uav1 holding inspects P4-P5 3 of 7 10" in row and "3D, 14 sat" in row and "3:07" in row for row in rows)
+    assert any(row.startswith("uav2 with its pilot: last at 49.5999") for row in rows)
+    assert "uav2: hands off; its segments are kept for it for 0:24" in rows
+    assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
+    assert rows[-1] == "? uav4 can take over 1 span: is its pad clear?"

@@ -13,8 +13,8 @@ from missions import default_network_path, read_network
 SYDNEY = (-33.86, 151.21)
 
 
-def site_over(network: Path | None) -> build.Ground:
-    content = demo_site(network=network, radius_m=700, vehicles=3, speedup=10, autopilot="px4")
+def site_over(network: Path | None, *, flat: bool = False) -> build.Ground:
+    content = demo_site(network=network, radius_m=700, vehicles=3, speedup=10, autopilot="px4", flat=flat)
     return build.ground_of(check_site(content, "demo"), Path())
 
 
@@ -40,7 +40,7 @@ def test_a_geojson_network_keeps_its_own_depot(tmp_path: Path) -> None:
     ]  # fmt: skip
     network = tmp_path / "sydney.geojson"
     network.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    ground = site_over(network)
+    ground = site_over(network, flat=True)
     assert (ground.network.frame.lat_deg, ground.network.frame.lon_deg) == SYDNEY
     assert len(ground.network.segments) == 2
 

@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from executor.core.messages import Heartbeat, Position, StationHeard, Version
+from executor.core.parameters import Kept, Stage
 from executor.core.preflight import Check, Facts, Severity
+from executor.kept import reported
 from executor.report import Said, report_of, vehicles_of
 from tests.executor.core.stories import FLEET, under_way
 
@@ -47,6 +49,16 @@ def test_every_inspection_has_its_speeds(report: dict[str, Any]) -> None:
         assert row["deviation_mean_m"] <= row["deviation_max_m"] < 0.5
 
 
+def test_where_everybody_was_heard_last_is_kept(report: dict[str, Any]) -> None:
+    states = {row["name"]: row["state"] for row in report["vehicles"]}
+    assert states == {"uav1": "landed", "uav2": "lost", "uav3": "landed"}
+    lost = report["vehicles"][1]["last_position"]
+    assert set(lost) == {"lat_deg", "lon_deg", "alt_rel_m", "at_s"}
+    assert FLEET.context.frame.to_local_m(lost["lat_deg"], lost["lon_deg"])[0] > 200.0
+    assert 0.0 < lost["at_s"] < report["faults"][0]["detected_s"]
+    assert report["segment_names"] == {str(segment): f"segment {segment}" for segment in range(6)}
+
+
 def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> None:
     first, second, third = report["vehicles"]
     assert (first["type"], first["autopilot"], first["firmware"]) == ("quadrotor", "ArduPilot", "4.7.0-dev")
@@ -63,3 +75,16 @@ def test_what_was_asked_before_the_flight_is_kept() -> None:
     assert first["parameters"] == {"FS_GCS_ENABLE": 1.0}
     assert first["link_timeout_s"] == FLEET.context.vehicles["uav1"].link_timeout_s
     assert first["stations"] == [[254, 190]]
+
+
+def test_what_was_changed_on_board_is_named_with_what_became_of_it() -> None:
+    flight = under_way()
+    rows = reported([
+        Kept("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", Stage.RESTORED),
+        Kept("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", Stage.SET),
+    ])  # fmt: skip
+    content = report_of(FLEET.context, flight.state, flight.now_s, said=SAID, parameters=rows)
+    assert content["parameters"] == [
+        {"vehicle": "uav1", "name": "RTL_ALT", "old": 1500.0, "new": 2700.0, "restored": True},
+        {"vehicle": "uav2", "name": "RTL_ALT", "old": 1217.0, "new": 3200.0, "restored": False},
+    ]

@@ -13,7 +13,7 @@ from executor.adapters.clock import SystemClock
 from executor.config import WebTable, check_site
 from executor.core.commands import Level
 from executor.core.fleet import initial
-from executor.core.intents import Action, Intent
+from executor.core.intents import Action, Intent, Outcome
 from executor.core.state import FleetState
 from executor.errors import SiteError
 from executor.runtime.flight import Flight, Observer
@@ -112,7 +112,7 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
 
 
 def looked_at(address: str) -> tuple[list[list[int]], httpx.Response]:
-    """Look at the page and ask for something, and block whoever calls."""
+    """Look at the page and ask for something."""
     with httpx.Client(base_url=address, timeout=10.0) as client:
         routes = [vehicle["route"]["segments"] for vehicle in client.get("/chart").json()["vehicles"]]
         return routes, client.post("/intents", json={"id": "w1", "action": "abort"})
@@ -120,14 +120,14 @@ def looked_at(address: str) -> tuple[list[list[int]], httpx.Response]:
 
 @pytest.mark.asyncio
 async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() -> None:
-    """The operator is being asked: the flight's loop stands still, and nothing asked now may happen after the yes."""
+    """The operator is being asked: nothing asked now, but the answer, may happen after the yes."""
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock)
     async with serving.page(WebTable(), flight, clock, lines):
-        routes, answer = looked_at(lines.lines[0].removeprefix("page: "))
+        routes, answer = await asyncio.to_thread(looked_at, lines.lines[0].removeprefix("page: "))
     assert routes == [[0, 1], [2, 3], [4, 5]]
     assert (answer.status_code, answer.json()["text"]) == (409, "the flight has not begun")
-    assert flight.state.intents == {}
+    assert flight.state.intents["w1"].outcome is Outcome.REFUSED
     flight.ask(Intent("w2", Action.ABORT, None, "terminal"))
     assert flight.state.intents["w2"].text == "the flight has not begun"
 

@@ -16,7 +16,9 @@ from executor.core.commands import (
     CancelSolve,
     Command,
     Compose,
+    Disarm,
     Finish,
+    HandsOff,
     Hold,
     LandNow,
     Level,
@@ -192,6 +194,8 @@ class Story:
     """What becomes of a vehicle's starts, in turn; then they succeed."""
     upload_results: dict[str, list[UploadEnded]] = field(default_factory=dict)
     """What becomes of a vehicle's uploads, in turn; then they succeed."""
+    return_results: dict[str, list[ReturnEnded]] = field(default_factory=dict)
+    """What becomes of a vehicle's orders to return, in turn; then they are followed."""
     start_s: dict[str, float] = field(default_factory=dict)
     """How long a vehicle's first start takes; others take two seconds."""
     now_s: float = 10.0
@@ -348,6 +352,10 @@ class Story:
                 self.later(STEP_S, lambda: MissionsWanted(revision))
             case Finish():
                 self.over = True
+            case Disarm(name, force):
+                self.later(0.4, lambda: self._disarmed(name, force=force))
+            case HandsOff(name):
+                self._talks(name)
             case Say() | CancelSolve():
                 pass
 
@@ -375,11 +383,21 @@ class Story:
 
     def _returned(self, name: str) -> Event | None:
         craft = self.crafts[name]
+        planned = self.return_results.get(name)
+        if planned:
+            return planned.pop(0)
         if craft.mute:
-            return ReturnEnded(name, accepted=False, reason="no acknowledgement")
+            return ReturnEnded(name, accepted=False, reason="no acknowledgement", lost=True)
         if craft.armed and not craft.stubborn:
             craft.go_home()
         return ReturnEnded(name, accepted=True, reason="")
+
+    def _disarmed(self, name: str, *, force: bool) -> Event | None:
+        craft = self.crafts[name]
+        if craft.up_m > 0.5 and not force:
+            return OrderEnded(name, Action.DISARM, accepted=False, reason="disarm: denied", refused=True)
+        craft.armed = False
+        return OrderEnded(name, Action.DISARM, accepted=True, reason="")
 
     def _obeyed(self, name: str, command: Hold | Resume | LandNow) -> Event | None:
         craft, modes = self.crafts[name], self.context.vehicles[name].dialect.modes
@@ -391,13 +409,15 @@ class Story:
             case LandNow():
                 action, mode = Action.LAND, modes.land
         if craft.mute:
-            return OrderEnded(name, action, accepted=False, reason="no acknowledgement")
+            return OrderEnded(name, action, accepted=False, reason="no acknowledgement", lost=True)
         craft.go_to(mode.custom_mode)
         return OrderEnded(name, action, accepted=True, reason="")
 
-    def ask(self, action: Action, vehicle: str | None = None, name: str = "") -> IntentRecord:
+    def ask(
+        self, action: Action, vehicle: str | None = None, name: str = "", *, confirmed: bool = False
+    ) -> IntentRecord:
         """Let the operator ask for something; returns what became of it so far."""
-        intent = Intent(name or f"wish-{len(self.events)}", action, vehicle, "page")
+        intent = Intent(name or f"wish-{len(self.events)}", action, vehicle, "page", confirmed)
         self.happen(IntentReceived(intent))
         return self.state.intents[intent.id]
 

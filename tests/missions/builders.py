@@ -21,13 +21,17 @@ def network_of(
     pairs: Sequence[tuple[int, int]],
     heights_m: Sequence[tuple[float, float]] | None = None,
 ) -> Network:
-    """Return a network from east/north metres about FRAME; heights are (elevation, structure) of each pylon."""
+    """Return a network from east/north metres about FRAME; heights are (elevation, structure) of each pylon.
+
+    Without heights its ground is flat.
+    """
     lat_lon_deg = FRAME.many_to_wgs84_deg(np.array(places_m, dtype=np.float64).reshape(-1, 2))
     pylons = tuple(
         Pylon(f"p{index}", float(lat), float(lon), *((None, None) if heights_m is None else heights_m[index]))
         for index, (lat, lon) in enumerate(lat_lon_deg)
     )
-    return Network(pylons, tuple(Segment(n, a, b) for n, (a, b) in enumerate(pairs)), FRAME, "test network")
+    segments = tuple(Segment(n, a, b) for n, (a, b) in enumerate(pairs))
+    return Network(pylons, segments, FRAME, "test network", flat=heights_m is None)
 
 
 def line_east(pylons: int = 4) -> Network:

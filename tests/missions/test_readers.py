@@ -177,7 +177,7 @@ def geojson_file(tmp_path: Path, *features: object, kind: str = "FeatureCollecti
 def test_a_geojson_line_runs_over_its_pylons(tmp_path: Path) -> None:
     features = [depot_point(), *PYLONS, line((15.602, 49.601), (15.6040001, 49.601, 460.0), (15.606, 49.602), id="V1")]
     network = read_network(geojson_file(tmp_path, *features))
-    # The third coordinate of a position is ellipsoidal: the depot's height is its elevation_m.
+    # The third coordinate of a position is not used: the depot's height is its elevation_m.
     assert network.depot == (49.6, 15.6, 450.0)
     assert [pylon.id for pylon in network.pylons] == ["A", "B", "7"]
     assert (network.pylons[0].elevation_m, network.pylons[0].height_m) == (452.0, 30.5)
@@ -196,6 +196,53 @@ def test_without_points_the_vertices_are_the_pylons(tmp_path: Path) -> None:
 def test_a_geojson_segment_may_name_its_pylons(tmp_path: Path) -> None:
     network = read_network(geojson_file(tmp_path, depot_point(), *PYLONS, step("B", "A"), step("7", "B")))
     assert [(segment.a, segment.b, segment.label) for segment in network.segments] == [(1, 0, "B-A"), (2, 1, "7-B")]
+
+
+def test_a_third_coordinate_is_kept_with_its_pylon_and_is_no_height(tmp_path: Path) -> None:
+    """The Point's own before that of a line's vertex."""
+    own = {**point("A", 15.602, 49.601), "geometry": {"type": "Point", "coordinates": [15.602, 49.601, 512.5]}}
+    features = [depot_point(), own, point("B", 15.604, 49.601), line((15.602, 49.601, 1.0), (15.604, 49.601, 499.0))]
+    network = read_network(geojson_file(tmp_path, *features))
+    assert [pylon.third_m for pylon in network.pylons] == [512.5, 499.0]
+    assert [pylon.elevation_m for pylon in network.pylons] == [None, None]
+    bare = read_network(geojson_file(tmp_path, depot_point(), line((15.602, 49.601, 7.0), (15.604, 49.601))))
+    assert [pylon.third_m for pylon in bare.pylons] == [7.0, None]
+
+
+def test_segments_are_named_as_people_call_them_each_in_its_own_way(tmp_path: Path) -> None:
+    """Name before ref before id; lines of the same name are told apart, and one without a name has its pylons'."""
+    named = line((15.602, 49.601), (15.604, 49.601), id="way/7", ref="V1", name="North")
+    again = line((15.604, 49.601), (15.606, 49.602), name="North", id="way/8")
+    features = [depot_point(), *PYLONS, named, again, line((15.602, 49.601), (15.606, 49.602))]
+    network = read_network(geojson_file(tmp_path, *features))
+    assert [network.segment_name(number) for number in range(3)] == ["North.1", "North.1 (B-7)", "A-7"]
+
+
+def test_a_pylon_may_be_named_by_its_ref(tmp_path: Path) -> None:
+    geometry = {"type": "Point", "coordinates": [15.602, 49.601]}
+    tower = {"type": "Feature", "geometry": geometry, "properties": {"ref": 12, "power": "tower"}}
+    network = read_network(geojson_file(tmp_path, depot_point(), tower, PYLONS[1], step("12", "B")))
+    assert [pylon.id for pylon in network.pylons] == ["12", "B"]
+
+
+def test_a_depot_without_a_height_takes_that_of_the_file_beside_it(tmp_path: Path) -> None:
+    path = geojson_file(tmp_path, depot_point(), *PYLONS, step("A", "B"))
+    assert read_network(path, depot=(49.6001, 15.6, None)).depot == (49.6001, 15.6, 450.0)
+    with pytest.raises(NetworkError, match=r"depot: expected its height above sea level, .*: alt_m of the site's"):
+        read_network(path, depot=(49.59, 15.59, None))
+
+
+def test_a_depot_of_the_file_must_have_a_height_where_pylons_have_theirs(tmp_path: Path) -> None:
+    depot = {**depot_point(), "properties": {"role": "depot"}}
+    with pytest.raises(NetworkError, match=r"line\.geojson: depot: .* or elevation_m of the file's$"):
+        read_network(geojson_file(tmp_path, depot, *PYLONS, step("A", "B")))
+    bare = read_network(geojson_file(tmp_path, depot, PYLONS[1], PYLONS[2], step("7", "B")))
+    assert bare.depot == (49.6, 15.6, 0.0)
+
+
+def test_a_graph_file_is_flat_unless_its_z_say_otherwise(tmp_path: Path) -> None:
+    assert read_network(graph_file(tmp_path), depot=DEPOT).flat
+    assert not read_network(graph_file(tmp_path, GRAPH.replace("200 150 0", "200 150 12.5")), depot=DEPOT).flat
 
 
 def test_the_callers_depot_wins_over_the_files(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,10 +128,10 @@ def test_lines_below_the_depot_are_refused() -> None:
         flight_setup(network, ["uav1"], Inspection(height_m=15.0))
 
 
-@pytest.mark.parametrize("key", ["height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m"])
+@pytest.mark.parametrize("key", ["height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m"])
 def test_an_inspection_figure_that_is_not_positive_is_named(key: str) -> None:
     with pytest.raises(SafetyError, match=rf"^inspection\.{key}: expected a positive number up to 1000, got -1.0$"):
-        Inspection(**{key: -1.0})
+        replace(Inspection(), **{key: -1.0})  # type: ignore[arg-type]
 
 
 def test_a_standoff_of_nothing_is_allowed_and_a_speed_of_nothing_is_not() -> None:

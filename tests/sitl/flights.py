@@ -18,6 +18,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight import Check
 from executor.core.state import FleetState
+from executor.core.vehicle import VehicleState
 from executor.order import Order, keep
 from executor.runtime import turns
 from planner import Cost
@@ -29,6 +30,11 @@ VICTIM = "uav2"
 NAMES = ("uav1", VICTIM, "uav3")
 SPEEDUP = float(os.environ.get("FAULTLINE_SITL_SPEEDUP", "4"))
 """Times real time; a busy computer keeps up with less."""
+
+
+def in_its_second_segment(vehicle: VehicleState, state: FleetState) -> bool:
+    """Whether uav2 inspects its second segment."""
+    return vehicle.name in state.inspected.values() and vehicle.run is not None
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,10 @@ class Story:
     speedup: float = SPEEDUP
     page: int = 0
     """The port of the page; 0 for a free one."""
+    flight: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    """More of the site file's table of that name."""
+    at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
+    """When it happens."""
 
 
 class WatchfulConsole:
@@ -62,6 +72,8 @@ class WatchfulConsole:
         """Begin with nobody to strike."""
         self.lines: list[str] = []
         self.running: Mapping[str, RealVehicle] = {}
+        self.shown: list[tuple[float, str]] = []
+        """What uav2 was taken to do, whenever that changed, by the flight's clock."""
         self.struck_s: float | None = None
         self.lifted_s: float | None = None
         self._story = story
@@ -75,10 +87,15 @@ class WatchfulConsole:
     def confirm(self, question: str) -> bool:
         return bool(question)
 
+    async def ask(self, question: str) -> bool:
+        return self.confirm(question)
+
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         story, vehicle = self._story, state.vehicles[VICTIM]
+        if not self.shown or self.shown[-1][1] != vehicle.stage.value:
+            self.shown.append((now_s, vehicle.stage.value))
         if self.struck_s is None:
-            if story.strike is not None and VICTIM in state.inspected.values() and vehicle.run is not None:
+            if story.strike is not None and story.at(vehicle, state):
                 self.struck_s = now_s
                 story.strike(self.running[VICTIM])
         elif story.lift is not None and self.lifted_s is None and now_s - self.struck_s >= story.lasts_s:
@@ -99,6 +116,8 @@ class Flown:
     struck_s: float | None
     """When it happened, by the flight's clock."""
     lifted_s: float | None
+    shown: tuple[tuple[float, str], ...]
+    """What uav2 was taken to do, whenever that changed, by the flight's clock."""
     unseen_modes: tuple[tuple[float, int], ...]
     """Modes of uav2's heartbeats that nobody heard, each with its time by the flight's clock."""
 
@@ -147,7 +166,15 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)
     modes = () if relay is None else ((((at_s - began_s) * story.speedup), mode) for at_s, mode in relay.modes())
-    return Flown(order.run, report, "\n".join(console.lines), console.struck_s, console.lifted_s, tuple(modes))
+    return Flown(
+        order.run,
+        report,
+        "\n".join(console.lines),
+        console.struck_s,
+        console.lifted_s,
+        tuple(console.shown),
+        tuple(modes),
+    )
 
 
 def site_of(autopilot: Autopilot, story: Story) -> Site:
@@ -155,7 +182,13 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
     return check_site(
         {
             "network": {"file": "default", "radius_m": story.radius_m},
-            "flight": {"speedup": story.speedup, "connect_timeout_s": 90.0, "ready_timeout_s": 240.0},
+            "flight": {
+                "speedup": story.speedup,
+                "connect_timeout_s": 90.0,
+                "ready_timeout_s": 240.0,
+                "fly_again": "auto",
+                **story.flight,
+            },
             "faults": dict(story.faults),
             "web": {"port": story.page},
             "vehicle": [

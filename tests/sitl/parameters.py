@@ -7,6 +7,7 @@ import math
 import socket
 import struct
 import time
+from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import common as mav
 
@@ -46,6 +47,45 @@ class OtherLink:
                     return
             time.sleep(0.05)
         raise TimeoutError(f"system {sysid}: {name} was not set over port {self._port}")
+
+    def all(self, sysid: int, patience_s: float = 60.0) -> dict[str, float]:
+        """Return every parameter that a vehicle has, as its bits go over the wire.
+
+        Raises:
+            TimeoutError: they did not all come in real seconds.
+        """
+        until_s, found, count = time.monotonic() + patience_s, dict[int, tuple[str, float]](), 0
+        plug = self._connected()
+        plug.send(self._codec.param_request_list_encode(sysid, 1).pack(self._codec))
+        while time.monotonic() < until_s:
+            for message in self._heard(plug, 2.0):
+                if message.param_index < message.param_count:
+                    found[message.param_index] = (message.param_id, message.param_value)
+                    count = message.param_count
+            missing = [index for index in range(count) if index not in found]
+            if count and not missing:
+                return dict(found.values())
+            for index in missing[:50]:
+                plug.send(self._codec.param_request_read_encode(sysid, 1, b"", index).pack(self._codec))
+        raise TimeoutError(f"system {sysid}: {count - len(found)} parameters never came over port {self._port}")
+
+    def _heard(self, plug: socket.socket, quiet_s: float) -> Iterator[mav.MAVLink_param_value_message]:
+        """Yield values until none has come for a while."""
+        until_s = time.monotonic() + quiet_s
+        while time.monotonic() < until_s:
+            with contextlib.suppress(TimeoutError):
+                for message in self._codec.parse_buffer(plug.recv(65536)) or ():
+                    if message.get_type() == "PARAM_VALUE":
+                        until_s = time.monotonic() + quiet_s
+                        yield message
+
+    def say(self, message: mav.MAVLink_message, system: int = 254) -> None:
+        """Send one message as another ground station does."""
+        self._codec.srcSystem = system
+        try:
+            self._connected().send(message.pack(self._codec))
+        finally:
+            self._codec.srcSystem = 254
 
     def close(self) -> None:
         """Hang up."""

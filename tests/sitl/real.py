@@ -11,6 +11,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from pymavlink.dialects.v20 import common as mav
+
 from missions import LocalFrame, Pad
 from tests.sitl.parameters import OtherLink
 from tests.sitl.relay import Relay
@@ -86,6 +88,21 @@ class RealVehicle:
     def set(self, name: str, value: float, patience_s: float = 5.0) -> None:
         """Set a parameter beside the link that it is flown over."""
         self.other.set(self.sysid, name, value, patience_s)
+
+    def switch(self, main: int, sub: int = 0) -> None:
+        """Switch its mode as another ground station does."""
+        order = mav.MAVLink_command_long_message(self.sysid, 1, mav.MAV_CMD_DO_SET_MODE, 0, 1, main, sub, 0, 0, 0, 0)
+        self.other.say(order)
+
+    def turn(self, pwm: int) -> None:
+        """Turn ArduPilot's mode switch, channel 5 of the remote control, which it takes from its own station only."""
+        free = 65535
+        channels = [free, free, free, free, pwm, free, free, free]
+        self.other.say(mav.MAVLink_rc_channels_override_message(self.sysid, 1, *channels), system=255)
+
+    def push(self) -> None:
+        """Move PX4's sticks far from their middle."""
+        self.other.say(mav.MAVLink_manual_control_message(self.sysid, 600, 0, 500, 0, 0))
 
     @property
     def relayed(self) -> Relay:

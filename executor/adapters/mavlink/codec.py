@@ -11,15 +11,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pymavlink.dialects.v20 import common as mav
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.signing import Refusal, Signing
 from executor.adapters.mavlink.texts import Texts
 from executor.core.messages import (
     GROUND_STATION,
+    Attitude,
     Battery,
     CommandAck,
+    FenceStatus,
+    Gps,
     Heartbeat,
     Home,
     LandedState,
@@ -46,6 +49,7 @@ from executor.core.messages import (
     StationHeard,
     SystemStatus,
     Version,
+    Wind,
 )
 from missions import MissionItem
 
@@ -55,6 +59,11 @@ INTEGER_TYPES = frozenset(range(1, 9))
 """MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
 MOST_CELL_MV = 5000
+MOST_FIX = mav.GPS_FIX_TYPE_PPP
+NO_SATELLITES = 255
+"""Of satellites_visible: nobody knows."""
+MOST_WIND_M_S = 150.0
+"""More than was ever measured on the ground is no wind but a filter that has not settled."""
 _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
 """FIRMWARE_VERSION_TYPE; 255, official, goes without a word."""
 
@@ -236,6 +245,36 @@ def _battery(frame: Any) -> Battery:  # noqa: ANN401
     )
 
 
+def _attitude(frame: Any) -> Attitude | None:  # noqa: ANN401
+    roll, pitch = frame.roll, frame.pitch
+    if not (abs(roll) <= math.tau and abs(pitch) <= math.tau):  # also where one is not a number
+        return None
+    return Attitude(math.degrees(roll), math.degrees(pitch))
+
+
+def _gps(frame: Any) -> Gps | None:  # noqa: ANN401
+    if frame.fix_type > MOST_FIX:
+        return None
+    satellites = frame.satellites_visible
+    return Gps(frame.fix_type, None if satellites == NO_SATELLITES else satellites)
+
+
+def _wind(speed_m_s: float, from_deg: float) -> Wind | None:
+    if not (0 <= speed_m_s <= MOST_WIND_M_S and math.isfinite(from_deg)):
+        return None
+    return Wind(speed_m_s, from_deg % 360)
+
+
+def _wind_cov(frame: Any) -> Wind | None:  # noqa: ANN401
+    """Read where the air moves to, north and east, as where it comes from."""
+    north_m_s, east_m_s = frame.wind_x, frame.wind_y
+    return _wind(math.hypot(north_m_s, east_m_s), math.degrees(math.atan2(-east_m_s, -north_m_s)))
+
+
+def _fence(frame: Any) -> FenceStatus | None:  # noqa: ANN401
+    return FenceStatus(bool(frame.breach_status)) if frame.breach_status in {0, 1} else None
+
+
 def _system_status(frame: Any) -> SystemStatus:  # noqa: ANN401
     enabled, healthy = frame.onboard_control_sensors_enabled, frame.onboard_control_sensors_health
     present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
@@ -298,6 +337,11 @@ _READERS: dict[str, Any] = {
     "BATTERY_STATUS": _battery,
     "SYS_STATUS": _system_status,
     "EXTENDED_SYS_STATE": lambda frame: LandedState({1: True, 2: False, 3: False, 4: False}.get(frame.landed_state)),
+    "ATTITUDE": _attitude,
+    "GPS_RAW_INT": _gps,
+    "WIND_COV": _wind_cov,
+    "WIND": lambda frame: _wind(frame.speed, frame.direction),
+    "FENCE_STATUS": _fence,
     "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
     "MISSION_CURRENT": lambda frame: MissionCurrent(frame.seq, getattr(frame, "total", None)),
     "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),

@@ -36,14 +36,18 @@ class IntentMessage(BaseModel):
     """Counted by the sender; not looked at."""
     timestamp: AwareDatetime
     """When it was written, ISO 8601 with its offset from UTC. An old one is refused."""
-    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.0.0"
+    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.1.0"
     """Of these topics and payloads."""
     id: Annotated[str, Field(pattern=ID)]
     """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
-    action: Literal["hold", "resume", "return", "land", "exclude", "include", "replan", "abort"]
-    """What is to be done."""
+    action: Literal[
+        "hold", "resume", "return", "land", "exclude", "include", "disarm", "replan", "abort", "prepare", "take-off"
+    ]
+    """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
-    """Whose; left out for `replan` and `abort`."""
+    """Whose; left out for `replan`, `abort`, `prepare` and `take-off`."""
+    confirmed: bool = False
+    """Whether the second question was answered with yes, which an acknowledgement asked."""
     token: Annotated[str, Field(max_length=256)] | None = None
     """Needed where the site names one."""
 
@@ -100,7 +104,7 @@ def read_intent(payload: bytes, rules: Rules, now_unix_s: float, *, retained: bo
     why = _objection(message, rules, now_unix_s, retained=retained)
     if why:
         return Refusal(message.id, why)
-    return Intent(message.id, Action(message.action), message.vehicle, SOURCE)
+    return Intent(message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed)
 
 
 def _objection(message: IntentMessage, rules: Rules, now_unix_s: float, *, retained: bool) -> str:

@@ -11,10 +11,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from executor.core.view import PositionView, ReplanView, VehicleView
+from executor.core.state import CheckLine, Question
+from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
 
 MAJOR = "v1"
-VERSION = "1.0.0"
+VERSION = "1.1.0"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,8 @@ class TelemetryMessage(Payload):
     """Share of frames lost in the last seconds."""
     segment: int | None
     """The segment that it inspects or flies to."""
+    segment_name: str | None
+    """The same by the name of the asset."""
     segment_share: float | None
     """How much of it is behind the vehicle, from 0 to 1."""
 
@@ -113,6 +116,12 @@ class FleetStateMessage(Payload):
     finished: bool
     min_separation_m: float | None
     """The nearest that two flying vehicles came to each other."""
+    checks: tuple[CheckLine, ...]
+    """The checklist before the flight."""
+    question: Question | None
+    """What the crew is asked now, before the flight: an intent with its `id` as the action answers it."""
+    offer: OfferView | None
+    """Vehicles on the ground that could take over work: `include` starts one, when its pad is clear."""
     dropped: dict[str, int]
     """Messages of a topic that were given up, as too many waited for the broker."""
 
@@ -122,6 +131,8 @@ class EventMessage(Payload):
 
     at_s: float
     """By the flight's clock."""
+    flight_s: float | None
+    """Since the launch, as the page and the terminal show it; none before it."""
     level: Literal["info", "warning", "fault"]
     text: str
 
@@ -131,7 +142,7 @@ class FaultMessage(Payload):
 
     vehicle: str
     kind: str
-    """link, battery or interruption."""
+    """link, battery, interruption, operator, or another of the core's words."""
     reason: str
     detected_s: float
     """By the flight's clock."""
@@ -150,9 +161,11 @@ class AcknowledgementMessage(Payload):
 
     id: str | None
     """The intent's; none where it could not be read."""
-    action: str | None
-    vehicle: str | None
+    action: str | None = None
+    vehicle: str | None = None
     outcome: Literal["accepted", "done", "refused", "failed"]
     """accepted: under way."""
     text: str
     """Why, in words."""
+    question: str = ""
+    """What has to be confirmed first, where that is why it is refused: another intent with `confirmed` answers it."""

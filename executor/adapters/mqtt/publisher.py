@@ -87,9 +87,9 @@ class Publisher:
             if known is not None:
                 self._answer(known)
 
-    def said(self, line: Say, at_s: float) -> None:
+    def said(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
         """Publish a line for the operator, at the flight's time."""
-        content = {"at_s": at_s, "level": line.level.value, "text": line.text}
+        content = {"at_s": at_s, "flight_s": flight_s, "level": line.level.value, "text": line.text}
         self._outbox.keep(self._letter(self._topics.fleet("event"), EventMessage, content))
 
     def plan(self, revision: int, document: Mapping[str, object]) -> None:
@@ -99,14 +99,14 @@ class Publisher:
 
     def refused(self, refusal: Refusal) -> None:
         """Say that a message is not carried out."""
-        self._acknowledge(refusal.id, None, None, "refused", refusal.reason)
+        self._acknowledge({"id": refusal.id, "outcome": "refused", "text": refusal.reason})
 
     def _answer(self, record: IntentRecord) -> None:
         asked = record.intent
-        self._acknowledge(asked.id, asked.action.value, asked.vehicle, record.outcome.value, record.text)
+        answer = {"id": asked.id, "action": asked.action.value, "vehicle": asked.vehicle}
+        self._acknowledge(answer | {"outcome": record.outcome.value, "text": record.text, "question": record.question})
 
-    def _acknowledge(self, name: str | None, action: str | None, vehicle: str | None, outcome: str, text: str) -> None:
-        content = {"id": name, "action": action, "vehicle": vehicle, "outcome": outcome, "text": text}
+    def _acknowledge(self, content: Content) -> None:
         self._outbox.keep(self._letter(self._topics.acknowledgement, AcknowledgementMessage, content))
 
     def _new_faults(self, state: FleetState) -> None:
@@ -128,6 +128,7 @@ class Publisher:
             "link_age_s": vehicle.link_age_s,
             "link_loss": vehicle.link_loss,
             "segment": vehicle.progress.segment,
+            "segment_name": vehicle.progress.segment_name,
             "segment_share": vehicle.progress.segment_share,
         }
         self._outbox.renew(self._letter(topic, TelemetryMessage, content))
@@ -152,10 +153,11 @@ class Publisher:
 
 def _slow_part(vehicle: VehicleView) -> object:
     """Return what makes a vehicle's state another one; the rest moves all the time, and telemetry tells it."""
-    progress, measured_pct = vehicle.progress, vehicle.battery.measured_pct
+    progress, measured_pct, taken = vehicle.progress, vehicle.battery.measured_pct, vehicle.taken
     return (
         (vehicle.state, vehicle.mode, vehicle.armed, vehicle.stale, vehicle.excluded, vehicle.fault),
-        (progress.done, progress.total, progress.segment, progress.phase),
+        (progress.done, progress.total, progress.inspected, progress.segment, progress.phase),
+        (vehicle.offered, vehicle.gps_fix, None if taken is None else (taken.returned, taken.kept_s > 0.0)),
         None if measured_pct is None else round(measured_pct),
         None if vehicle.loss is None else vehicle.loss.uncovered,
     )

@@ -24,7 +24,7 @@ from executor.adapters.mqtt.payloads import (
     TelemetryMessage,
     VehicleStateMessage,
 )
-from executor.core import view
+from executor.core import state, view
 
 MESSAGES: dict[str, type[BaseModel]] = {
     "acknowledgement": AcknowledgementMessage,
@@ -69,7 +69,7 @@ def _text(name: str, model: type[BaseModel], words: Mapping[tuple[str, str], str
 
 def _field_words() -> Iterator[tuple[tuple[str, str], str]]:
     """Yield (class, field) and what stands below the field: the core's dataclasses know nothing of pydantic."""
-    for node in ast.parse(inspect.getsource(view)).body:
+    for node in (*ast.parse(inspect.getsource(view)).body, *ast.parse(inspect.getsource(state)).body):
         if not isinstance(node, ast.ClassDef):
             continue
         for field, below in zip(node.body, node.body[1:], strict=False):

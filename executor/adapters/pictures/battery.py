@@ -10,9 +10,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, MultipleLocator
 
 from executor.adapters.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, cased, style_of
 from executor.core.record import FlightRecord, used, used_at_pct
+from executor.core.words import minutes, since_take_off
 
 LEFT, RIGHT = 0.055, 0.815
 """Edges of the plot as shares of the figure; names of the lines stand to its right, those of moments above."""
@@ -29,6 +31,9 @@ LABEL_STEP = 0.035
 LEAST_SPAN_PCT = 5.0
 CHARACTER = 0.0085
 """Width of a letter above the plot, as a share of the plot's width."""
+TIME_STEPS_S = (5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
+"""Between two times that are written below the picture."""
+MOST_TIMES = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +84,21 @@ def battery_figure(record: FlightRecord) -> Figure:
     _draw_losses(panels, record)
     draw_moments(panels, moments)
     name_lines(axes, _ends(record, styles))
-    axes.set_xlabel("time since launch (s)")
+    _in_minutes(panels, end_s)
+    axes.set_xlabel("time since the order to take off (min:s)")
     axes.set_ylabel("battery used (%)")
     title = "Battery consumption: planned and measured"
     figure.text(0.01, 1.0 - 0.3 / height_in, title, fontsize=14, fontweight="bold", color=INK, va="center")
     figure.legend(handles=_handles(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
     return figure
+
+
+def _in_minutes(panels: Sequence[Axes], end_s: float) -> None:
+    """Write times as the terminal, the page and the report show them."""
+    step_s = next((step for step in TIME_STEPS_S if end_s / step <= MOST_TIMES), TIME_STEPS_S[-1])
+    for axes in panels:
+        axes.xaxis.set_major_locator(MultipleLocator(step_s))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda t_s, _: minutes(t_s)))
 
 
 def _highest_pct(record: FlightRecord) -> float:
@@ -180,9 +194,9 @@ def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
 
 
 def _moments(record: FlightRecord, end_s: float) -> list[Moment]:
-    found = [(record.longest_route_s, f"longest route, {record.longest_route_s:.0f} s", INK)]
+    found = [(record.longest_route_s, f"longest route, {minutes(record.longest_route_s)}", INK)]
     found += [
-        (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {fault.detected_s:.0f} s", LOSS)
+        (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {since_take_off(fault.detected_s)}", LOSS)
         for vehicle, fault in record.lost
     ]
     return stacked(found, end_s)

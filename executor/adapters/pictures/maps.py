@@ -26,6 +26,7 @@ from executor.core.record import (
     given_away,
     last_place_m,
 )
+from executor.core.words import since_take_off
 from missions import PlanFile
 from missions.geo import FloatArray
 from missions.tasks import DEPOT_M
@@ -86,7 +87,7 @@ def _title(record: FlightRecord) -> str:
     """Return in a line what became of the flight."""
     total, missing = len(record.segments), len(record.uncovered)
     text = f"{total - missing} of {total} segments inspected"
-    lost = [f"{vehicle.name} lost after {fault.detected_s:.0f} s" for vehicle, fault in record.lost]
+    lost = [f"{vehicle.name} lost at {since_take_off(fault.detected_s)}" for vehicle, fault in record.lost]
     return "; ".join([text, *lost]) if len(lost) <= 2 else f"{text}; {len(lost)} vehicles lost"
 
 
@@ -167,13 +168,13 @@ def _name_what_happened(
         place_m = last_place_m(vehicle, fault.detected_s)
         if place_m is not None:
             axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
-            words = f"{vehicle.name} lost: {fault.kind.value}\n{fault.detected_s:.0f} s after launch"
+            words = f"{vehicle.name} lost: {fault.kind.value}\n{since_take_off(fault.detected_s)}"
             _call_out(axes, sheet, placer, np.array([place_m]), words, LOSS)
     for left_by, by, segments in _handovers(record):
         words = f"{by} took over {len(segments)}\nfrom {left_by}"
         _call_out(axes, sheet, placer, _middles(_ends(segments)), words, styles[by].colour)
     for group in connected(record.uncovered):
-        ids = ", ".join(str(segment.id) for segment in group)
+        ids = ", ".join(segment.shown for segment in group)
         words = "\n".join(["not inspected:", *textwrap.wrap(ids, LINE_LETTERS)])
         _call_out(axes, sheet, placer, _middles(_ends(group)), words, LOSS)
 

@@ -15,6 +15,7 @@ from executor.core.state import FleetState
 from executor.core.view import FleetView, fleet_view
 from missions import Phase
 
+Describe = Callable[[Context, FleetState, float], FleetView]
 Now = Callable[[], tuple[FleetState, float]]
 """The newest state, and the time on the flight's clock; asked from another thread."""
 
@@ -46,25 +47,36 @@ class _Track:
 class Present:
     """Reads the flight for everybody who looks; used by one thread."""
 
-    def __init__(self, context: Context, now: Now) -> None:
+    def __init__(self, context: Context, now: Now, speedup: float = 1.0, describe: Describe = fleet_view) -> None:
         """Look at a flight.
 
         Args:
             context: The flight's.
             now: Returns its newest state.
+            speedup: Seconds of the flight in a real one.
+            describe: Makes the description that is sent; tests show what a flight seldom comes to.
         """
         self._context = context
         self._now = now
+        self._speedup = speedup
+        self._describe = describe
         self._tracks = {name: _Track() for name in context.vehicles}
 
     def view(self) -> FleetView:
         """Return what is known now."""
-        return fleet_view(self._context, *self._now())
+        return self._describe(self._context, *self._now())
+
+    def clock(self) -> bytes:
+        """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
+        _, now_s = self._now()
+        return json.dumps({"now_s": round(now_s, 2)}).encode()
 
     def state(self) -> bytes:
         """Return the present as JSON, and remember where everybody is."""
         state, now_s = self._now()
-        content = asdict(fleet_view(self._context, state, now_s))
+        content = asdict(self._describe(self._context, state, now_s))
+        content["speedup"] = self._speedup
+        content["decided_age_s"] = None if state.tick_s is None else round(max(0.0, now_s - state.tick_s), 2)
         for vehicle in content["vehicles"]:
             fix = state.vehicles[vehicle["name"]].fix
             place = None if fix is None else (round(fix.place_m[0], 1), round(fix.place_m[1], 1))
@@ -81,6 +93,7 @@ class Present:
         setup = self._context.setup
         content = {
             "chart": _stamp(state),
+            "names": [self._context.segment_name(segment.id) for segment in setup.network.segments],
             "segments_m": [[_rounded(a), _rounded(b)] for a, b in setup.network.ends_m.tolist()],
             "vehicles": [
                 {

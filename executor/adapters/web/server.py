@@ -27,14 +27,17 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from executor.adapters.web.guard import Guard
-from executor.adapters.web.present import Now, Present
+from executor.adapters.web.present import Describe, Now, Present
 from executor.adapters.web.stream import MOST_CLIENTS, EventStream, Newest
 from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
 
 PERIOD_S = 0.4
 """Real seconds between two states: at most half of the second that a state may be old."""
+SEND_BYTES = 1 << 16
+"""Room for what is on the way to a browser: a few states."""
 ANSWER_S = 5.0
 """How long the flight may take to decide about an intent."""
 START_S = 10.0
@@ -44,6 +47,10 @@ FILES: Mapping[str, str] = {
     "map.js": "text/javascript; charset=utf-8",
     "strips.js": "text/javascript; charset=utf-8",
     "intents.js": "text/javascript; charset=utf-8",
+    "briefing.js": "text/javascript; charset=utf-8",
+    "freshness.js": "text/javascript; charset=utf-8",
+    "offers.js": "text/javascript; charset=utf-8",
+    "words.js": "text/javascript; charset=utf-8",
     "icon.svg": "image/svg+xml",
 }
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
@@ -63,6 +70,8 @@ class WebSettings:
     """What has to be shown; None where only this computer can connect."""
     names: frozenset[str] = frozenset()
     """Host names that it answers to, beside its own."""
+    speedup: float = 1.0
+    """Seconds of the flight in a real one."""
 
 
 class _Wish(BaseModel):
@@ -70,17 +79,22 @@ class _Wish(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
-    action: Literal["hold", "resume", "return", "land", "exclude", "include", "replan", "abort"]
+    action: Literal[
+        "hold", "resume", "return", "land", "exclude", "include", "disarm", "replan", "abort", "prepare", "take-off"
+    ]
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
+    confirmed: bool = False
 
 
 class WebServer:
     """Serves one flight; a context manager."""
 
-    def __init__(self, settings: WebSettings, context: Context, now: Now, submit: Submit) -> None:
+    def __init__(
+        self, settings: WebSettings, context: Context, now: Now, submit: Submit, describe: Describe = fleet_view
+    ) -> None:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
-        self._present = Present(context, now)
+        self._present = Present(context, now, settings.speedup, describe)
         self._submit = submit
         self._newest = Newest()
         self._started = threading.Event()
@@ -88,6 +102,7 @@ class WebServer:
         self._server: uvicorn.Server | None = None
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._socket: socket.socket | None = None
+        self._ending: asyncio.Future[None] | None = None
         self.address = ""
         """Where the page is, once it listens."""
 
@@ -98,6 +113,7 @@ class WebServer:
             Route("/files/{name}", self._file),
             Route("/state", self._state),
             Route("/chart", self._chart),
+            Route("/clock", self._clock),
             Route("/events", self._events),
             Route("/intents", self._intents, methods=["POST"]),
         ]
@@ -116,6 +132,8 @@ class WebServer:
             self._socket = socket.create_server((host, port), family=family, backlog=64)
         except OSError as error:
             raise ConnectionFailed(f"web: cannot listen on {host} port {port}: {error.strerror}") from error
+        # What waits here for a slow browser is old by the time that it arrives.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         port = self._socket.getsockname()[1]
         shown = _own_address() if ipaddress.ip_address(host).is_unspecified else host
         self.address = f"http://[{shown}]:{port}/" if ":" in shown else f"http://{shown}:{port}/"
@@ -130,10 +148,20 @@ class WebServer:
         loop, server = self._loop, self._server
         if loop is not None and server is not None:
             with suppress(RuntimeError):  # it has ended by itself
-                loop.call_soon_threadsafe(setattr, server, "should_exit", True)
+                loop.call_soon_threadsafe(self._end, server)
         self._thread.join(ANSWER_S)
         if self._socket is not None:
             self._socket.close()
+
+    def _end(self, server: uvicorn.Server) -> None:
+        """Show everybody how it ended, and stop."""
+
+        async def end() -> None:
+            await self._newest.put(self._present.state())
+            await self._newest.close()
+            server.should_exit = True
+
+        self._ending = asyncio.ensure_future(end())
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -173,6 +201,9 @@ class WebServer:
     async def _chart(self, request: Request) -> Response:  # noqa: ARG002
         return Response(self._present.chart(), media_type="application/json")
 
+    async def _clock(self, request: Request) -> Response:  # noqa: ARG002
+        return Response(self._present.clock(), media_type="application/json")
+
     async def _events(self, request: Request) -> ASGIApp | Response:  # noqa: ARG002
         if self._newest.clients >= MOST_CLIENTS:
             return PlainTextResponse(f"{MOST_CLIENTS} browsers look already", 503)
@@ -188,7 +219,7 @@ class WebServer:
             first = error.errors(include_url=False)[0]
             key = ".".join(str(part) for part in first["loc"]) or "body"
             return PlainTextResponse(f"{key}: {first['msg']}", 422)
-        intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page")
+        intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page", wish.confirmed)
         try:
             async with asyncio.timeout(ANSWER_S):
                 record = await asyncio.wrap_future(self._submit(intent))
@@ -213,4 +244,5 @@ def _read(name: str) -> bytes:
 
 def _plain(record: IntentRecord) -> dict[str, object]:
     intent = asdict(record.intent) | {"action": record.intent.action.value}
-    return intent | {"outcome": record.outcome.value, "text": record.text, "at_s": round(record.at_s, 2)}
+    rest = {"text": record.text, "question": record.question, "at_s": round(record.at_s, 2)}
+    return intent | {"outcome": record.outcome.value} | rest

@@ -25,6 +25,7 @@ class Newest:
         self.dropped = 0
         """Clients that were let go."""
         self._news = asyncio.Condition()
+        self._closed = False
 
     async def put(self, value: bytes) -> None:
         """Replace the value."""
@@ -33,13 +34,21 @@ class Newest:
             self.count += 1
             self._news.notify_all()
 
+    async def close(self) -> None:
+        """Let everybody who waits have the newest value, and go."""
+        async with self._news:
+            self._closed = True
+            self._news.notify_all()
+
     async def values(self) -> AsyncIterator[bytes]:
         """Yield the value that is there, then each newest one."""
         seen = -1
         while True:
             async with self._news:
-                while self.count == seen or not self.value:
+                while (self.count == seen or not self.value) and not self._closed:
                     await self._news.wait()
+                if self.count == seen:
+                    return
                 seen, value = self.count, self.value
             yield value
 
@@ -73,6 +82,7 @@ class EventStream:
                 async with asyncio.timeout(SLOW_S):
                     body = b"data: " + value + b"\n\n"
                     await send({"type": "http.response.body", "body": body, "more_body": True})
+            await send({"type": "http.response.body", "body": b"", "more_body": False})
         except TimeoutError:
             self._newest.dropped += 1
 

@@ -10,12 +10,15 @@ import hypothesis
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import common as mav
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink.codec import Codec
 from executor.core.messages import (
+    Attitude,
     Battery,
     CommandAck,
+    FenceStatus,
+    Gps,
     Heartbeat,
     Home,
     LandedState,
@@ -42,6 +45,7 @@ from executor.core.messages import (
     StatusText,
     SystemStatus,
     Version,
+    Wind,
 )
 from missions import MissionItem
 
@@ -141,6 +145,68 @@ def test_no_battery_has_no_voltage_and_no_percentage(voltage: int) -> None:
     """ArduPilot says 0 V and -1 in its first seconds, PX4 65535 and -1 without a battery."""
     status = system_status(voltage_battery=voltage, battery_remaining=-1)
     assert (status.voltage_v, status.remaining_pct) == (None, None)
+
+
+def attitude(roll: float, pitch: float) -> Message | None:
+    [message] = heard(mav.MAVLink_attitude_message(1000, roll, pitch, 0.1, 0.0, 0.0, 0.0))
+    return message
+
+
+def test_an_attitude_in_degrees() -> None:
+    heard_as = attitude(math.pi, -math.pi / 4)
+    assert isinstance(heard_as, Attitude)
+    assert (heard_as.roll_deg, heard_as.pitch_deg) == pytest.approx((180.0, -45.0))
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e9])
+def test_an_attitude_that_is_none_is_not_passed_on(wrong: float) -> None:
+    assert attitude(wrong, 0.0) is None
+    assert attitude(0.0, wrong) is None
+
+
+def gps(fix: int, satellites: int) -> Message | None:
+    [message] = heard(
+        mav.MAVLink_gps_raw_int_message(1_000_000, fix, 496000000, 156000000, 300000, 121, 200, 0, 0, satellites)
+    )
+    return message
+
+
+def test_a_satellite_fix() -> None:
+    assert gps(6, 17) == Gps(6, 17)
+    assert gps(0, 0) == Gps(0, 0)
+
+
+def test_satellites_that_nobody_counted_and_a_fix_that_is_none() -> None:
+    assert gps(3, 255) == Gps(3, None)
+    assert gps(200, 10) is None
+
+
+@pytest.mark.parametrize(
+    ("north_m_s", "east_m_s", "from_deg"), [(-5.0, 0.0, 0.0), (0.0, -5.0, 90.0), (5.0, 0.0, 180.0), (0.0, 5.0, 270.0)]
+)
+def test_px4_says_where_the_wind_goes_and_a_crew_asks_where_it_comes_from(
+    north_m_s: float, east_m_s: float, from_deg: float
+) -> None:
+    [message] = heard(mav.MAVLink_wind_cov_message(0, north_m_s, east_m_s, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0))
+    assert isinstance(message, Wind)
+    assert (message.speed_m_s, message.from_deg) == pytest.approx((5.0, from_deg))
+
+
+def test_ardupilot_says_where_the_wind_comes_from_below_zero_too() -> None:
+    assert heard(mav.MAVLink_wind_message(-90.0, 4.5, 0.0)) == [Wind(4.5, 270.0)]
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1.0, 1e6])
+def test_a_wind_that_is_none_is_not_passed_on(wrong: float) -> None:
+    assert heard(mav.MAVLink_wind_message(90.0, wrong, 0.0)) == [None]
+    if wrong != -1.0:  # the other way, that is a wind
+        assert heard(mav.MAVLink_wind_cov_message(0, wrong, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0)) == [None]
+
+
+def test_a_fence() -> None:
+    assert heard(*(mav.MAVLink_fence_status_message(breached, 1, 1, 0) for breached in (0, 1, 2))) == [
+        FenceStatus(breached=False), FenceStatus(breached=True), None,
+    ]  # fmt: skip
 
 
 def test_health() -> None:

@@ -97,17 +97,17 @@ def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, dict[str, objec
     ]  # fmt: skip
     cells = reader.of("td")
     rows = [
-        ["uav2", "link", "silent for 10 s", "40.0", "50.0", "10.0"],
+        ["uav2", "link", "silent for 10 s", "T+0:40", "T+0:50", "10.0"],
         ["1", "uav2: link", "yes", "0.10", "9.00", "10.0", "none"],
         ["uav1", "landed", "yes", "2, 3, 4", "15.0", "85.0", "PX4", "1.17.0"],
         ["uav3", "warning", "no battery failsafe"],
         ["3", "uav1", "5.00", "5.30", "0.00", "0.25"],
-        ["50.0", "fault", "uav2: lost, silent for 10 s <again>"],
+        ["T+0:50", "fault", "uav2: lost, silent for 10 s <again>"],
     ]
     for row in rows:
         assert any(cells[at : at + len(row)] == row for at in range(len(cells)))
     assert list(reader.classes.values()) == ["warning", "fault"]
-    segment = cells.index("0", cells.index("150.0"))
+    segment = cells.index("0", cells.index("T+2:30"))
     assert cells[segment : segment + 4] == ["0", "100.0", "uav2", "uav2"]
 
 
@@ -141,6 +141,32 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, dict[st
     assert reader.links == ["data:image/png;base64,"]
     assert reader.of("td").count(evil) == 6
     assert evil in reader.of("h1")[0]
+
+
+def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    at = {"lat_deg": 49.6012349, "lon_deg": 15.6, "alt_rel_m": 0.4, "at_s": 83.2}
+    vehicles = [
+        {"name": "uav1", "state": "landed", "landed": True, "last_position": at},
+        {"name": "uav2", "state": "down", "landed": False, "last_position": at},
+        {"name": "uav3", "state": "lost", "landed": False, "last_position": None},
+    ]
+    reader = _read(page(record, {**report, "vehicles": vehicles}, {}))
+    assert "Not at home: where to look" in reader.of("h2")
+    cells = reader.of("td")
+    first = cells.index("49.601235, 15.600000")
+    assert cells[first - 2 : first + 3] == ["uav2", "down: keep away", "49.601235, 15.600000", "0.40", "T+1:23"]
+    assert cells.count("49.601235, 15.600000") == 1
+
+
+def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    names = {str(segment.id): f"P{segment.id}-P{segment.id + 1}" for segment in record.segments}
+    named = tuple(replace(segment, name=names[str(segment.id)]) for segment in record.segments)
+    cells = _read(page(replace(record, segments=named), {**report, "segment_names": names}, {})).of("td")
+    assert "P2-P3, P3-P4, P4-P5" in cells
+    row = ["P0-P1", "100.0", "uav2", "uav2"]
+    assert any(cells[at : at + 4] == row for at in range(len(cells)))
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ def test_the_map_says_who_was_lost_and_who_took_over(record: FlightRecord) -> No
     assert (first.get_title(loc="left"), flown.get_title(loc="left")) == ("First plan", "As flown")
     assert _words(first) == {"uav1", "uav2"}
     assert _words(flown) == {
-        "uav1", "uav2", "uav3", "uav2 lost: link\n50 s after launch", "uav3 took over 1\nfrom uav2",
+        "uav1", "uav2", "uav3", "uav2 lost: link\nT+0:50", "uav3 took over 1\nfrom uav2",
         "uav1 took over 1\nfrom uav2",
     }  # fmt: skip
     crosses = [line for line in flown.lines if line.get_marker() == "X"]
@@ -171,7 +171,7 @@ def test_the_battery_figure_marks_the_loss_and_the_longest_route(record: FlightR
 
 def test_the_ends_of_the_lines_say_what_was_planned_and_used(record: FlightRecord) -> None:
     words = set().union(*map(_words, battery_figure(record).axes))
-    assert words >= {"uav2: planned 11 %, used 4 %", "uav1: planned 15 %, used 15 %", "uav2 lost (link), 50 s"}
+    assert words >= {"uav2: planned 11 %, used 4 %", "uav1: planned 15 %, used 15 %", "uav2 lost (link), T+0:50"}
 
 
 def test_every_vehicle_has_a_look_of_its_own_also_in_grey() -> None:

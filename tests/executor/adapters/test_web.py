@@ -115,6 +115,25 @@ def test_states_follow_each_other_within_a_second(open_one: Beside) -> None:
     assert later["now_s"] == pytest.approx(first["now_s"] + 1.2, abs=0.01)
 
 
+def test_who_looks_sees_the_end_and_is_let_go(caplog: pytest.LogCaptureFixture) -> None:
+    with serving() as beside, beside.client() as client, client.stream("GET", "/events") as stream:
+        lines = (line for line in stream.iter_lines() if line.startswith("data: "))
+        next(lines)
+        beside.flight.finish()
+        beside.server.__exit__(None, None, None)
+        *_, last = lines
+    assert json.loads(last.removeprefix("data: "))["finished"]
+    assert caplog.records == []
+
+
+def test_the_clock_and_the_names_of_the_spans(open_one: Beside) -> None:
+    with open_one.client() as client:
+        state, clock, chart = (client.get(path).json() for path in ("/state", "/clock", "/chart"))
+    assert clock == {"now_s": pytest.approx(open_one.flight.now_s, abs=0.01)}
+    assert (state["speedup"], state["decided_age_s"]) == (1.0, pytest.approx(0.0, abs=0.01))
+    assert chart["names"] == [f"segment {segment}" for segment in range(6)]
+
+
 def test_an_intent_and_its_answer() -> None:
     with serving() as beside, beside.client() as client:
         first = client.post("/intents", json=HOLD)

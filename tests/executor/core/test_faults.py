@@ -11,7 +11,7 @@ from executor.core import battery, faults
 from executor.core.battery import BatteryState
 from executor.core.faults import TABLE, Verdict, View, Watchpoint, judge
 from executor.core.messages import Heartbeat
-from executor.core.vehicle import Fix, Stage, VehicleState
+from executor.core.vehicle import Cause, Fix, Stage, VehicleState
 from executor.core.voltage import VoltageState
 from missions import Phase
 from tests.executor.builders import fleet_of, vehicle
@@ -20,7 +20,7 @@ FLEET = fleet_of()
 CONTEXT, SETUP = FLEET.context, FLEET.context.vehicles["uav1"]
 LIMITS = CONTEXT.limits
 NOW_S = 1000.0
-AUTO, LOITER, RTL = 3, 5, 6
+AUTO, RTL = 3, 6
 PAD_E, PAD_N = SETUP.pad_m
 
 Change = Callable[[VehicleState], VehicleState]
@@ -158,8 +158,8 @@ ROWS = [
     Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
     Row(
         "mode",
-        flying(heartbeat=Heartbeat(3, LOITER, True, 4)),
-        "went to mode LOITER by itself",
+        flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=Cause.FAILSAFE),
+        "RTL by its own failsafe",
         unknown=flying(heartbeat=None),
     ),
     Row(
@@ -272,15 +272,27 @@ def test_it_is_looked_at_in_its_stages_only(row: Row) -> None:
 
 
 def test_the_most_important_reason_comes_first() -> None:
-    state = flying(heartbeat=Heartbeat(3, LOITER, False, 3), heard_s=NOW_S - 30.0)
+    state = flying(heartbeat=Heartbeat(3, RTL, False, 3), heard_s=NOW_S - 30.0)
     judgement = judge(CONTEXT, SETUP, state, NOW_S)
     assert [watchpoint.name for watchpoint, _ in judgement.raised] == ["off-pad", "link"]
 
 
 def test_a_landing_on_the_pad_is_no_fault() -> None:
-    assert (
-        verdict("off-pad", flying(heartbeat=Heartbeat(3, AUTO, False, 3), fix=at(east_m=5.0, up_m=0.0))) is Verdict.OK
-    )
+    down = flying(heartbeat=Heartbeat(3, AUTO, False, 3), fix=at(east_m=5.0, up_m=0.0))
+    assert verdict("off-pad", landing(down)) is Verdict.OK
+
+
+def test_a_kill_switch_over_the_pad_is_no_landing() -> None:
+    """A disarm at 2.5 m in the take-off: the mission was not over."""
+    killed = flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=2.5), waypoint=0)
+    assert off_pad(killed).evidence == "disarmed over its pad in the midst of its mission"
+
+
+def landing(state: VehicleState) -> VehicleState:
+    """Return a vehicle whose mission has come to its landing."""
+    assert state.board is not None
+    last = next(n for n, way in enumerate(state.board.path.waypoints) if way.phase is Phase.LAND)
+    return replace(state, waypoint=last)
 
 
 DISARMED = Heartbeat(3, AUTO, False, 3)
@@ -293,7 +305,7 @@ def off_pad(state: VehicleState) -> faults.Finding:
 def test_a_vehicle_that_disarms_high_above_its_pad_falls() -> None:
     high = off_pad(flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=18.0)))
     assert (high.verdict, high.evidence) == (Verdict.FAIL, "disarmed 18 m above its pad")
-    old = off_pad(flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=18.0, age_s=8.0)))
+    old = off_pad(landing(flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=18.0, age_s=8.0))))
     assert old.verdict is Verdict.OK, "it came down in the silence"
 
 
@@ -307,9 +319,11 @@ def test_a_vehicle_that_disarms_before_it_took_off_did_not_fly_its_mission() -> 
 def test_what_the_vehicle_said_of_it_is_part_of_the_evidence(age_s: float, shown: bool) -> None:
     said = ("Battery Failsafe", NOW_S - age_s)
     went = point("mode").judge(
-        View(CONTEXT, SETUP, flying(heartbeat=Heartbeat(3, RTL, True, 5), alarm=said), False, NOW_S)
+        View(
+            CONTEXT, SETUP, flying(heartbeat=Heartbeat(3, RTL, True, 5), alarm=said, cause=Cause.FAILSAFE), False, NOW_S
+        )
     )
-    assert went.evidence == "went to mode RETURN by itself" + ("; it says: Battery Failsafe" if shown else "")
+    assert went.evidence == "RTL by its own failsafe" + ("; it says: Battery Failsafe" if shown else "")
     assert off_pad(flying(heartbeat=DISARMED, alarm=said)).evidence.endswith("Battery Failsafe") is shown
 
 
@@ -323,17 +337,9 @@ def test_a_vehicle_that_never_armed_is_not_down() -> None:
     assert verdict("off-pad", flying(heartbeat=Heartbeat(3, AUTO, False, 3), armed_once=False)) is Verdict.OK
 
 
-def test_a_mode_that_we_ordered_is_no_fault() -> None:
-    ordered = flying(heartbeat=Heartbeat(3, RTL, True, 4), ordered_mode_s=NOW_S - LIMITS.mode_grace_s + 0.1)
-    assert verdict("mode", ordered) is Verdict.OK
-    assert verdict("mode", replace(ordered, ordered_mode_s=NOW_S - LIMITS.mode_grace_s - 0.1)) is Verdict.FAIL
-
-
-def test_px4_leaves_the_mission_when_it_lands() -> None:
-    state = flying(heartbeat=Heartbeat(3, 4 << 16 | 3 << 24, True, 4))
-    assert state.board is not None
-    landing = next(n for n, way in enumerate(state.board.path.waypoints) if way.phase is Phase.LAND)
-    assert verdict("mode", replace(state, waypoint=landing)) is Verdict.OK
+@pytest.mark.parametrize("cause", [Cause.OURS, Cause.MISSION, Cause.PERSON])
+def test_only_a_failsafe_of_its_own_is_a_fault(cause: Cause) -> None:
+    assert verdict("mode", flying(heartbeat=Heartbeat(3, RTL, True, 4), cause=cause)) is Verdict.OK
 
 
 def test_a_silent_vehicles_last_report_raises_nothing_but_the_link() -> None:
@@ -378,5 +384,6 @@ def test_a_drain_by_the_counter_of_charge() -> None:
 
 
 def test_the_modes_words() -> None:
-    finding = faults.left_mission(View(CONTEXT, SETUP, flying(heartbeat=Heartbeat(3, 77, True, 4)), False, NOW_S))
-    assert finding.evidence == "went to mode number 77 by itself"
+    strange = flying(heartbeat=Heartbeat(3, 77, True, 4), cause=Cause.FAILSAFE)
+    finding = faults.left_mission(View(CONTEXT, SETUP, strange, False, NOW_S))
+    assert finding.evidence == "number 77 by its own failsafe"

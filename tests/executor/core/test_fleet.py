@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from executor.core import fleet
-from executor.core.commands import Finish, Level, SendHome, Start
-from executor.core.events import Heard, LaunchOrdered, ReturnAllOrdered, StartEnded, Tick
+from executor.core.commands import Disarm, Finish, LandNow, Level, SendHome, Start
+from executor.core.events import Heard, LaunchOrdered, ReturnAllOrdered, ReturnEnded, StartEnded, Tick
 from executor.core.messages import StatusText
 from executor.core.vehicle import TRANSITIONS, FaultKind, Stage, VehicleState, moved_to
 from tests.executor.builders import THREE, fleet_of
@@ -63,7 +63,7 @@ def test_silence_is_said_before_it_is_a_fault() -> None:
     assert flight.said(Level.WARNING) == ["uav2: nothing heard for 3.2 s"]
     flight.crafts["uav2"].mute = False
     flight.finish()
-    assert "uav2: is heard again" in flight.said(Level.INFO)
+    assert "uav2: link regained" in flight.said(Level.INFO)
     assert flight.said(Level.FAULT) == []
 
 
@@ -151,14 +151,35 @@ def test_a_lost_vehicle_that_comes_back_is_told_to_return_and_never_goes_on() ->
     assert set(flight.state.inspected) == EVERYTHING
 
 
-def test_a_vehicle_that_does_not_obey_the_return_is_told_again() -> None:
+def back_and_refusing(answers: list[ReturnEnded]) -> Story:
+    """Return a flight in which uav2 was lost, is heard again, and answers its return like this."""
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.stage("uav2") is Stage.LOST)
     flight.crafts["uav2"].mute = False
-    flight.crafts["uav2"].stubborn = True
-    flight.pass_s(12.0)
+    flight.return_results["uav2"] = answers
+    flight.pass_s(30.0)
+    return flight
+
+
+def test_a_return_that_was_refused_is_ordered_again() -> None:
+    refused = ReturnEnded("uav2", accepted=False, reason="change of mode: denied", refused=True)
+    flight = back_and_refusing([refused, refused])
     assert flight.sent_home() == ["uav2"] * 3
+
+
+def test_a_return_that_got_lost_is_ordered_again() -> None:
+    lost = ReturnEnded("uav2", accepted=False, reason="change of mode: no acknowledgement", lost=True)
+    flight = back_and_refusing([lost])
+    assert flight.sent_home() == ["uav2"] * 2
+
+
+def test_a_return_that_was_acknowledged_is_never_ordered_again() -> None:
+    """Whoever keeps it from following has his reasons: no timer works against a mode."""
+    ignored = ReturnEnded("uav2", accepted=False, reason="does not report the new mode")
+    flight = back_and_refusing([ignored])
+    assert flight.sent_home() == ["uav2"]
+    assert "uav2: acknowledged the order and does not follow it; it is not told again" in flight.said(Level.WARNING)
 
 
 def lost_uav2(mode: int | None = None, *, landed: bool = False) -> Story:
@@ -169,6 +190,7 @@ def lost_uav2(mode: int | None = None, *, landed: bool = False) -> Story:
     flight.run(lambda: flight.stage("uav2") is Stage.LOST)
     if landed:
         lost.armed, lost.up_m = False, 0.0
+        lost.place_m = flight.context.vehicles["uav2"].pad_m
     if mode is not None:
         lost.mode = mode
     lost.mute = False
@@ -180,6 +202,16 @@ def test_a_lost_vehicle_that_is_heard_on_the_ground_has_landed() -> None:
     flight.pass_s(3.0)
     assert flight.stage("uav2") is Stage.LANDED
     assert flight.sent_home() == [], "it is in no mode that could take off"
+
+
+def test_a_lost_vehicle_that_is_heard_from_the_ground_elsewhere_is_down() -> None:
+    flight = under_way()
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: flight.stage("uav2") is Stage.LOST)
+    flight.crafts["uav2"].armed, flight.crafts["uav2"].up_m, flight.crafts["uav2"].mute = False, 0.0, False
+    flight.pass_s(3.0)
+    assert flight.stage("uav2") is Stage.DOWN
+    assert flight.said(Level.FAULT)[-1].startswith("uav2: link regained, down at 49.59")
 
 
 def test_a_lost_vehicle_that_landed_in_mission_mode_is_told_to_return_and_stays_where_it_is() -> None:
@@ -211,7 +243,7 @@ def test_a_lost_vehicle_that_comes_home_by_itself_is_left_to_that(mode: int) -> 
     assert flight.sent_home() == []
 
 
-@pytest.mark.parametrize(("mode", "name"), [(LAND, "LAND"), (RTL, "RETURN"), (SMART_RTL, "SMART_RTL")])
+@pytest.mark.parametrize(("mode", "name"), [(LAND, "LAND"), (RTL, "RTL"), (SMART_RTL, "SMART_RTL")])
 def test_a_battery_failsafe_that_brings_it_home_or_down_is_not_overruled(mode: int, name: str) -> None:
     """A landing on the last of a battery must not become a flight home."""
     flight = under_way()
@@ -228,15 +260,6 @@ def test_a_battery_failsafe_that_brings_it_home_or_down_is_not_overruled(mode: i
     assert flight.sent_home() == []
     flight.crafts["uav2"].go_home()
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
-
-
-def test_a_pause_that_nobody_here_ordered_ends_in_a_return() -> None:
-    flight = under_way()
-    flight.crafts["uav2"].mode = 17
-    flight.finish()
-    assert flight.sent_home() == ["uav2"]
-    assert flight.said(Level.FAULT)[0].startswith("uav2: interruption, went to mode HOLD by itself; it is told")
     assert set(flight.state.inspected) == EVERYTHING
 
 
@@ -302,9 +325,23 @@ def test_a_vehicle_that_armed_and_did_not_confirm_its_start_is_told_to_return() 
     flight.crafts["uav2"].begin()
     flight.run(lambda: flight.vehicle("uav2").fault is not None)
     assert flight.stage("uav2") is Stage.RETURNING
-    assert flight.sent_home() == ["uav2"]
+    flight.finish()
+    assert flight.given(LandNow) == [LandNow("uav2")], "it did take off, and is over its pad"
+    assert flight.stage("uav2") is Stage.LANDED
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_a_vehicle_that_armed_and_stands_is_told_to_disarm() -> None:
+    """Nobody sends a vehicle home that stands on the ground with its motors running."""
+    flight = Story(FLEET.context, dict(FLEET.boards))
+    flight.start_results["uav2"] = [StartEnded("uav2", accepted=False, reason="is not in mission mode")] * 3
+    flight.launch()
+    flight.crafts["uav2"].armed, flight.crafts["uav2"].mode = True, 4
+    flight.run(lambda: flight.vehicle("uav2").fault is not None)
+    assert flight.given(Disarm) == [Disarm("uav2", force=False)]
     flight.finish()
     assert flight.stage("uav2") is Stage.LANDED
+    assert flight.sent_home() == []
     assert set(flight.state.inspected) == EVERYTHING
 
 
@@ -337,11 +374,14 @@ def test_the_first_reason_stands() -> None:
 def test_a_vehicle_that_goes_down_away_from_its_pad() -> None:
     flight = under_way()
     flight.crafts["uav2"].armed = False
-    flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
+    flight.run(lambda: flight.stage("uav2") is Stage.DOWN)
     fault = flight.vehicle("uav2").fault
     assert fault is not None
     assert fault.kind is FaultKind.INTERRUPTION
     assert fault.reason.startswith("disarmed ")
+    assert "last position 49.59" in flight.said(Level.FAULT)[0]
+    flight.pass_s(4.0)
+    assert flight.said(Level.FAULT)[1].startswith("uav2: down at 49.59")
     assert flight.sent_home() == []
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
@@ -367,11 +407,12 @@ def test_a_warning_text_is_shown_once() -> None:
 
 
 def test_nobody_stands_still_in_a_stage_without_a_way_out() -> None:
-    """Every stage but the ground's can become LANDED or LOST, and FLYING follows STARTING only."""
+    """Every stage in the air can become LOST and DOWN, and FLYING follows a start, or a pilot who gives it back."""
     for stage, then in TRANSITIONS.items():
-        assert Stage.LOST in then or stage is Stage.LOST
+        assert Stage.LOST in then or stage in {Stage.LOST, Stage.DOWN}
+        assert Stage.DOWN in then or stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}
         assert stage not in then
-    assert [stage for stage, then in TRANSITIONS.items() if Stage.FLYING in then] == [Stage.STARTING]
+    assert [stage for stage, then in TRANSITIONS.items() if Stage.FLYING in then] == [Stage.STARTING, Stage.PILOT]
 
 
 def test_a_forbidden_transition_is_a_mistake_of_ours() -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from executor.core.commands import Hold, LandNow, Level, Resume, SendHome
-from executor.core.events import IntentReceived, OrderEnded
+from executor.core.events import Heard, IntentReceived, OrderEnded
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.messages import StatusText
 from executor.core.vehicle import FaultKind, Stage
 from executor.core.view import fleet_view
 from executor.report import report_of
@@ -80,12 +81,16 @@ def test_a_battery_that_fails_while_it_holds_is_a_fault_all_the_same() -> None:
     assert flight.ask(Action.RESUME, "uav2").outcome is Outcome.REFUSED
 
 
-def test_another_mode_than_the_ordered_one_is_a_fault() -> None:
+def test_a_failsafe_out_of_a_hold_is_a_fault_and_it_can_be_included_again() -> None:
     flight = under_way()
     ends(flight, flight.ask(Action.HOLD, "uav2"))
+    flight.happen(Heard("uav2", StatusText(4, "GCS Failsafe")))
     flight.crafts["uav2"].go_home()
     flight.run(lambda: flight.stage("uav2") is Stage.RETURNING)
-    assert "uav2: interruption, went to mode RETURN by itself" in flight.said(Level.FAULT)[0]
+    assert "uav2: interruption, RTL by its own failsafe; it says: GCS Failsafe" in flight.said(Level.FAULT)[0]
+    assert flight.sent_home() == []
+    flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
+    assert flight.ask(Action.INCLUDE, "uav2", confirmed=True).outcome is Outcome.DONE
 
 
 def test_who_is_sent_on_by_somebody_else_does_not_hold_any_more() -> None:
@@ -209,7 +214,8 @@ def test_a_fresh_battery_brings_a_vehicle_back() -> None:
     flight.crafts["uav3"].battery_pct = 100.0
     flight.pass_s(3.0)
     for name in ("uav2", "uav3"):
-        assert flight.ask(Action.INCLUDE, name).outcome is Outcome.DONE
+        assert "is its pad clear" in flight.ask(Action.INCLUDE, name).question
+        assert flight.ask(Action.INCLUDE, name, confirmed=True).outcome is Outcome.DONE
     assert flight.vehicle("uav3").fault is None
     assert [name for name, _ in flight.state.mended] == ["uav3"]
     flight.run(lambda: flight.stage("uav2") is Stage.FLYING or flight.stage("uav3") is Stage.FLYING)

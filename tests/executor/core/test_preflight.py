@@ -11,8 +11,9 @@ from executor.core import failsafes, preflight
 from executor.core.failsafes import Parameters
 from executor.core.messages import Heartbeat, Position, StationHeard, SystemStatus, Version
 from executor.core.prearm import complaint
-from executor.core.preflight import Check, Facts, ReturnHeight, Severity
+from executor.core.preflight import Check, Facts, Severity
 from missions import ARDUPILOT, PX4, Dialect
+from missions.surface import flat
 from tests.executor.builders import fleet_of, site_of
 
 FLEET = fleet_of()
@@ -46,6 +47,26 @@ def test_the_record_of_a_flight_needs_room(free_bytes: int, severity: Severity) 
     found = preflight.disk(free_bytes, paths, CONTEXT)
     assert (found.severity, found.subject) == (severity, "disk")
     assert found.text.startswith(f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about ")
+
+
+@pytest.mark.parametrize(
+    ("alt_m", "found"),
+    [
+        (450.0, []),
+        (454.9, []),
+        (459.0, [Severity.WARNING]),
+        (1476.0, [Severity.STOP]),
+    ],
+)
+def test_a_pad_is_as_high_as_the_depot(alt_m: float, found: list[Severity]) -> None:
+    setup = CONTEXT.setup
+    pads = tuple(replace(pad, alt_m=alt_m) for pad in setup.pads)
+    # The flights would lie below such pads, which no setup allows: the layers are lifted with them.
+    layers = replace(setup.layers, surface=flat(15.0 + 2000.0))
+    context = replace(CONTEXT, setup=replace(setup, pads=pads, layers=layers))
+    checks = preflight.pad_height(context, said())
+    assert [check.severity for check in checks] == found
+    assert all(f"its pad is {alt_m:.0f} m above sea level by its GPS, the depot 450 m" in one.text for one in checks)
 
 
 def lacking(facts: Facts, name: str) -> Facts:
@@ -246,19 +267,6 @@ def test_a_fence_that_is_off_is_none() -> None:
     assert failsafes.geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) is None
     assert failsafes.geofence(PX4, said(PX4).parameters) is None
     assert failsafes.geofence(PX4, said(PX4, GF_MAX_HOR_DIST=500.0).parameters) == failsafes.Cylinder(None, 500.0)
-
-
-def test_the_height_of_its_own_return() -> None:
-    wanted_m = CONTEXT.return_height_m("uav1")
-    good = preflight.return_height(CONTEXT, "uav1", ReturnHeight("RTL_ALT", wanted_m, ""))
-    assert good.severity is Severity.OK
-    low = preflight.return_height(CONTEXT, "uav1", ReturnHeight("RTL_ALT", 2.0, "RTL_ALT stays 200"))
-    assert low.severity is Severity.WARNING
-    assert low.text.startswith(f"its own return stays at 2 m (RTL_ALT), below the {wanted_m:.0f} m")
-    unknown = preflight.return_height(CONTEXT, "uav1", ReturnHeight("RTL_ALT", None, "RTL_ALT does not answer"))
-    assert unknown.severity is Severity.WARNING
-    beside = preflight.return_height(CONTEXT, "uav1", ReturnHeight("RTL_RETURN_ALT", wanted_m, "RTL_CONE_ANG stays 45"))
-    assert beside.severity is Severity.WARNING
 
 
 def test_pre_arm_checks_in_words() -> None:

@@ -140,13 +140,13 @@ def test_a_survivor_that_has_landed_flies_again() -> None:
 
 
 def test_a_survivor_that_has_landed_stays_where_it_may_not_fly_again() -> None:
-    flight = story(fleet_of({"uav1": (0,), "uav2": (2, 4, 6, 8, 10)}, flight={"fly_again": False}))
+    flight = story(fleet_of({"uav1": (0,), "uav2": (2, 4, 6, 8, 10)}, flight={"fly_again": "never"}))
     flight.run(lambda: flight.stage("uav1") is Stage.LANDED)
     flight.crafts["uav2"].mute = True
     flight.finish()
     assert flight.given(Start).count(Start("uav1")) == 1
     assert flight.solves() == []
-    assert flight.said(Level.WARNING)[-1].startswith("nobody is left to inspect segment")
+    assert flight.said(Level.WARNING)[-1].startswith("nobody in the air can take over segment")
 
 
 def test_what_the_budgets_do_not_cover_is_named() -> None:
@@ -168,7 +168,7 @@ def test_a_segment_flown_too_fast_is_flown_again() -> None:
     flight.crafts["uav2"].speed = 1.0
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
-    assert any("uav2: inspection does not count: segment 2: flown at" in line for line in flight.said(Level.WARNING))
+    assert any("uav2: segment 2 is not proven: flown at" in line for line in flight.said(Level.WARNING))
     assert flight.solves()[0].trigger == "not proven to be inspected: segment 2"
     assert flight.state.records[0].ended_s - flight.state.records[0].begun_s < 5.0
 

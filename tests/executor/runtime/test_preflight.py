@@ -65,7 +65,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
     assert facts.parameters == {rule.action: 1.0, rule.timeout: 5.0}
     assert facts.words == f"quadrotor, {'ArduPilot' if dialect is ARDUPILOT else 'PX4'} 4.7.2"
     assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
-    assert ready.vehicle.commands.count(511) == len(preflight.STREAMS_HZ)
+    assert ready.vehicle.commands.count(511) == len(preflight.streams_hz(dialect))
 
 
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:

@@ -7,9 +7,8 @@ import asyncio
 import pytest
 
 from executor.core.messages import ParamValue, StatusText
-from executor.core.preflight import ReturnHeight
 from executor.protocols import orders
-from executor.runtime import preflight, procedures
+from executor.runtime import procedures
 from executor.runtime.procedures import Done
 from missions import ARDUPILOT, PX4, Dialect
 from tests.fakes.clock import LoopClock
@@ -42,11 +41,6 @@ class Pad:
         done = await procedures.send_home(self.link, self.clock, self.dialect)
         self.link.close()
         return done
-
-    async def prepare_return(self, height_m: float) -> ReturnHeight:
-        said = await preflight.prepare_return(self.link, self.clock, self.dialect, height_m)
-        self.link.close()
-        return said
 
 
 @DIALECTS
@@ -98,26 +92,26 @@ async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None
 async def test_an_acknowledgement_is_no_arming(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.deaf.add(orders.COMPONENT_ARM_DISARM)
-    assert await pad.start() == Done(accepted=False, reason="does not report that it is armed")
+    assert await pad.start() == Done(accepted=False, reason="does not report that it is armed", armed=True)
 
 
 async def test_ardupilot_that_denies_the_mission_has_not_started() -> None:
     pad = Pad(ARDUPILOT)
     pad.vehicle.results[orders.MISSION_START] = [4]
-    assert await pad.start() == Done(accepted=False, reason="start the mission: failed")
+    assert await pad.start() == Done(accepted=False, reason="start the mission: failed", armed=True)
 
 
 async def test_ardupilot_that_disarmed_before_the_order_came_has_not_started() -> None:
     """It stands on its pad in mission mode, and takes off no more: the start is tried again from its beginning."""
     pad = Pad(ARDUPILOT)
     pad.vehicle.tires = True
-    assert await pad.start() == Done(accepted=False, reason="is not armed in mission mode")
+    assert await pad.start() == Done(accepted=False, reason="is not armed in mission mode", armed=True)
 
 
 async def test_px4_that_stays_in_its_mode_has_not_started() -> None:
     pad = Pad(PX4)
     pad.vehicle.deaf.add(orders.DO_SET_MODE)
-    assert await pad.start() == Done(accepted=False, reason="does not report the new mode")
+    assert await pad.start() == Done(accepted=False, reason="does not report the new mode", armed=True)
 
 
 @DIALECTS
@@ -134,7 +128,7 @@ async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
 async def test_a_return_that_nobody_hears(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.link.cut = True
-    assert await pad.send_home() == Done(accepted=False, reason="change of mode: no acknowledgement")
+    assert await pad.send_home() == Done(accepted=False, reason="change of mode: no acknowledgement", lost=True)
 
 
 @DIALECTS
@@ -169,34 +163,3 @@ async def test_a_parameter_is_asked_for_as_long_as_a_busy_computer_may_need() ->
     nothing = await procedures.read_parameter(pad.link, pad.clock, "RTL_RETURN_ALT")
     assert nothing.value is None
     pad.link.close()
-
-
-async def test_the_height_of_ardupilots_return_is_in_centimetres() -> None:
-    pad = Pad(ARDUPILOT, RTL_ALT=1500.0, RTL_CONE_SLOPE=3.0)
-    assert await pad.prepare_return(27.5) == ReturnHeight("RTL_ALT", 27.5, "")
-    assert pad.vehicle.parameters == {"RTL_ALT": 2750.0, "RTL_CONE_SLOPE": 0.0}
-
-
-async def test_the_newer_name_of_ardupilots_return_is_in_metres() -> None:
-    pad = Pad(ARDUPILOT, RTL_ALT_M=15.0)
-    assert await pad.prepare_return(27.5) == ReturnHeight("RTL_ALT_M", 28.0, "")
-    assert pad.vehicle.parameters == {"RTL_ALT_M": 28.0}
-
-
-async def test_px4_descends_and_climbs_in_its_own_layer() -> None:
-    pad = Pad(PX4, RTL_RETURN_ALT=60.0, RTL_DESCEND_ALT=30.0, RTL_CONE_ANG=45.0)
-    assert await pad.prepare_return(27.0) == ReturnHeight("RTL_RETURN_ALT", 27.0, "")
-    assert pad.vehicle.parameters == {"RTL_RETURN_ALT": 27.0, "RTL_DESCEND_ALT": 27.0, "RTL_CONE_ANG": 0.0}
-
-
-@DIALECTS
-async def test_a_return_whose_height_is_not_known_is_said(dialect: Dialect) -> None:
-    said = await Pad(dialect).prepare_return(27.0)
-    assert said.height_m is None
-    assert said.problem == f"{said.parameter} does not answer"
-
-
-async def test_a_height_that_stays_as_it_is_is_said() -> None:
-    pad = Pad(ARDUPILOT, RTL_ALT=1500.0)
-    pad.vehicle.stubborn.add("RTL_ALT")
-    assert await pad.prepare_return(27.0) == ReturnHeight("RTL_ALT", 15.0, "RTL_ALT stays 1500")

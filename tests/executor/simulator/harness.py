@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from executor.simulator.airframe import Event
 from executor.simulator.autopilot import STEP_S, Autopilot
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.enums import MavCommand
@@ -21,6 +22,7 @@ from executor.simulator.messages import (
     Peer,
     Received,
 )
+from executor.simulator.truth import Truth
 from executor.simulator.vehicle import make_autopilot
 from missions.items import Command as ItemCommand
 from missions.items import Frame, MissionItem
@@ -30,6 +32,11 @@ OTHER = Peer(254, 190)
 LAT_DEG, LON_DEG, ALT_M = 50.345749, 13.325244, 300.0
 AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 3, 4, 5, 6, 9, 17
 PX4_LOITER, PX4_MISSION, PX4_RTL, PX4_LAND = (4 << 16 | sub << 24 for sub in (3, 4, 5, 6))
+
+
+def is_happening(event: Event | Truth) -> bool:
+    """Return whether it is more than an order or a change of mode."""
+    return event.sender is None and not event.what.startswith("mode ")
 
 
 def sim_vehicle(kind: AutopilotKind, **changes: object) -> SimVehicle:
@@ -195,7 +202,8 @@ class Operator:
         return parts
 
     def happenings(self) -> list[str]:
-        return [event.what for event in self.vehicle.frame.drain_events()]
+        """Return what really happened, without orders, and modes, of which the heartbeats tell."""
+        return [event.what for event in self.vehicle.frame.drain_events() if is_happening(event)]
 
     def mission_current(self) -> Mapping[str, FieldValue]:
         answers = self.send(Command(MavCommand.REQUEST_MESSAGE, (42.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))

@@ -129,7 +129,7 @@ def test_total_leaves_home_out_and_the_end_is_index_0_state_5_auto_disarmed() ->
     current = op.mission_current()
     assert (current["seq"], current["total"], current["mission_state"], current["mission_mode"]) == (0, 3, 5, 1)
     assert op.vehicle.mode == AUTO
-    assert op.happenings() == ["armed", "mission_started", "took_off", "landed", "disarmed"]
+    assert op.happenings() == ["armed", "mission_started", "took_off", "descends", "landed", "disarmed"]
 
 
 def test_leaving_auto_is_not_started_and_never_paused() -> None:

@@ -160,7 +160,7 @@ def test_the_last_rtl_item_finishes_the_mission_and_returns() -> None:
     texts = op.texts()
     wanted = ["RTL: land at destination\t", "Landing detected\t", "Disarmed by landing\t"]
     assert [text for text in texts if text in wanted] == wanted
-    assert op.happenings() == ["armed", "mission_started", "took_off", "landed", "disarmed"]
+    assert op.happenings() == ["armed", "mission_started", "took_off", "descends", "landed", "disarmed"]
 
 
 def test_a_long_text_comes_in_two_parts() -> None:

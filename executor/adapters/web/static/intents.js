@@ -1,19 +1,25 @@
-// An operator's wishes: asked once, sent once, and answered by the vehicle itself.
+// An operator's wishes: asked back once, or twice where the flight has a question of its own; sent once; and answered
+// by the vehicle itself.
 const WORDS = {
   hold: ["Hold", "It stops where it is and waits. Its battery goes on being used."],
   resume: ["Resume", "It goes on with its mission from where it holds."],
   return: ["Bring back", "It comes home and stays on the ground until it is included. The others are given its segments."],
   land: ["Land", "It comes down right where it is. The others are given its segments."],
   exclude: ["Exclude", "It is treated as lost and told to return. The others are given its segments."],
-  include: ["Include", "It is given work again: its battery is fresh, and it stands on its pad, clear of people."],
+  include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
+  disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
   replan: ["Re-plan now", "Everything that is still to be flown is planned anew."],
   abort: ["Abort all", "Everybody comes home now. What is not inspected stays so."],
+  prepare: ["Prepare", ""],
+  "take-off": ["Take off", ""],
 };
-const DANGER = new Set(["abort", "land", "exclude"]);
+const BACK = "Its pilot has put it back on its mission: it goes on in the plan, and is supervised from here again.";
+const HANDS = "It is with its pilot. ";
+const DANGER = new Set(["abort", "land", "exclude", "disarm", "take-off"]);
 const TOLD_MS = 8000;
 const byId = (id) => document.getElementById(id);
 
-export const label = (action) => WORDS[action][0];
+export const label = (action) => WORDS[action]?.[0] ?? action;
 
 export class Intents {
   constructor(now) {
@@ -23,26 +29,46 @@ export class Intents {
   }
 
   ask(action, vehicle) {
-    const dialog = byId("ask");
-    if (dialog.open) return;
-    const [verb, meaning] = WORDS[action];
-    const what = vehicle ? `${verb} ${vehicle}` : verb;
-    byId("question").textContent = `${what}?`;
-    byId("meaning").textContent = meaning;
-    const yes = byId("yes");
-    yes.textContent = what;
-    yes.classList.toggle("danger", DANGER.has(action));
-    dialog.returnValue = "no";
-    dialog.onclose = () => {
-      if (dialog.returnValue === "yes") this.send(action, vehicle, what);
-    };
-    dialog.showModal();
-    yes.focus();
+    const what = vehicle ? `${label(action)} ${vehicle}` : label(action);
+    this.open({ heading: `${what}?`, meaning: this.meaning(action, vehicle), button: what }, { action, vehicle, what, confirmed: false });
   }
 
-  async send(action, vehicle, what) {
+  // The answer to what the flight itself asks.
+  confirm(action, heading, meaning) {
+    this.open({ heading, meaning, button: "Yes" }, { action, vehicle: null, what: label(action), confirmed: false });
+  }
+
+  meaning(action, vehicle) {
+    const taken = this.now()?.vehicles.find((one) => one.name === vehicle)?.taken;
+    if (!taken) return WORDS[action][1];
+    return action === "include" ? BACK : HANDS + WORDS[action][1];
+  }
+
+  open({ heading, meaning, button, again = false }, wish) {
+    const dialog = byId("ask");
+    if (dialog.open) return false;
+    byId("question").textContent = heading;
+    byId("meaning").textContent = meaning;
+    const yes = byId("yes");
+    yes.textContent = button;
+    yes.classList.toggle("danger", again || DANGER.has(wish.action));
+    dialog.classList.toggle("again", again);
+    dialog.returnValue = "no";
+    dialog.onclose = () => {
+      if (dialog.returnValue === "yes") this.send(wish);
+    };
+    dialog.showModal();
+    // A second question is read before it is answered: Enter alone means no.
+    (again ? byId("no") : yes).focus();
+    return true;
+  }
+
+  async send({ action, vehicle, what, confirmed }) {
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
-    const body = JSON.stringify(vehicle ? { id, action, vehicle } : { id, action });
+    const wish = { id, action };
+    if (vehicle) wish.vehicle = vehicle;
+    if (confirmed) wish.confirmed = true;
+    const body = JSON.stringify(wish);
     this.tell(`${what}: asked`, "accepted");
     // The id makes it safe to send again: a wish is taken once.
     for (let attempt = 0; attempt < 3; attempt += 1) {
@@ -52,15 +78,23 @@ export class Intents {
           this.tell(`${what}: ${await answer.text()}`, "failed");
           return;
         }
-        const record = await answer.json();
-        this.mine.set(id, { what, outcome: record.outcome });
-        this.tell(`${what}: ${record.outcome}, ${record.text}`, record.outcome);
+        this.answered(await answer.json(), { action, vehicle, what, confirmed: true });
         return;
       } catch {
         await new Promise((resolve) => setTimeout(resolve, 1000));
       }
     }
     this.tell(`${what}: the ground station does not answer`, "failed");
+  }
+
+  answered(record, next) {
+    if (record.outcome === "refused" && record.question && !record.confirmed) {
+      const asked = { heading: `${next.what}: really?`, meaning: record.question, button: `Yes, ${next.what}`, again: true };
+      this.tell(`${next.what}: not done yet`, "accepted");
+      if (this.open(asked, next)) return;
+    }
+    this.mine.set(record.id, { what: next.what, outcome: record.outcome });
+    this.tell(`${next.what}: ${record.outcome}, ${record.text || record.question}`, record.outcome);
   }
 
   show(state) {

@@ -1,6 +1,7 @@
 // The map: a canvas in local metres, north up.
 const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
 const PAD_PX = 46;
+const OUT = new Set(["flying", "holding", "starting", "returning", "landing", "pilot"]);
 
 export const hueOf = (index) => HUES[index % HUES.length];
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -13,6 +14,8 @@ export class Chart {
     this.chart = null;
     this.state = null;
     this.chosen = null;
+    // The segment whose name is shown, as somebody touched it.
+    this.named = null;
     this.tracks = new Map();
     this.scale = 1;
     this.middle = [0, 0];
@@ -143,11 +146,28 @@ export class Chart {
   }
 
   pick([x, y]) {
+    this.named = null;
+    this.later();
     for (const vehicle of this.state?.vehicles ?? []) {
       if (!vehicle.place_m) continue;
       const [px, py] = this.pixels(vehicle.place_m);
-      if (Math.hypot(px - x, py - y) < 24) this.choose_(vehicle.name);
+      if (Math.hypot(px - x, py - y) < 24) return this.choose_(vehicle.name);
     }
+    this.named = this.segmentAt([x, y]);
+    this.canvas.title = this.named === null ? "" : (this.chart.names[this.named] ?? "");
+  }
+
+  // The segment nearest to a pixel; null where none is near.
+  segmentAt([x, y]) {
+    let [found, least] = [null, 14];
+    (this.chart?.segments_m ?? []).forEach((ends, segment) => {
+      const [[ax, ay], [bx, by]] = ends.map((end) => this.pixels(end));
+      const length = Math.max(1, (bx - ax) ** 2 + (by - ay) ** 2);
+      const share = Math.min(1, Math.max(0, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length));
+      const away = Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
+      if (away < least) [found, least] = [segment, away];
+    });
+    return found;
   }
 
   line(places, { colour, width, dash = [], alpha = 1 }) {
@@ -174,8 +194,11 @@ export class Chart {
     const vehicles = this.state?.vehicles ?? [];
     this.chart.vehicles.forEach((chart, index) => this.drawWays(chart, vehicles[index], index));
     this.chart.vehicles.forEach((chart, index) => this.drawPad(chart, index));
-    const taken = [];
-    vehicles.forEach((vehicle, index) => this.drawVehicle(vehicle, index, taken));
+    // No name is written over a vehicle, nor over another name.
+    const taken = vehicles.filter((one) => one.place_m).map((one) => this.pixels(one.place_m)).map(([x, y]) => [x - 13, y - 9, 26]);
+    vehicles.forEach((vehicle, index) => this.drawVehicle(vehicle, index));
+    for (const vehicle of vehicles) this.label(vehicle, taken);
+    this.drawName(taken);
     this.drawRuler();
   }
 
@@ -200,8 +223,12 @@ export class Chart {
     const chosen = this.chosen === null || this.chosen === chart.name;
     const colour = hueOf(index);
     this.line(this.tracks.get(chart.name) ?? [], { colour, width: chosen ? 3 : 2, alpha: chosen ? 0.9 : 0.45 });
-    const flying = vehicle && ["flying", "holding", "starting"].includes(vehicle.state);
-    if (!chart.route || !flying || !vehicle.place_m) return;
+    const flying = vehicle && ["flying", "holding", "starting", "pilot"].includes(vehicle.state);
+    if (!chart.route || !vehicle) return;
+    if (this.state.flight_s === null) {
+      this.line([chart.pad_m, ...chart.route.places_m], { colour, width: 2, dash: [7, 5], alpha: chosen ? 1 : 0.4 });
+    }
+    if (!flying || !vehicle.place_m) return;
     this.line([vehicle.place_m, ...chart.route.places_m.slice(vehicle.waypoint)], {
       colour, width: 2, dash: [7, 5], alpha: chosen ? 1 : 0.5,
     });
@@ -215,12 +242,11 @@ export class Chart {
     this.context.strokeRect(x - 5, y - 5, 10, 10);
   }
 
-  drawVehicle(vehicle, index, taken) {
+  drawVehicle(vehicle, index) {
     if (!vehicle.place_m) return;
     const context = this.context;
     const [x, y] = this.pixels(vehicle.place_m);
-    const on = ["flying", "holding", "starting", "returning", "landing"].includes(vehicle.state);
-    const size = on ? 13 : 8;
+    const size = OUT.has(vehicle.state) ? 13 : 8;
     if (vehicle.loss && !vehicle.loss.inside_window) this.ring(x, y, 21, style("--bad"), [4, 3]);
     if (this.chosen === vehicle.name) this.ring(x, y, 17, style("--ink"), []);
     context.save();
@@ -238,9 +264,10 @@ export class Chart {
     context.strokeStyle = vehicle.stale || vehicle.state === "lost" ? hueOf(index) : style("--map");
     context.stroke();
     context.restore();
-    if (vehicle.fault) this.cross(x, y);
+    if (vehicle.fault || vehicle.state === "down") this.cross(x, y);
+    if (vehicle.state === "down") this.ring(x, y, 30, style("--bad"), [8, 4]);
+    if (vehicle.state === "pilot") this.ring(x, y, 24, style("--warn"), [3, 5]);
     if (vehicle.state === "holding") this.pause(x, y);
-    if (on || vehicle.fault) this.label(vehicle, x, y, taken);
   }
 
   ring(x, y, radius, colour, dash) {
@@ -271,10 +298,25 @@ export class Chart {
     for (const dx of [-20, -13]) this.context.fillRect(x + dx - 3, y - 20, 4, 12);
   }
 
-  label(vehicle, x, y, taken) {
-    const context = this.context;
+  label(vehicle, taken) {
+    const told = OUT.has(vehicle.state) || vehicle.fault || vehicle.state === "down" || vehicle.offered;
+    if (!vehicle.place_m || !told) return;
+    const [x, y] = this.pixels(vehicle.place_m);
     const height = vehicle.position ? ` ${vehicle.position.relative_alt_m.toFixed(0)} m` : "";
-    const text = `${vehicle.name} L${vehicle.layer + 1}${height}`;
+    const word = { pilot: ": with its pilot", down: ": keep away", lost: ": lost" }[vehicle.state];
+    this.write(`${vehicle.name}${word ?? ` L${vehicle.layer + 1}${height}`}`, x, y, taken);
+  }
+
+  drawName(taken) {
+    if (this.named === null || !this.chart.names[this.named]) return;
+    const ends = this.chart.segments_m[this.named];
+    this.line(ends, { colour: style("--focus"), width: 5 });
+    const [[ax, ay], [bx, by]] = ends.map((end) => this.pixels(end));
+    this.write(this.chart.names[this.named], (ax + bx) / 2, (ay + by) / 2, taken);
+  }
+
+  write(text, x, y, taken) {
+    const context = this.context;
     context.font = "600 13px system-ui, sans-serif";
     const width = context.measureText(text).width + 8;
     let top = y - 9;

@@ -1,17 +1,24 @@
 // The page to fly by: takes the newest state from the server, shows it, and hands the operator's wishes back.
-import { Chart } from "./map.js";
+import { Briefing } from "./briefing.js";
+import { Freshness, STALE_S } from "./freshness.js";
 import { Intents } from "./intents.js";
+import { Chart } from "./map.js";
+import { Offers } from "./offers.js";
 import { Strips } from "./strips.js";
+import { age, element, flightTime, since, write } from "./words.js";
 
-const STALE_MS = 3000;
 const MARKS = { info: "·", warning: "▲", fault: "■" };
 const byId = (id) => document.getElementById(id);
 
 const chart = new Chart(byId("map"), choose);
 const intents = new Intents(() => state);
-const strips = new Strips(byId("vehicles"), choose, (action, vehicle) => intents.ask(action, vehicle));
+const ask = (action, vehicle) => intents.ask(action, vehicle);
+const strips = new Strips(byId("vehicles"), choose, ask);
+const briefing = new Briefing(intents);
+const offers = new Offers(ask);
+const freshness = new Freshness();
+const openedAt = performance.now();
 let state = null;
-let heardAt = performance.now();
 let chosen = null;
 let charted = "";
 let charting = false;
@@ -23,59 +30,48 @@ function choose(name) {
   chart.choose(name);
 }
 
-export function clock(seconds) {
-  if (seconds === null || seconds === undefined) return "–";
-  const whole = Math.max(0, Math.floor(seconds));
-  const pad = (value) => String(value).padStart(2, "0");
-  const hours = Math.floor(whole / 3600);
-  return (hours ? `${hours}:${pad(Math.floor(whole / 60) % 60)}` : `${Math.floor(whole / 60)}`) + `:${pad(whole % 60)}`;
-}
-
 function show(next) {
   state = next;
-  heardAt = performance.now();
-  byId("clock").textContent = clock(next.flight_s);
-  byId("count").textContent = `${next.inspected.length} of ${next.segments_total}`;
+  freshness.shows(next);
+  write(byId("clock"), next.flight_s === null ? "before take-off" : since(next.flight_s));
+  write(byId("count"), `${next.inspected.length} of ${next.segments_total}`);
   byId("bar").style.width = `${(100 * next.inspected.length) / Math.max(1, next.segments_total)}%`;
-  byId("revision").textContent = next.replan
+  write(byId("revision"), next.replan
     ? `${next.replan.revision} ${next.replan.solving ? "is solved …" : "goes on board …"}`
-    : `revision ${next.revision}`;
+    : `revision ${next.revision}`);
   showWindow(next);
+  briefing.show(next);
+  offers.show(next);
   strips.show(next);
   chart.show(next);
   showLines(next);
   intents.show(next);
-  for (const button of byId("fleet").querySelectorAll("[data-action]")) button.disabled = next.finished || next.recalled;
+  const idle = next.finished || next.recalled || next.flight_s === null;
+  for (const button of byId("fleet").querySelectorAll("[data-action]")) button.disabled = idle;
   document.title = `${next.inspected.length}/${next.segments_total} faultline`;
   const stamp = JSON.stringify(next.chart);
   if (stamp !== charted && !charting) loadChart(stamp);
+  watch();
 }
 
 function showWindow(next) {
   const judged = next.vehicles.filter((one) => one.loss);
   const outside = judged.filter((one) => !one.loss.inside_window).map((one) => one.name);
   const place = byId("window");
-  place.textContent = !judged.length ? "not known" : outside.length ? `✗ not ${outside.join(", ")}` : "✓ all finished";
+  write(place, !judged.length ? "not known" : outside.length ? `✗ not ${outside.join(", ")}` : "✓ all finished");
   place.className = !judged.length ? "" : outside.length ? "loss out" : "loss in";
   place.title = outside.length ? "The loss of these could not be made good by the others" : "";
 }
 
 function showLines(next) {
-  const key = next.said.length ? `${next.said.length} ${next.said.at(-1).at_s} ${next.said.at(-1).text}` : "";
+  const key = next.said.length ? `${next.said.length} ${next.said.at(-1).at_s} ${next.said.at(-1).text} ${next.flight_s === null}` : "";
   if (key === shownLines) return;
   shownLines = key;
-  const began = next.flight_s === null ? 0 : next.now_s - next.flight_s;
   const rows = [...next.said].reverse().map((line) => {
-    const row = document.createElement("li");
-    row.className = line.level;
-    const when = document.createElement("time");
-    when.textContent = clock(line.at_s - began);
-    const mark = document.createElement("span");
-    mark.textContent = MARKS[line.level];
+    const row = element("li", "", line.level);
+    const mark = element("span", MARKS[line.level]);
     mark.title = line.level;
-    const text = document.createElement("span");
-    text.textContent = line.text;
-    row.append(when, mark, text);
+    row.append(element("time", since(flightTime(next, line.at_s))), mark, element("span", line.text));
     return row;
   });
   byId("lines").replaceChildren(...rows);
@@ -86,7 +82,9 @@ async function loadChart(stamp) {
   try {
     const answer = await fetch("/chart");
     if (answer.ok) {
-      chart.load(await answer.json());
+      const content = await answer.json();
+      strips.names = content.names;
+      chart.load(content);
       charted = stamp;
     }
   } catch {
@@ -105,21 +103,41 @@ function listen() {
   };
 }
 
-function watch() {
-  const silent = performance.now() - heardAt;
-  const banner = byId("banner");
-  const over = state !== null && state.finished;
-  banner.hidden = silent < STALE_MS && !(state && state.all_silent);
-  if (silent >= STALE_MS) {
-    banner.textContent = over
-      ? "The flight is over; this page shows its end"
-      : `No contact with the ground station for ${Math.floor(silent / 1000)} s: what is shown is old`;
-  } else if (!banner.hidden) {
-    banner.textContent = "All vehicles are silent at once: look at the radio first";
+// What is wrong with what is shown, if anything is; ages are in the flight's own time.
+function trouble(nowMs) {
+  if (state === null) {
+    return nowMs - openedAt > 1000 * STALE_S ? ["The ground station does not answer", true] : null;
   }
+  const behindS = freshness.ageS(nowMs);
+  if (behindS > STALE_S * freshness.speedup) {
+    if (state.finished) return ["The flight is over; this page shows its end", false, true];
+    const who = freshness.failed ? "The ground station does not answer" : "The link to this page is behind";
+    const shown = state.flight_s === null ? "" : ` ${since(state.flight_s)},`;
+    const now = state.flight_s === null ? "" : `; the flight is at ${since(state.flight_s + behindS)}`;
+    return [`${who}: this is${shown} ${age(behindS)} old${now}`, true];
+  }
+  if (freshness.waitS(nowMs) > STALE_S) {
+    return [`The link to this page is slow: an answer takes ${age(freshness.waitS(nowMs))}`, false];
+  }
+  const flies = state.flight_s !== null && !state.finished;
+  if (flies && state.decided_age_s !== null && state.decided_age_s > STALE_S * freshness.speedup) {
+    return [`The ground station itself is behind: nothing was decided for ${age(state.decided_age_s)}`, true];
+  }
+  return state.all_silent ? ["All vehicles are silent at once: look at the radio first", false] : null;
 }
 
-const KEYS = { h: "hold", r: "resume", b: "return", l: "land", x: "exclude", i: "include" };
+function watch() {
+  const found = trouble(performance.now());
+  const banner = byId("banner");
+  banner.hidden = found === null;
+  const old = found !== null && found[1];
+  document.body.classList.toggle("old", old);
+  if (old && state !== null) strips.show(state, freshness.ageS());
+  banner.classList.toggle("over", found !== null && found[2] === true);
+  if (found !== null) write(banner, found[0]);
+}
+
+const KEYS = { h: "hold", r: "resume", b: "return", l: "land", x: "exclude", i: "include", d: "disarm" };
 const MOVES = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
 
 document.addEventListener("keydown", (event) => {
@@ -127,10 +145,11 @@ document.addEventListener("keydown", (event) => {
   const key = event.key;
   const vehicle = state.vehicles[Number(key) - 1];
   if (/^[1-9]$/.test(key) && vehicle) choose(vehicle.name);
-  else if (key === "A") intents.ask("abort", null);
-  else if (key === "p") intents.ask("replan", null);
+  else if (key === "A") ask("abort", null);
+  else if (key === "p") ask("replan", null);
+  else if (key === "y") briefing.answer();
   else if (key === "?") byId("help").showModal();
-  else if (KEYS[key] && chosen) intents.ask(KEYS[key], chosen);
+  else if (KEYS[key] && chosen) ask(KEYS[key], chosen);
   else if (KEYS[key]) intents.tell("Choose a vehicle first, with its number", "refused");
   else if (MOVES[key] && document.activeElement !== byId("vehicles")) chart.move(...MOVES[key]);
   else if (key === "+" || key === "=") chart.zoom(1.4);
@@ -141,7 +160,7 @@ document.addEventListener("keydown", (event) => {
 });
 byId("fleet").addEventListener("click", (event) => {
   const button = event.target.closest("[data-action]");
-  if (button) intents.ask(button.dataset.action, null);
+  if (button) ask(button.dataset.action, null);
 });
 byId("keys").addEventListener("click", () => byId("help").showModal());
 byId("zoom").addEventListener("click", (event) => {

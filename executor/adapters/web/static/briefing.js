@@ -1,0 +1,58 @@
+// Before the take-off: what is asked, and the checklist with what stops the flight first.
+import { element, write } from "./words.js";
+
+const byId = (id) => document.getElementById(id);
+const GROUPS = [
+  ["stop", "STOP", (count) => `${count} ${count === 1 ? "check stops" : "checks stop"} the flight`],
+  ["warning", "warn", (count) => `${count} ${count === 1 ? "warning" : "warnings"}`],
+  ["ok", "ok", (count) => `${count} ok`],
+];
+const MEANINGS = {
+  prepare: "What is listed is changed and put on board. Nothing moves yet.",
+  "take-off": "Everybody with a route takes off now. The pads, and all around them, are clear of people.",
+};
+
+export class Briefing {
+  constructor(intents) {
+    this.intents = intents;
+    this.question = null;
+    this.shown = "";
+    byId("agree").addEventListener("click", () => this.answer());
+  }
+
+  answer() {
+    if (this.question) this.intents.confirm(this.question.id, this.question.text, MEANINGS[this.question.id] ?? "");
+  }
+
+  show(state) {
+    const before = state.flight_s === null && !state.finished;
+    document.body.classList.toggle("before", before);
+    byId("briefing").hidden = !before;
+    this.question = before ? state.question : null;
+    if (!before) return;
+    const stops = state.checks.filter((one) => one.severity === "stop").length;
+    write(byId("asked"), this.question ? this.question.text : stops ? "Nothing is asked: a check says stop" : "Nothing is asked yet");
+    byId("agree").hidden = !this.question;
+    const key = JSON.stringify([state.checks, this.question]);
+    if (key === this.shown) return;
+    this.shown = key;
+    byId("about").replaceChildren(...(this.question?.lines ?? []).map((line) => element("li", line)));
+    byId("checks").replaceChildren(...GROUPS.flatMap((group) => this.group(group, state.checks)));
+  }
+
+  group([severity, mark, words], checks) {
+    const found = checks.filter((one) => one.severity === severity);
+    if (!found.length) return [];
+    const part = element("details", "", severity);
+    // On a phone what is well takes no room until it is asked for.
+    part.open = severity !== "ok" || matchMedia("(min-width: 901px)").matches;
+    const list = element("ul");
+    for (const one of found) {
+      const row = element("li");
+      row.append(element("b", mark, "mark"), element("span", one.subject, "subject"), element("span", one.text));
+      list.append(row);
+    }
+    part.append(element("summary", words(found.length)), list);
+    return [part];
+  }
+}

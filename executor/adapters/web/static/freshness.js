@@ -1,0 +1,60 @@
+// How old what is shown is, by the flight's own clock: a link that is slow looks like a flight that stands still.
+export const STALE_S = 3;
+const ASK_MS = 2000;
+const ANSWER_MS = 15000;
+
+export class Freshness {
+  constructor() {
+    this.speedup = 1;
+    this.shownS = null;
+    // The flight's clock less this browser's; what has arrived by now says that it is at least so much.
+    this.ahead = -Infinity;
+    this.askedMs = null;
+    this.tripS = 0;
+    this.failed = false;
+    this.ask();
+  }
+
+  // A state has come.
+  shows(state, atMs = performance.now()) {
+    this.speedup = state.speedup ?? 1;
+    this.shownS = state.now_s;
+    this.ahead = Math.max(this.ahead, state.now_s - this.scaled(atMs));
+  }
+
+  // The flight's clock was asked for by itself, beside the stream of states.
+  answered(nowS, sentMs, gotMs) {
+    this.tripS = (gotMs - sentMs) / 1000;
+    this.ahead = Math.min(Math.max(this.ahead, nowS - this.scaled(gotMs)), nowS - this.scaled(sentMs));
+  }
+
+  scaled(ms) {
+    return (ms / 1000) * this.speedup;
+  }
+
+  // Seconds of the flight that have passed since what is shown.
+  ageS(atMs = performance.now()) {
+    return this.shownS === null ? 0 : Math.max(0, this.ahead + this.scaled(atMs) - this.shownS);
+  }
+
+  // How long the question for the clock is, or was, under way.
+  waitS(atMs = performance.now()) {
+    return this.askedMs === null ? this.tripS : Math.max(this.tripS, (atMs - this.askedMs) / 1000);
+  }
+
+  async ask() {
+    const sentMs = performance.now();
+    this.askedMs = sentMs;
+    try {
+      const answer = await fetch("/clock", { signal: AbortSignal.timeout(ANSWER_MS) });
+      const content = await answer.json();
+      this.answered(content.now_s, sentMs, performance.now());
+      this.failed = false;
+    } catch {
+      this.failed = true;
+    } finally {
+      this.askedMs = null;
+      setTimeout(() => this.ask(), ASK_MS);
+    }
+  }
+}

@@ -1,0 +1,26 @@
+// Vehicles on the ground that could take over work: offered, and started by somebody's word alone.
+import { element, write } from "./words.js";
+
+const byId = (id) => document.getElementById(id);
+
+export class Offers {
+  constructor(ask) {
+    this.ask = ask;
+    this.shown = "";
+  }
+
+  show(state) {
+    const offer = state.finished ? null : state.offer;
+    byId("offer").hidden = offer === null;
+    const key = JSON.stringify(offer);
+    if (key === this.shown) return;
+    this.shown = key;
+    write(byId("offered"), offer === null ? "" : offer.text);
+    byId("takers").replaceChildren(...(offer?.vehicles ?? []).map((name) => {
+      const button = element("button", `${name}: pad is clear`);
+      button.dataset.vehicle = name;
+      button.addEventListener("click", () => this.ask("include", name));
+      return button;
+    }));
+  }
+}

@@ -1,0 +1,50 @@
+// How times, places and states are shown: as in the terminal and in the report.
+const STATES = { ground: "on the ground", pilot: "with its pilot", down: "down: keep away" };
+const FIXES = ["no GPS", "no fix", "2D", "3D", "DGPS", "RTK float", "RTK"];
+const WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"];
+export const LEAST_FIX = 3;
+
+export const number = (value, digits = 0) => (value === null || value === undefined ? "?" : value.toFixed(digits));
+
+// m:ss, with hours where there are some.
+export function clock(seconds) {
+  if (seconds === null || seconds === undefined) return "–";
+  const whole = Math.max(0, Math.floor(seconds));
+  const pad = (value) => String(value).padStart(2, "0");
+  const hours = Math.floor(whole / 3600);
+  return (hours ? `${hours}:${pad(Math.floor(whole / 60) % 60)}` : `${Math.floor(whole / 60)}`) + `:${pad(whole % 60)}`;
+}
+
+// Since the order to take off; nothing before it.
+export const since = (flightS) => (flightS === null || flightS === undefined || flightS < 0 ? "" : `T+${clock(flightS)}`);
+
+// A time on the flight's clock, as one since the order to take off.
+export const flightTime = (state, atS) => (state.flight_s === null ? null : atS - (state.now_s - state.flight_s));
+
+export const stateWord = (state) => STATES[state] ?? state;
+
+export function gps(vehicle) {
+  if (vehicle.gps_fix === null) return "GPS ?";
+  const kind = FIXES[vehicle.gps_fix] ?? `fix ${vehicle.gps_fix}`;
+  const shown = vehicle.gps_fix === 0 ? kind : `GPS ${kind}`;
+  return vehicle.satellites === null ? shown : `${shown}, ${vehicle.satellites} sat`;
+}
+
+export const place = (position) => `${position.lat_deg.toFixed(6)}, ${position.lon_deg.toFixed(6)}`;
+
+export const windFrom = (fromDeg) => WINDS[Math.round((((fromDeg % 360) + 360) % 360) / 22.5) % 16];
+
+// What is shown of an age: tenths of a second mean nothing when it is long.
+export const age = (seconds) => (seconds < 60 ? `${number(seconds, seconds < 10 ? 1 : 0)} s` : clock(seconds));
+
+export function element(kind, text = "", name = "") {
+  const made = document.createElement(kind);
+  if (text) made.textContent = text;
+  if (name) made.className = name;
+  return made;
+}
+
+// Changes a text only where it is another one: what somebody has marked stays marked.
+export function write(place, text) {
+  if (place.textContent !== text) place.textContent = text;
+}

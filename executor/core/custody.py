@@ -1,0 +1,169 @@
+"""Who has a vehicle: this flight, the vehicle itself, or a person.
+
+Every change of mode has a cause. One that was ordered here is ours; one that a failsafe, the mission's end or a
+landing explains is the vehicle's own; whatever is left is a person's, by mode switch, sticks or another ground
+station. In doubt it is a person's: then nothing is commanded.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from executor.core.changed import changed
+from executor.core.context import Scene
+from executor.core.messages import Heartbeat
+from executor.core.modes import is_home_mode, is_manual_mode, is_mission_mode
+from executor.core.state import Absence
+from executor.core.vehicle import Cause, Stage, VehicleState
+from missions import Dialect, Phase
+
+SURE_AFTER_S = 1.0
+"""A failsafe's text may come after the heartbeat that shows its mode: so long a change of mode is looked at."""
+LATE_TEXT_S = 4.0
+"""A text this long after a change of mode still explains it."""
+FOLLOWED_LATE_S = 120.0
+"""An order may be followed this late: a radio keeps it, or only the answers were lost."""
+CRITICAL = 5
+"""MAV_STATE_CRITICAL: both autopilots say it, or more, as long as a failsafe acts (measured)."""
+_ACTS = re.compile(
+    r"^(?!.*cleared).*(failsafe|fence|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
+    re.IGNORECASE,
+)
+"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
+EMERGENCY = 6
+"""MAV_STATE_EMERGENCY."""
+CHARGE_EMERGENCY = 4
+"""MAV_BATTERY_CHARGE_STATE_EMERGENCY."""
+
+
+def judged(
+    context: Scene, absences: Sequence[Absence], before: VehicleState, after: VehicleState, now_s: float
+) -> VehicleState:
+    """Return a vehicle with the cause of its mode, after a HEARTBEAT.
+
+    Args:
+        context: Of the flight.
+        absences: When the ground station was not there.
+        before: Before the heartbeat.
+        after: With it.
+        now_s: The time.
+    """
+    beat, old = after.heartbeat, before.heartbeat
+    if beat is None:
+        return after
+    if not beat.armed:
+        return after if after.cause is Cause.OURS else changed(after, cause=Cause.OURS)
+    armed_now = old is not None and not old.armed
+    if old is not None and old.custom_mode == beat.custom_mode and not armed_now:
+        return after
+    if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
+        # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
+        return changed(after, cause=Cause.OURS)
+    return changed(after, cause=cause_of(context, absences, before, after, now_s))
+
+
+def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle whose change of mode may be explained by what it said since."""
+    if vehicle.cause is not Cause.PERSON or now_s - vehicle.mode_since_s > LATE_TEXT_S:
+        return vehicle
+    if not _explained(context, absences, vehicle, now_s):
+        return vehicle
+    return changed(vehicle, cause=Cause.FAILSAFE)
+
+
+def cause_of(  # noqa: PLR0911 - one return for each cause
+    context: Scene, absences: Sequence[Absence], before: VehicleState, vehicle: VehicleState, now_s: float
+) -> Cause:
+    """Return why a vehicle is in the mode that its newest heartbeat shows."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    if beat is None:
+        return Cause.OURS
+    mode = beat.custom_mode
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
+        return Cause.PERSON  # it arms, and nobody here said so
+    if is_manual_mode(dialect, mode):
+        return Cause.PERSON
+    if mode in vehicle.ordered_modes and now_s - vehicle.ordered_mode_s <= FOLLOWED_LATE_S:
+        return Cause.OURS
+    if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
+        return Cause.OURS
+    if _goes_on_down(dialect, before.heartbeat, mode):
+        return before.cause  # a return ends in a landing
+    if _ends_its_mission(context, vehicle, mode):
+        return Cause.MISSION
+    if _explained(context, absences, vehicle, now_s):
+        return Cause.FAILSAFE
+    return Cause.PERSON
+
+
+def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
+    return before is not None and is_home_mode(dialect, before.custom_mode) and mode == dialect.modes.land.custom_mode
+
+
+def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
+    """Return whether a mission's own last items lead to this mode: PX4 leaves mission mode for a landing."""
+    dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
+    if vehicle.stage is not Stage.FLYING or leg is None or dialect.name != "px4":
+        return False
+    itself = is_home_mode(dialect, mode) or mode == dialect.modes.hold.custom_mode
+    return itself and leg.phase is Phase.LAND
+
+
+def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a failsafe explains a mode that a failsafe can lead to."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    if beat is None:
+        return False
+    if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
+        return False
+    text, said_s = vehicle.alarm
+    said = (
+        bool(_ACTS.search(text)) and -context.limits.alarm_s <= vehicle.mode_since_s - said_s <= context.limits.alarm_s
+    )
+    return (
+        said
+        or beat.system_status >= CRITICAL
+        or vehicle.fence_breached
+        or vehicle.battery.charge_state >= CHARGE_EMERGENCY
+        or _unseen(vehicle)
+        or missed_us(context, absences, vehicle, now_s)
+    )
+
+
+def _unseen(vehicle: VehicleState) -> bool:
+    """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
+    return vehicle.unseen_until_s is not None and vehicle.mode_since_s == vehicle.unseen_until_s
+
+
+REACTS_S = 30.0
+"""PX4 holds before it returns, and reports the change of mode a second later."""
+BEAT_S = 1.0
+"""Our last heartbeat was sent up to a second before we stopped."""
+
+
+def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle's GCS failsafe acts because the ground station was not there."""
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s
+    if failsafe_s is None or not absences:
+        return False
+    away = absences[-1]
+    began_s = away.until_s - away.pause_s
+    return away.pause_s >= failsafe_s - BEAT_S and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+
+
+def in_other_hands(vehicle: VehicleState) -> bool:
+    """Return whether a person has it, or may have: nothing is commanded then."""
+    return vehicle.taken is not None or (vehicle.armed and vehicle.cause is Cause.PERSON)
+
+
+def takes_over(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it is certain that a person has taken it."""
+    return vehicle.armed and vehicle.cause is Cause.PERSON and now_s - vehicle.mode_since_s >= SURE_AFTER_S
+
+
+def in_emergency(vehicle: VehicleState) -> bool:
+    """Return whether its autopilot says that it has an emergency of its own."""
+    beat = vehicle.heartbeat
+    status = 0 if beat is None else beat.system_status
+    return status >= EMERGENCY or vehicle.battery.charge_state >= CHARGE_EMERGENCY

@@ -1,0 +1,170 @@
+"""A vehicle's parameters: read several at once, set for a flight, and given back after it."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequest
+from executor.core.parameters import Change, Found, Kept, Stage, first_names, found, newer_names, number
+from executor.core.ports import Clock, Link
+from executor.core.preflight import AUTOPILOT_NUMBERS
+from executor.protocols.machine import Accepted
+from executor.runtime import procedures
+from missions import Dialect
+
+HEARD_S = 5.0
+"""Without a heartbeat for so long a vehicle does not answer; they come once a second."""
+ARMED_S = 3.0
+"""A vehicle that is heard and armed for so long is armed."""
+CALL_S = 1.0
+ROUNDS = 4
+"""Of looking at what is on board, while something is given back."""
+SETTLE_S = 1.0
+"""Between two rounds: what is under way by then, such as a setting that comes twice, has arrived."""
+
+
+async def read_present(link: Link, clock: Clock, dialect: Dialect) -> dict[str, ParamValue]:
+    """Return what a vehicle has of the parameters that its own return goes by."""
+    present = await read_parameters(link, clock, first_names(dialect))
+    return present | await read_parameters(link, clock, newer_names(dialect, present))
+
+
+async def read_parameters(link: Link, clock: Clock, names: Iterable[str]) -> dict[str, ParamValue]:
+    """Read parameters, all at once: one that the vehicle does not have is answered by nothing."""
+    asked = {name: asyncio.create_task(_read(link, clock, name)) for name in names}
+    try:
+        values = {name: await value for name, value in asked.items()}
+    finally:
+        for value in asked.values():
+            value.cancel()
+    return {name: value for name, value in values.items() if value is not None}
+
+
+async def _read(link: Link, clock: Clock, name: str) -> ParamValue | None:
+    ended = await procedures.read_parameter(link, clock, name)
+    if not isinstance(ended.outcome, Accepted) or ended.value is None or not math.isfinite(ended.value.value):
+        return None
+    return ended.value
+
+
+async def set_changes(link: Link, clock: Clock, changes: Iterable[Change]) -> dict[str, str]:
+    """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
+    ends = {}
+    for change in changes:
+        done = await procedures.set_parameter(link, clock, change.name, change.new, change.kind)
+        ends[change.name] = "" if done.accepted else done.reason
+    return ends
+
+
+@dataclass(frozen=True, slots=True)
+class GivenBack:
+    """What became of one vehicle's parameters."""
+
+    kept: tuple[Kept, ...]
+    """Each as it is on record now."""
+    problems: tuple[str, ...] = ()
+    """Why something stays; empty if all was given back."""
+
+
+@dataclass(slots=True)
+class _Watch:
+    """The last heartbeat."""
+
+    came: asyncio.Event
+    heartbeat: Heartbeat | None = None
+
+    def take(self, message: Message) -> None:
+        if isinstance(message, Heartbeat):
+            self.heartbeat = message
+            self.came.set()
+
+    @property
+    def rests(self) -> bool:
+        return self.heartbeat is not None and not self.heartbeat.armed
+
+
+async def give_back(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: float = HEARD_S) -> GivenBack:
+    """Give one vehicle its parameters back, if it answers and is not armed; what somebody else set since stays.
+
+    It hears no heartbeat from here: one that begins and ends would set off its ground-station failsafe.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        kept: What is on record of it, and open.
+        heard_s: How long it is waited for, in its time.
+    """
+    watch = _Watch(asyncio.Event())
+    stop_listening = link.listen(watch.take)
+    try:
+        problem = await _not_ready(link, clock, kept[0], watch, heard_s)
+        if problem:
+            return GivenBack(tuple(kept), (problem,))
+        return await _in_rounds(link, clock, kept, watch)
+    finally:
+        stop_listening()
+
+
+async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s: float) -> str:
+    """Wait for a vehicle at rest; returns what is in the way, empty if nothing is.
+
+    Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
+    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said
+    which autopilot it is: they write integers in two ways.
+    """
+    began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
+    while not watch.rests:
+        patience_s = max(heard_s if watch.heartbeat is None else ARMED_S, least_s)
+        if clock.now_s() >= began_s + patience_s:
+            break
+        link.send(SendParamRequest(one.name))
+        watch.came.clear()
+        try:
+            async with asyncio.timeout(CALL_S / clock.speedup):
+                await watch.came.wait()
+        except TimeoutError:
+            continue
+    if watch.heartbeat is None:
+        return "does not answer"
+    if watch.heartbeat.armed:
+        return "is armed"
+    if watch.heartbeat.autopilot != AUTOPILOT_NUMBERS[one.autopilot]:
+        return f"is another vehicle now: its autopilot is {watch.heartbeat.autopilot}, expected {one.autopilot}"
+    return ""
+
+
+async def _in_rounds(link: Link, clock: Clock, kept: Sequence[Kept], watch: _Watch) -> GivenBack:
+    """Look and set until everything is as it was in a round after the one that set it."""
+    waiting = {one.name: one for one in kept}
+    ended: dict[str, Kept] = {}
+    problems: list[str] = []
+    said: dict[str, ParamValue] = {}
+    for turn in range(ROUNDS):
+        if turn:
+            await asyncio.sleep(SETTLE_S / clock.speedup)
+        said = await read_parameters(link, clock, waiting)
+        for name, value in said.items():
+            one = waiting[name]
+            what = found(one, value.value)
+            if what is Found.OTHER:
+                ended[name] = replace(waiting.pop(name), stage=Stage.LEFT)
+                problems.append(f"{name} is {number(value.value)}, which somebody set since: left as it is")
+            elif what is Found.OLD and turn:
+                ended[name] = replace(waiting.pop(name), stage=Stage.RESTORED)
+            elif what is Found.OURS:
+                if not watch.rests:
+                    return _ended(kept, ended, [*problems, "was armed meanwhile"])
+                await procedures.set_parameter(link, clock, name, one.old, value.kind)
+        if not waiting:
+            break
+    for name in waiting:
+        stays = f"stays {number(said[name].value)}" if name in said else "does not answer"
+        problems.append(f"{name} {stays}")
+    return _ended(kept, ended, problems)
+
+
+def _ended(kept: Sequence[Kept], ended: dict[str, Kept], problems: list[str]) -> GivenBack:
+    return GivenBack(tuple(ended.get(one.name, one) for one in kept), tuple(problems))

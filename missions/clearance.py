@@ -1,0 +1,342 @@
+"""How high the flights of a fleet are over everything that is known: over the ground, and over every line.
+
+A line is taken to be a wall: from the ground up to the straight line between the tops of its two pylons, under which
+the wires sag. Nothing comes nearer to it than ``BESIDE_M`` over the ground, or it is well above: the inspection height
+over the tops, less a third for what the common surface gives way between lines of different heights.
+
+Legs and surface are held against it every ``STEP_M``, which has nothing to do with how they were found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from missions.geo import FloatArray
+from missions.network import Network
+from missions.safety import legs_m
+from missions.setup import LOWEST_FLIGHT_M, FlightSetup
+from missions.waypoints import FlightPath, Phase
+
+BESIDE_M = 10.0
+"""Nobody is below the tops within this distance of a line, over the ground: half of a wide cross-arm, and GPS."""
+NEAR_M = 50.0
+"""The ground is known this far from a line: as high as the nearest place of it."""
+MARGIN_SHARE = 2.0 / 3.0
+"""Of the inspection height: the least that a leg is over the top of a line."""
+STEP_M = 2.0
+SURFACE_STEP_M = 4.0
+MAX_POINTS = 20_000
+"""Of one path or of the surface; longer ones are looked at in larger steps."""
+MATRIX_ENTRIES = 1_000_000
+ROUNDING_M = 0.02
+"""Items have heights in centimetres, and places to one."""
+
+
+@dataclass(frozen=True, slots=True)
+class OverGround:
+    """How high something is over the ground, and where."""
+
+    height_m: float
+    vehicle: str
+    near: str
+    """The name of the nearest segment."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Walls:
+    """Lines as walls, and pads as ground that is known, in local metres over the depot's ground."""
+
+    network: Network
+    starts_m: FloatArray
+    """(n, 2) float64: east and north of each segment's a."""
+    along_m: FloatArray
+    """(n, 2) float64: from a to b."""
+    ground_m: FloatArray
+    """(n, 2) float64: ground at a and b."""
+    tops_m: FloatArray
+    """(n, 2) float64: tops at a and b."""
+    segments: np.ndarray[tuple[int], np.dtype[np.intp]]
+    """(n,): which segment of the network each is."""
+
+    def name(self, index: int) -> str:
+        """Return what people call a wall."""
+        return self.network.segment_name(int(self.segments[index]))
+
+    def near(self, low_m: FloatArray, high_m: FloatArray) -> _Walls:
+        """Return those that come near to the box between two (2,) corners."""
+        ends = np.stack((self.starts_m, self.starts_m + self.along_m))
+        apart = (ends.max(axis=0) < low_m - NEAR_M) | (ends.min(axis=0) > high_m + NEAR_M)
+        kept = np.flatnonzero(~apart.any(axis=1))
+        return replace(
+            self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
+            tops_m=self.tops_m[kept], segments=self.segments[kept],
+        )  # fmt: skip
+
+    def nearest(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (m, n) distances over the ground of (m, 2) places, and where on each wall that is, from 0 to 1."""
+        square = np.maximum((self.along_m**2).sum(axis=1), 1e-12)
+        offsets = places_m[:, np.newaxis] - self.starts_m
+        share = np.clip((offsets * self.along_m).sum(axis=2) / square, 0.0, 1.0)
+        apart = offsets - share[..., np.newaxis] * self.along_m
+        return np.hypot(apart[..., 0], apart[..., 1]), share
+
+
+@dataclass(frozen=True, slots=True)
+class _Low:
+    """A place that is too low: by how much, and over what."""
+
+    short_m: float
+    words: str
+
+
+def margin_m(setup: FlightSetup) -> float:
+    """Return how high every leg must at least be over the top of a line that it crosses or follows."""
+    return MARGIN_SHARE * setup.inspection.height_m
+
+
+def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
+    """Return in words, a line for each path, where legs come too near to the ground or to a line; empty if none do.
+
+    Where neither ground nor tops are known, on a flat site, there is nothing to hold them against.
+
+    Args:
+        setup: The network, heights and pads.
+        paths: Flights of the setup's vehicles: first missions, or those of a re-plan.
+    """
+    walls = _walls(setup.network)
+    if walls is None:
+        return []
+    found = []
+    for path in paths:
+        lows = []
+        for number, (leg, phase) in enumerate(_legs(setup, path)):
+            low = _lowest(walls, setup, _points(leg, STEP_M), on_pad=phase in {Phase.TAKEOFF, Phase.LAND})
+            if low is not None:
+                lows.append((low.short_m, number, phase.value, low.words))
+        if lows:
+            _, number, phase_name, words = max(lows)
+            others = f"; so do {len(lows) - 1} more of its legs" if len(lows) > 1 else ""
+            found.append(f"{path.vehicle} on leg {number} ({phase_name}) comes {words}{others}")
+    return found
+
+
+def check_everywhere(setup: FlightSetup) -> list[str]:
+    """Return in words where any flight over the network, of whatever plan, could come too near to a line.
+
+    Held against the lines are the inspection legs of all segments and the surface that all other legs follow, in the
+    lowest layer: a re-plan has no other heights.
+    """
+    walls = _walls(setup.network)
+    if walls is None:
+        return []
+    network, found = setup.network, []
+    legs = np.concatenate((setup.tracks_m, setup.layers.track_heights_m[..., np.newaxis]), axis=2)
+    for number, leg in enumerate(legs):
+        low = _lowest(walls, setup, _points(leg, STEP_M))
+        if low is not None:
+            found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
+    for number, points in enumerate(_over_lines(setup)):
+        low = _lowest(walls, setup, points)
+        if low is not None:
+            found.append(f"a transit over {network.segment_name(number)} could come {low.words}")
+    return found
+
+
+def lowest_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float | None:
+    """Return the least height of any leg over the top of a line within ``BESIDE_M`` of it; None without one."""
+    walls = _walls(setup.network)
+    if walls is None:
+        return None
+    least_m = math.inf
+    for path in paths:
+        for leg, _ in _legs(setup, path):
+            points = _points(leg, STEP_M)
+            close = walls.near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+            away_m, share = close.nearest(points[:, :2])
+            over_m = points[:, 2, np.newaxis] - _between(close.tops_m, share)
+            least_m = min(least_m, float(np.where(away_m < BESIDE_M, over_m, math.inf).min(initial=math.inf)))
+    return None if math.isinf(least_m) else least_m
+
+
+def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[OverGround, OverGround] | None:
+    """Return the least and the largest height of a fleet's flights over the ground; None if nobody flies.
+
+    The ground is that of the nearest place of a line or of the nearest pad, or the depot's everywhere on a flat site.
+    Take-off and landing count with the height that they end or begin at.
+    """
+    found: list[OverGround] = []
+    for path in paths:
+        legs = [leg for leg, phase in _legs(setup, path) if phase not in {Phase.TAKEOFF, Phase.LAND}]
+        if legs:
+            points = _spread(legs)
+            heights_m, near = _over_ground(setup, points)
+            for index in (int(heights_m.argmin()), int(heights_m.argmax())):
+                name = setup.network.segment_name(int(near[index]))
+                found.append(OverGround(float(heights_m[index]), path.vehicle, name))
+    if not found:
+        return None
+    return min(found, key=lambda one: one.height_m), max(found, key=lambda one: one.height_m)
+
+
+def return_over_ground_m(setup: FlightSetup) -> OverGround:
+    """Return the highest that a vehicle's own level return is over the lowest ground that is known."""
+    # Some autopilots take whole metres only, and a vehicle gets the next higher one.
+    ups_m = {
+        pad.vehicle: math.ceil(setup.return_height_m(pad.vehicle)) + setup.frame.up_m(pad.alt_m) for pad in setup.pads
+    }
+    highest = max(ups_m, key=ups_m.__getitem__)
+    up_m, network = ups_m[highest], setup.network
+    walls = _walls(network)
+    if walls is None:
+        return OverGround(up_m, highest, "")
+    lowest = int(walls.ground_m.min(axis=1).argmin())
+    return OverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
+
+
+def highest_return_m(setup: FlightSetup, vehicle: str) -> float:
+    """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
+    walls = _walls(setup.network)
+    ground_m = 0.0 if walls is None else float(walls.ground_m.min())
+    ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
+    return ceiling_m + ground_m - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+
+
+def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
+    """Return in words which missions and which own returns go higher over the ground than ``ceiling_m``."""
+    ceiling_m = setup.inspection.ceiling_m
+    return_ceiling_m = setup.inspection.return_ceiling_m or ceiling_m
+    found = []
+    heights = over_ground_m(setup, paths)
+    remedies = "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher"
+    if heights is not None and heights[1].height_m > ceiling_m:
+        high = heights[1]
+        found.append(
+            f"the mission of {high.vehicle} goes {high.height_m:.0f} m over the ground near {high.near}, above "
+            f"{ceiling_m:g}: {remedies} inspection.ceiling_m needs a permit"
+        )
+    own = return_over_ground_m(setup)
+    if own.height_m > return_ceiling_m:
+        where = f" near {own.near}" if own.near else ""
+        found.append(
+            f"the RTL of {own.vehicle} is level, {own.height_m:.0f} m over the ground{where}, above "
+            f"{return_ceiling_m:g}: {remedies} inspection.return_ceiling_m needs a permit"
+        )
+    return found
+
+
+def _walls(network: Network) -> _Walls | None:
+    """Return a network's lines; None where their heights are not known."""
+    if not network.has_heights:
+        return None
+    ground_m = np.array([pylon.elevation_m for pylon in network.pylons], dtype=np.float64) - network.frame.alt_m
+    tops_m = ground_m + np.array([pylon.height_m for pylon in network.pylons], dtype=np.float64)
+    ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
+    return _walls_of(network, ground_m[ends], tops_m[ends])
+
+
+def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> _Walls:
+    ends_m = network.ends_m
+    return _Walls(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
+
+
+def _legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
+    """Yield (2, 3) start and end of every leg, and what is done on it."""
+    if path.waypoints:
+        legs = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
+        yield from zip(legs, (point.phase for point in path.waypoints), strict=True)
+
+
+def _points(leg: FloatArray, step_m: float) -> FloatArray:
+    """Return (m, 3) places on a leg, ends included."""
+    steps = max(1, math.ceil(float(np.linalg.norm(leg[1] - leg[0])) / step_m))
+    return np.asarray(leg[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (leg[1] - leg[0]), dtype=np.float64)
+
+
+def _spread(legs: Sequence[FloatArray]) -> FloatArray:
+    """Return (m, 3) places on all legs, not many more than ``MAX_POINTS``."""
+    length_m = sum(float(np.linalg.norm(leg[1] - leg[0])) for leg in legs)
+    return np.concatenate([_points(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
+
+
+def _over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
+    """Yield for each segment (m, 3) places over and beside it, as low as a leg may be there."""
+    network, layers = setup.network, setup.layers
+    step_m = max(SURFACE_STEP_M, 3.0 * float(network.lengths_m.sum()) / MAX_POINTS)
+    for ends_m in network.ends_m:
+        line = np.column_stack((ends_m, np.zeros(2)))
+        places = _points(line, step_m)[:, :2]
+        along = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
+        aside = BESIDE_M * np.array([along[1], -along[0]])
+        places = np.concatenate((places, places + 0.99 * aside, places - 0.99 * aside))
+        yield np.column_stack((places, layers.surface.at_m(places) - layers.tolerance_m))
+
+
+def _between(ends_m: FloatArray, share: FloatArray) -> FloatArray:
+    """Return (m, n) heights at the shares of the way along (n, 2) ends."""
+    return np.asarray(ends_m[:, 0] + share * (ends_m[:, 1] - ends_m[:, 0]), dtype=np.float64)
+
+
+def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False) -> _Low | None:
+    """Return what is worst about (m, 3) places; None if nothing is.
+
+    Args:
+        walls: All lines.
+        setup: Which says how much is enough.
+        points: Places and heights over the depot's ground.
+        on_pad: Whether they lead up from the ground, or down to it.
+    """
+    close = walls.near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+    if not len(close.starts_m):
+        return None
+    kept_m = margin_m(setup)
+    away_m, share = close.nearest(points[:, :2])
+    over_tops_m = points[:, 2, np.newaxis] - _between(close.tops_m, share)
+    short_m = np.where(away_m < BESIDE_M, kept_m - over_tops_m, -math.inf)
+    worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
+    if short_m[worst] > ROUNDING_M:
+        over_m, name = float(over_tops_m[worst]), close.name(int(worst[1]))
+        where = f"within {over_m:.1f} m over the top of {name}"
+        if over_m < 0:
+            where = f"{-over_m:.1f} m below the top of {name}, {away_m[worst]:.0f} m beside it"
+        return _Low(float(short_m[worst]), f"{where}, {kept_m:.0f} m over it expected")
+    if on_pad:
+        return None
+    over_ground = points[:, 2, np.newaxis] - _between(close.ground_m, share)
+    short_m = np.where(away_m < NEAR_M, LOWEST_FLIGHT_M - over_ground, -math.inf)
+    worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
+    if short_m[worst] <= ROUNDING_M:
+        return None
+    over_m, name = float(over_ground[worst]), close.name(int(worst[1]))
+    where = f"within {over_m:.1f} m of the ground" if over_m >= 0 else f"{-over_m:.1f} m below the ground"
+    return _Low(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
+
+
+def _over_ground(
+    setup: FlightSetup, points: FloatArray
+) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.intp]]]:
+    """Return (m,) heights of (m, 3) places over the nearest known ground, and the nearest segments."""
+    walls = _walls(setup.network)
+    flat = walls is None
+    if walls is None:
+        level = np.zeros((len(setup.network.segments), 2))
+        walls = _walls_of(setup.network, level, level)
+    pads = np.array([(pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads])
+    rows = max(1, MATRIX_ENTRIES // len(walls.starts_m))
+    heights_m, near = [], []
+    for first in range(0, len(points), rows):
+        part = points[first : first + rows]
+        away_m, share = walls.nearest(part[:, :2])
+        index = away_m.argmin(axis=1)
+        every = np.arange(len(part))
+        ground_m = _between(walls.ground_m, share)[every, index]
+        to_pads_m = np.hypot(part[:, np.newaxis, 0] - pads[:, 0], part[:, np.newaxis, 1] - pads[:, 1])
+        if not flat:
+            on_pad = to_pads_m.min(axis=1) < away_m[every, index]
+            ground_m = np.where(on_pad, pads[to_pads_m.argmin(axis=1), 2], ground_m)
+        heights_m.append(part[:, 2] - ground_m)
+        near.append(index)
+    return np.concatenate(heights_m), np.concatenate(near)

@@ -1,0 +1,218 @@
+"""Which heights of a line are known, and whether a line can have them: what nobody knows is not flown over.
+
+Heights are known when every pylon has both ``elevation_m``, the ground at its foot above mean sea level, and
+``height_m``, the structure's own. Where none are, the ground must be claimed to be as high as the depot's everywhere,
+by the site or by the file's format; then flights are counted from there. Anything between is an error that names the
+pylons: one pylon without a height would put the others' flights 15 m over the depot's ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from statistics import median
+
+from missions.errors import NetworkError
+from missions.network import Network, Pylon
+
+FLAT_GROUND_M = 5.0
+"""Ground that is claimed to be flat is nowhere known to be farther than this from the depot's height."""
+TALLEST_M = 400.0
+"""No structure is taller: the towers of the crossing to Zhoushan have 380 m."""
+TALL_M = 60.0
+"""A line of which half of the pylons are taller than this is in feet, or above sea level, unless the site says so."""
+SHORTEST_M = 2.0
+"""A pylon that is lower than this is one whose height was not filled in."""
+STEEPEST = 1.0
+"""Ground does not rise by more than this many metres a metre from a pylon to the next, or from the depot to a pylon."""
+STEEP = 0.3
+"""A depot's height that differs by more than this many metres a metre from the nearest pylon's is worth a look."""
+PIT = 0.5
+"""No pylon stands so many metres a metre deeper than all of its neighbours: the line would span such a hole."""
+SLACK_M = 20.0
+"""Beside all slopes: rounded elevations, and a pylon on a bank."""
+DATUM_M = 110.0
+"""The ellipsoid is at most this far from mean sea level."""
+NAMED = 3
+"""How many pylons an error names."""
+
+CLAIM = '[inspection] heights = "flat"'
+
+
+def settled(network: Network, *, flat: bool) -> Network:
+    """Return the network with heights that can be flown by: known of all its pylons, or of none over flat ground.
+
+    Over ground that is claimed to be flat, by the caller or by the network's format, a pylon's elevation is the
+    depot's; structure heights are still of all pylons or of none. Doing it twice changes nothing.
+
+    Raises:
+        NetworkError: some heights are missing, or what is known contradicts the claim.
+    """
+    if flat or network.flat:
+        return _level(network)
+    lacking = [pylon for pylon in network.pylons if pylon.elevation_m is None or pylon.height_m is None]
+    if lacking:
+        keys = [key for key in ("elevation_m", "height_m") if any(getattr(pylon, key) is None for pylon in lacking)]
+        raise NetworkError(
+            f"{network.source}: heights: expected {' and '.join(keys)} of every pylon, {_lack(lacking, network)}"
+            f"{_third_coordinates(lacking)}; where the ground is level with the depot's, {CLAIM} claims so"
+        )
+    return network
+
+
+def implausible(network: Network, *, tallest_m: float | None = None) -> list[str]:
+    """Check that a line can have the heights that its file says, and return in words what is worth a look.
+
+    Args:
+        network: As ``settled`` returns it.
+        tallest_m: The tallest structure, where the site says that a line of giants is no mistake.
+
+    Raises:
+        NetworkError: feet, a zero for 'unknown', a height above sea level for one over ground: one line with the
+            pylon's name.
+    """
+    _check_structures(network, tallest_m)
+    found: list[str] = []
+    if not network.flat and network.has_heights:
+        _check_ground(network)
+        found += _depot_findings(network)
+    _check_third_coordinates(network)
+    if any(pylon.third_m for pylon in network.pylons):
+        found.append("the third coordinates of the network's positions are not used")
+    return found
+
+
+def _level(network: Network) -> Network:
+    ground_m = network.frame.alt_m
+    for pylon in network.pylons:
+        if pylon.elevation_m is not None and abs(pylon.elevation_m - ground_m) > FLAT_GROUND_M:
+            raise NetworkError(
+                f"{network.source}: pylon {pylon.id!r}: elevation_m: expected within {FLAT_GROUND_M:g} m of the "
+                f"depot's {ground_m:g} m where the ground is claimed to be flat ({CLAIM}), got {pylon.elevation_m:g}"
+            )
+    lacking = [pylon for pylon in network.pylons if pylon.height_m is None]
+    if len(lacking) == len(network.pylons):
+        return replace(network, flat=True)
+    if lacking:
+        raise NetworkError(
+            f"{network.source}: heights: expected height_m of every pylon or of none, {_lack(lacking, network)}"
+        )
+    pylons = tuple(
+        pylon if pylon.elevation_m is not None else replace(pylon, elevation_m=ground_m) for pylon in network.pylons
+    )
+    return replace(network, pylons=pylons, flat=True)
+
+
+def _lack(pylons: Sequence[Pylon], network: Network) -> str:
+    """Return how many pylons lack something, and the first few."""
+    count, total = len(pylons), len(network.pylons)
+    names = ", ".join(repr(pylon.id) for pylon in pylons[:NAMED]) + (", ..." if count > NAMED else "")
+    return f"which {count} of {total} {'lacks' if count == 1 else 'lack'}: {names}"
+
+
+def _third_coordinates(pylons: Sequence[Pylon]) -> str:
+    known = next((pylon for pylon in pylons if pylon.third_m), None)
+    if known is None:
+        return ""
+    return (
+        f" (the third coordinate of {known.id!r}, {known.third_m:g}, is not taken for one: whether it is ground, wire "
+        "or top, and above what, is not said)"
+    )
+
+
+def _check_structures(network: Network, tallest_m: float | None) -> None:
+    limit_m = TALLEST_M if tallest_m is None else tallest_m
+    heights_m = []
+    for pylon in network.pylons:
+        if pylon.height_m is None:
+            continue
+        heights_m.append(pylon.height_m)
+        place = f"{network.source}: pylon {pylon.id!r}: height_m: expected the structure's own height"
+        if pylon.height_m > limit_m:
+            raise NetworkError(
+                f"{place} over its ground, at most {limit_m:g} m, got {pylon.height_m:g}; "
+                "is it above sea level, or are elevation_m and height_m swapped?"
+            )
+        if pylon.height_m < SHORTEST_M:
+            raise NetworkError(f"{place}, at least {SHORTEST_M:g} m, got {pylon.height_m:g}; is it not known?")
+    if heights_m and tallest_m is None and median(heights_m) > TALL_M:
+        raise NetworkError(
+            f"{network.source}: height_m: expected metres over ground, but half of the pylons are taller than "
+            f"{median(heights_m):g}; are they feet, or above sea level? [network] tallest_m = {max(heights_m):g} says "
+            "that they are not"
+        )
+
+
+def _check_ground(network: Network) -> None:
+    # With known heights there is no elevation that is None; the zero is for the type.
+    elevations_m = [pylon.elevation_m or 0.0 for pylon in network.pylons]
+    if not any(elevations_m):
+        raise NetworkError(
+            f"{network.source}: elevation_m: expected the ground above sea level, but it is 0 for all pylons; where "
+            f"the ground is level with the depot's, leave it out and claim so with {CLAIM}"
+        )
+    for index, rises in _rises(network, elevations_m):
+        worst_m, other = max(((abs(rise_m) - STEEPEST * away_m, other) for rise_m, away_m, other in rises))
+        deepest = all(rise_m < -SLACK_M - PIT * away_m for rise_m, away_m, _ in rises) and len(rises) > 1
+        # A zero is what many programs write for 'not known'.
+        zero = elevations_m[index] == 0.0 and all(abs(rise_m) > SLACK_M for rise_m, _, _ in rises)
+        if worst_m > SLACK_M or deepest or zero:
+            raise _outlier(network, elevations_m, index, other)
+
+
+def _rises(network: Network, elevations_m: Sequence[float]) -> Iterator[tuple[int, list[tuple[float, float, int]]]]:
+    """Yield each pylon with its neighbours on the line: by how much it lies over each, how far away, and who."""
+    beside: dict[int, list[tuple[float, float, int]]] = {}
+    for segment, length_m in zip(network.segments, network.lengths_m.tolist(), strict=True):
+        for one, other in ((segment.a, segment.b), (segment.b, segment.a)):
+            beside.setdefault(one, []).append((elevations_m[one] - elevations_m[other], length_m, other))
+    # Zeros first: of a zero and its neighbours it is the zero that is wrong.
+    yield from sorted(beside.items(), key=lambda item: (elevations_m[item[0]] != 0.0, item[0]))
+
+
+def _outlier(network: Network, elevations_m: Sequence[float], index: int, other: int) -> NetworkError:
+    # Of two neighbours that do not go together the one that is farther from all others' is the one to look at.
+    middle_m = median(elevations_m)
+    named, beside = sorted((index, other), key=lambda pylon: -abs(elevations_m[pylon] - middle_m))
+    return NetworkError(
+        f"{network.source}: pylon {network.pylons[named].id!r}: elevation_m: expected the ground above sea level in "
+        f"metres, got {elevations_m[named]:g} beside pylon {network.pylons[beside].id!r} at {elevations_m[beside]:g}"
+    )
+
+
+def _depot_findings(network: Network) -> Iterator[str]:
+    distances_m = [math.hypot(*place_m) for place_m in network.positions_m.tolist()]
+    nearest = min(range(len(distances_m)), key=distances_m.__getitem__)
+    pylon, away_m = network.pylons[nearest], distances_m[nearest]
+    off_m = abs((pylon.elevation_m or 0.0) - network.frame.alt_m)
+    words = (
+        f"the depot is at {network.frame.alt_m:g} m, the ground of pylon {pylon.id!r}, {away_m:.0f} m away, at "
+        f"{pylon.elevation_m:g} m"
+    )
+    if off_m > SLACK_M + STEEPEST * away_m:
+        raise NetworkError(
+            f"{network.source}: depot: alt_m: expected metres above sea level as elevation_m of the pylons, but {words}"
+        )
+    if off_m > SLACK_M + STEEP * away_m:
+        yield f"{words}: are both in metres above sea level?"
+
+
+def _check_third_coordinates(network: Network) -> None:
+    known = [(pylon, pylon.third_m) for pylon in network.pylons if pylon.third_m]
+    for pylon, third_m in known:
+        if network.flat or pylon.elevation_m is None or pylon.height_m is None:
+            continue
+        if not -DATUM_M <= third_m - pylon.elevation_m <= pylon.height_m + DATUM_M:
+            raise NetworkError(
+                f"{network.source}: pylon {pylon.id!r}: elevation_m: expected the ground above sea level in metres, "
+                f"got {pylon.elevation_m:g}, but the third coordinate of its position is {third_m:g}"
+            )
+    if network.flat and known:
+        (low, low_m), (high, high_m) = min(known, key=lambda pair: pair[1]), max(known, key=lambda pair: pair[1])
+        # Wires and tops differ by a structure; more than that is ground that rises.
+        if high_m - low_m > TALL_M:
+            raise NetworkError(
+                f"{network.source}: third coordinates: expected none that contradict {CLAIM}, got {low_m:g} at pylon "
+                f"{low.id!r} and {high_m:g} at pylon {high.id!r}"
+            )

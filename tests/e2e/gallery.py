@@ -1,0 +1,425 @@
+"""Moments of a flight as the page shows them, made up so that each can be looked at: no vehicle flies.
+
+`python -m tests.e2e.gallery DIR` writes a picture of each at the widths of a desk and of a phone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from pathlib import Path
+from shutil import which
+from typing import Self
+
+from playwright.async_api import Page, async_playwright
+
+from executor import build
+from executor.adapters.web import WebServer, WebSettings
+from executor.core.changed import changed
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.messages import Gps, Wind
+from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
+from executor.core.vehicle import OnBoard, Stage, VehicleState, aboard
+from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
+from missions import Network, Segment, flight_path
+from planner import Plan, Route
+from tests.executor.builders import ground_for, site_of
+from tests.fakes.flight import Story
+from tests.missions.builders import network_of
+
+CHROMIUM = which("chromium") or which("chromium-browser") or which("google-chrome")
+QUIET = (
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+PLACES_M = [(90.0, -20.0), (190.0, 10.0), (290.0, 70.0), (395.0, 90.0), (500.0, 85.0), (600.0, 120.0), (300.0, 175.0)]
+PAIRS = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 6)]
+ROUTES: Mapping[str, tuple[int, ...]] = {"uav1": (0, 2), "uav2": (4, 6), "uav3": (8, 10)}
+LAYOUTS = {"desk": (1440, 900), "phone": (390, 844)}
+SECOND = "uav2 is with its pilot, who would lose it to a landing where it is. Land it all the same?"
+
+CHECKS = (
+    CheckLine("ok", "heights", "over the ground of the network file"),
+    CheckLine("ok", "disk", "41.2 GB free, the record of a flight like this takes about 6 MB"),
+    CheckLine("ok", "separation", "any two vehicles stay at least 5 m apart"),
+    CheckLine("ok", "uav1", "quadrotor, ArduPilot 4.6.1"),
+    CheckLine("ok", "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %"),
+    CheckLine(
+        "warning", "uav2", "no battery failsafe (BATT_FS_LOW_ACT 0): on an empty battery it flies on until it falls"
+    ),
+    CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %"),
+    CheckLine("ok", "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %"),
+)
+STOPPED = CheckLine("stop", "uav3", "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high")
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """A fleet over a line whose spans have names."""
+
+    context: Context
+    boards: dict[str, OnBoard | None]
+
+
+def fleet() -> Fleet:
+    """Return three vehicles over six spans, P41-P42 and so on."""
+    plain = network_of(PLACES_M, PAIRS)
+    segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
+    ground = ground_for(site_of(tuple(ROUTES)), Network(plain.pylons, segments, plain.frame, "gallery"))
+    setup, task = build.setup_of(ground), build.task_of(ground)
+    plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(ROUTES.values())), ())
+    context = build.context_of(ground, setup, task, plan)
+    boards: dict[str, OnBoard | None] = {
+        name: aboard(context, name, 0, flight_path(setup, name, visits), visits) for name, visits in ROUTES.items()
+    }
+    return Fleet(context, boards)
+
+
+Touch = Callable[[VehicleView], VehicleView]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One moment, and the words that must be read in it."""
+
+    context: Context
+    state: FleetState
+    now_s: float
+    words: Mapping[str, str]
+    """What a place of the page, by its selector, must say."""
+    touch: Mapping[str, Touch] = field(default_factory=dict)
+    offer: OfferView | None = None
+
+    def view(self, state: FleetState, now_s: float) -> FleetView:
+        """Describe it: all but the clock stands still."""
+        still = fleet_view(self.context, state, self.now_s)
+        flight_s = None if still.flight_s is None else round(still.flight_s + now_s - self.now_s, 2)
+        vehicles = tuple(self.touch.get(one.name, _same)(one) for one in still.vehicles)
+        return replace(still, now_s=round(now_s, 2), flight_s=flight_s, vehicles=vehicles, offer=self.offer)
+
+
+def _same(vehicle: VehicleView) -> VehicleView:
+    return vehicle
+
+
+def _fitted(state: FleetState) -> FleetState:
+    """Return the state with what vehicles say of their GPS, their voltage and the wind."""
+    for number, vehicle in enumerate(state.vehicles.values()):
+        volts = replace(vehicle.volts, voltage_v=16.2 - 0.2 * number)
+        said: dict[str, object] = {"gps": Gps(3, 14 + number), "wind": Wind(4.2 + number, 240.0), "volts": volts}
+        state = state.put(changed(vehicle, **said))
+    return state
+
+
+def _eta(seconds: float) -> Touch:
+    return lambda vehicle: replace(vehicle, lands_in_s=seconds, loss=LossView(True, (), 4.0))
+
+
+def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scene:
+    """Before the take-off: the checklist and a question, or what stops the flight."""
+    story = Story(ready.context, dict(ready.boards))
+    for name in story.crafts:
+        story.crafts[name].battery_pct = {"uav1": 98.0, "uav2": 97.0, "uav3": 95.0}[name]
+    story.pass_s(1.2)
+    questions = {
+        "prepare": Question(
+            "prepare", "Change 3 parameters and put 3 missions on board?",
+            ("uav1: RTL_ALT 15 m to 45 m: its own return keeps clear of the others",
+             "uav2: RTL_ALT 15 m to 50 m, the same", "uav3: RTL_ALT 82 m to 55 m, the same"),
+        ),
+        "take-off": Question(
+            "take-off", "All missions are on board and read back. Take off?",
+            ("uav1, uav2 and uav3 take off from their pads", "back in 5.9 min, 66 % left at the least"),
+        ),
+    }  # fmt: skip
+    checks = (*CHECKS, STOPPED) if stop else CHECKS
+    briefing = Briefing(checks, None if stop else questions[asked])
+    lines = (
+        SaidLine(1.0, Level.INFO, "waiting for 3 vehicles"),
+        SaidLine(6.0, Level.INFO, "uav1: ready, quadrotor, ArduPilot 4.6.1, battery 98 %"),
+        SaidLine(8.0, Level.WARNING, "uav2: no battery failsafe"),
+    )
+    state = changed(_fitted(story.state), briefing=briefing, said=lines)
+    words = {
+        "#clock": "before take-off",
+        "#asked": "Nothing is asked: a check says stop" if stop else questions[asked].text,
+        "#checks": "1 check stops the flight" if stop else "1 warning",
+        ".strip:nth-child(1) .figures": "98 %",
+        ".strip:nth-child(1) .gps": "GPS 3D, 14 sat",
+    }
+    return Scene(ready.context, state, story.now_s, words)
+
+
+def flown(ready: Fleet) -> Story:
+    """Return a flight under way."""
+    story = Story(ready.context, dict(ready.boards))
+    story.launch()
+    story.run(lambda: story.inspecting("uav2", 2))
+    return story
+
+
+ETAS: Mapping[str, Touch] = {"uav1": _eta(96.0), "uav2": _eta(187.0), "uav3": _eta(252.0)}
+
+
+def flying(ready: Fleet) -> Scene:
+    """Everybody flies."""
+    story = flown(ready)
+    words = {
+        "#clock": "T+",
+        ".strip:nth-child(2) .eta": "lands in 3:07",
+        ".strip:nth-child(2) .route": "inspects P43-P44",
+        ".strip:nth-child(2) .wind": "5.2 m/s from WSW",
+        ".strip:nth-child(2) .volts": "16.0 V",
+        ".strip:nth-child(3) .place": "49.60",
+        "#lines": "T+0:",
+    }
+    return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
+
+
+def taken(ready: Fleet, *, returned: bool = False) -> Scene:
+    """A pilot has taken one, and has maybe put it back on its mission."""
+    story = flown(ready)
+    since_s = story.now_s - 6.0
+    hands = TakenView(since_s, 0.0 if returned else 24.0, returned)
+
+    def touch(vehicle: VehicleView) -> VehicleView:
+        mode = "AUTO" if returned else "LOITER"
+        return replace(vehicle, state="pilot", mode=mode, taken=hands, loss=None, lands_in_s=None)
+
+    line = SaidLine(
+        since_s, Level.WARNING, "uav2: its pilot took it (LOITER); nothing is commanded; its segments are kept for 30 s"
+    )
+    state = changed(_fitted(story.state), said=(*story.state.said, line))
+    words = {
+        ".strip:nth-child(2) .state": "with its pilot",
+        ".strip:nth-child(2) .hands": "include it to go on" if returned else "Its segments are kept for it for 0:24",
+        ".strip:nth-child(2) .place": "49.60",
+        "#lines": "its pilot took it",
+    }
+    return Scene(ready.context, state, story.now_s, words, {**ETAS, "uav2": touch})
+
+
+def offered(ready: Fleet) -> Scene:
+    """One is lost, and one that has landed could take over."""
+    story = flown(ready)
+    story.crafts["uav3"].mute = True
+    story.run(lambda: story.vehicle("uav3").fault is not None)
+    story.pass_s(4.0)
+
+    def landed(vehicle: VehicleView) -> VehicleView:
+        return replace(vehicle, offered=True, progress=replace(vehicle.progress, done=3, total=3))
+
+    offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47): is its pad clear?")
+    line = SaidLine(story.now_s, Level.WARNING, offer.text)
+    home = story.vehicle("uav1")
+    assert home.fix is not None
+    assert home.heartbeat is not None
+    fix = replace(home.fix, place_m=ready.context.vehicles["uav1"].pad_m, alt_rel_m=0.0, velocity_m_s=(0.0, 0.0, 0.0))
+    home = changed(home, fix=fix, stage=Stage.LANDED, heartbeat=replace(home.heartbeat, armed=False))
+    state = changed(_fitted(story.state.put(home)), said=(*story.state.said, line))
+    words = {
+        "#offered": "uav1 can take over 2 spans",
+        "#takers": "uav1: pad is clear",
+        ".strip:nth-child(1) .offered": "can take over",
+        ".strip:nth-child(3) .state": "lost",
+        ".strip:nth-child(3) .place": "49.60",
+    }
+    return Scene(ready.context, state, story.now_s, words, {**ETAS, "uav1": landed, "uav3": _eta_none}, offer)
+
+
+def _eta_none(vehicle: VehicleView) -> VehicleView:
+    return replace(vehicle, lands_in_s=None)
+
+
+def down(ready: Fleet) -> Scene:
+    """One lies on the ground, armed, off its pad."""
+    story = flown(ready)
+    state = _fitted(story.state)
+    vehicle: VehicleState = state.vehicles["uav2"]
+    assert vehicle.fix is not None
+    place = replace(vehicle.fix, alt_rel_m=0.4, velocity_m_s=(0.0, 0.0, 0.0))
+    lat_deg, lon_deg = ready.context.frame.to_wgs84_deg(*place.place_m)
+    reason = f"down at {lat_deg:.6f}, {lon_deg:.6f}, armed: keep away"
+    line = SaidLine(story.now_s, Level.FAULT, f"uav2: {reason}")
+    state = changed(state.put(changed(vehicle, fix=place)), said=(*state.said, line))
+
+    def fell(vehicle: VehicleView) -> VehicleView:
+        progress = replace(vehicle.progress, phase=None, segment=None, segment_name=None, segment_share=None)
+        battery = replace(vehicle.battery, landing_pct=None, landing_band_pct=None)
+        return replace(
+            vehicle, state="down", fault=reason, fault_kind="down", loss=None, progress=progress, battery=battery
+        )
+
+    words = {
+        ".strip:nth-child(2) .state": "down: keep away",
+        ".strip:nth-child(2) .where": "ARMED",
+        ".strip:nth-child(2) .place": f"{lat_deg:.6f}, {lon_deg:.6f}",
+        ".strip:nth-child(2) .actions": "Disarm",
+    }
+    return Scene(ready.context, state, story.now_s, words, {**ETAS, "uav2": fell})
+
+
+SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
+    "before-prepare": partial(before, asked="prepare"),
+    "before-take-off": before,
+    "before-stop": partial(before, stop=True),
+    "flying": flying,
+    "takeover": taken,
+    "takeover-returned": partial(taken, returned=True),
+    "offer": offered,
+    "down": down,
+}
+
+
+@cache
+def scene_of(name: str) -> Scene:
+    """Return one moment."""
+    return SCENES[name](fleet())
+
+
+class Shown:
+    """A server that shows one scene, on a clock that runs, and keeps what it was asked."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.asked: list[Intent] = []
+        self.began_s = time.monotonic()
+
+    def now(self) -> tuple[FleetState, float]:
+        now_s = self.scene.now_s + time.monotonic() - self.began_s
+        return changed(self.scene.state, tick_s=now_s), now_s
+
+    def submit(self, intent: Intent) -> Future[IntentRecord]:
+        """Take every intent; a landing asks a second time."""
+        self.asked.append(intent)
+        answer: Future[IntentRecord] = Future()
+        twice = intent.action in {Action.LAND, Action.DISARM} and not intent.confirmed
+        outcome = Outcome.REFUSED if twice else Outcome.ACCEPTED
+        question = SECOND if twice else ""
+        answer.set_result(IntentRecord(intent, outcome, question or "asked for", self.now()[1], question=question))
+        return answer
+
+    def describe(self, context: Context, state: FleetState, now_s: float) -> FleetView:
+        assert context is self.scene.context
+        return self.scene.view(state, now_s)
+
+    @contextmanager
+    def serving(self) -> Iterator[str]:
+        """Serve it; yields the address."""
+        server = WebServer(
+            WebSettings("127.0.0.1", 0, None), self.scene.context, self.now, self.submit, self.describe
+        )  # fmt: skip
+        with server:
+            yield server.address
+
+
+class Line:
+    """A connection between a browser and the server that can be held up, as far as states go, or cut."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._ends: list[asyncio.StreamWriter] = []
+        self.address = ""
+        self.free = asyncio.Event()
+        """Cleared while no state comes through; everything else does."""
+        self.free.set()
+        self._cut = False
+
+    @classmethod
+    @asynccontextmanager
+    async def to(cls, address: str) -> AsyncIterator[Self]:
+        """Pass on whatever comes for a server."""
+        line = cls(int(address.rstrip("/").rpartition(":")[2]))
+        server = await asyncio.start_server(line._pass, "127.0.0.1", 0)
+        line.address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/"
+        try:
+            yield line
+        finally:
+            line.cut()
+            server.close()
+
+    def cut(self) -> None:
+        """Let nothing through any more."""
+        self._cut = True
+        self.free.set()
+        for end in self._ends:
+            end.close()
+
+    async def _pass(self, browser: asyncio.StreamReader, to_browser: asyncio.StreamWriter) -> None:
+        if self._cut:
+            to_browser.close()
+            return
+        server, to_server = await asyncio.open_connection("127.0.0.1", self._port)
+        self._ends += [to_browser, to_server]
+        asked = bytearray()
+
+        async def there() -> None:
+            while block := await browser.read(65536):
+                asked.extend(block)
+                to_server.write(block)
+            to_server.close()
+
+        async def back() -> None:
+            while block := await server.read(65536):
+                if b"GET /events" in asked:
+                    await self.free.wait()
+                to_browser.write(block)
+            to_browser.close()
+
+        await asyncio.gather(there(), back(), return_exceptions=True)
+
+
+@asynccontextmanager
+async def browsing(
+    address: str, size: tuple[int, int] = LAYOUTS["desk"], *, patience_ms: float = 20_000.0
+) -> AsyncIterator[Page]:
+    """Open the page in a browser; whatever it complains of fails the test."""
+    complaints = list[str]()
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
+        page = await browser.new_page(viewport={"width": size[0], "height": size[1]})
+        page.set_default_timeout(patience_ms)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda line: complaints.append(line.text) if "Content Security" in line.text else None)
+        await page.goto(address)
+        yield page
+        await browser.close()
+    assert complaints == []
+
+
+async def _draw(folder: Path) -> None:
+    for name in SCENES:
+        with Shown(scene_of(name)).serving() as address:
+            for layout, size in LAYOUTS.items():
+                async with browsing(address, size) as page:
+                    await page.locator(".strip").nth(2).wait_for()
+                    await page.wait_for_timeout(700.0)
+                    await page.screenshot(path=str(folder / f"{name}-{layout}.png"), full_page=layout == "phone")
+    for name, held in (("behind", True), ("dead", False)):
+        await _draw_stale(folder, name, held=held)
+
+
+async def _draw_stale(folder: Path, name: str, *, held: bool) -> None:
+    for layout, size in LAYOUTS.items():
+        with Shown(scene_of("flying")).serving() as address:
+            async with Line.to(address) as line, browsing(line.address, size) as page:
+                await page.locator(".strip").nth(2).wait_for()
+                await page.wait_for_timeout(2500.0)
+                if held:
+                    line.free.clear()
+                else:
+                    line.cut()
+                await page.wait_for_timeout(9000.0)
+                await page.screenshot(path=str(folder / f"{name}-{layout}.png"))
+
+
+if __name__ == "__main__":
+    asyncio.run(_draw(Path(sys.argv[1])))

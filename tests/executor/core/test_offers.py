@@ -1,0 +1,99 @@
+"""Who has landed takes off again by the crew's word, and never by silence."""
+
+from __future__ import annotations
+
+from executor.core.commands import Level, Start
+from executor.core.events import Heard
+from executor.core.intents import Action, Outcome
+from executor.core.messages import StatusText
+from executor.core.vehicle import Stage
+from tests.executor.builders import fleet_of
+from tests.executor.core.stories import EVERYTHING, story
+from tests.fakes.flight import Story
+
+UNEQUAL = {"uav1": (0,), "uav2": (4, 6, 8, 10), "uav3": (2,)}
+ASK: dict[str, object] = {"fly_again": "ask"}
+
+
+def one_left(**flight: object) -> Story:
+    """Return a flight in which uav1 and uav3 have landed and uav2 is lost with work left."""
+    told = story(fleet_of(UNEQUAL, flight={**ASK, **flight}))
+    told.run(lambda: told.stage("uav1") is Stage.LANDED and told.stage("uav3") is Stage.LANDED)
+    told.crafts["uav2"].mute = True
+    told.run(lambda: told.stage("uav2") is Stage.LOST)
+    return told
+
+
+def starts(flight: Story, name: str) -> int:
+    return flight.given(Start).count(Start(name))
+
+
+def test_nobody_takes_off_again_by_silence() -> None:
+    flight = one_left(offer_s=120)
+    lost_s = flight.now_s
+    flight.finish()
+    assert (starts(flight, "uav1"), starts(flight, "uav3")) == (1, 1)
+    assert 115.0 < flight.now_s - lost_s < 130.0
+    assert flight.said(Level.WARNING)[-1].startswith("nobody was cleared to take off again within 120 s")
+    assert len(flight.state.inspected) < 6
+
+
+def test_the_offer_names_who_and_which_pads() -> None:
+    flight = one_left()
+    flight.run(lambda: flight.state.offer is not None)
+    line = flight.said(Level.FAULT)[-1]
+    assert line.startswith("uav1 and uav3 can take over ")
+    assert "is the pads of uav1 and uav3 clear" not in line
+    assert "are the pads of uav1 and uav3 clear of people?" in line
+
+
+def test_who_is_included_takes_off_and_finishes() -> None:
+    flight = one_left()
+    flight.run(lambda: flight.state.offer is not None)
+    asked = flight.ask(Action.INCLUDE, "uav3")
+    assert asked.question == "uav3 may take off as soon as its mission is on board: is its pad clear of people?"
+    assert starts(flight, "uav3") == 1
+    assert flight.ask(Action.INCLUDE, "uav3", confirmed=True).outcome is Outcome.DONE
+    flight.finish()
+    assert (starts(flight, "uav1"), starts(flight, "uav3")) == (1, 2)
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_the_work_is_shared_by_those_who_are_cleared_within_a_moment() -> None:
+    flight = one_left()
+    flight.run(lambda: flight.state.offer is not None)
+    flight.ask(Action.INCLUDE, "uav1", confirmed=True)
+    flight.pass_s(5.0)
+    flight.ask(Action.INCLUDE, "uav3", confirmed=True)
+    flight.finish()
+    assert (starts(flight, "uav1"), starts(flight, "uav3")) == (2, 2)
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_vehicles_that_came_home_by_their_own_failsafe_do_not_take_off_again() -> None:
+    flight = story(fleet_of(flight=ASK))
+    flight.run(lambda: flight.inspecting("uav2", 2))
+    for name in flight.crafts:
+        flight.happen(Heard(name, StatusText(4, "GCS Failsafe")))
+        flight.crafts[name].go_home()
+    flight.finish()
+    assert [starts(flight, name) for name in flight.crafts] == [1, 1, 1]
+
+
+def test_an_abort_ends_an_offer() -> None:
+    flight = one_left()
+    flight.run(lambda: flight.state.offer is not None)
+    assert flight.ask(Action.ABORT).outcome is Outcome.DONE
+    flight.pass_s(1.0)
+    assert flight.over
+
+
+def test_a_spare_is_offered_too() -> None:
+    flight = story(fleet_of({"uav1": (), "uav2": (2, 4, 6, 8, 10, 0)}, flight=ASK))
+    flight.run(lambda: flight.inspecting("uav2", 2))
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: flight.state.offer is not None)
+    assert starts(flight, "uav1") == 0
+    flight.ask(Action.INCLUDE, "uav1", confirmed=True)
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING

@@ -1,0 +1,197 @@
+"""A person takes a vehicle: nothing is commanded, its work is kept, then given away; it comes back by consent."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
+from executor.core.events import Heard, ReturnAllOrdered
+from executor.core.intents import Action, Outcome
+from executor.core.messages import StatusText
+from executor.core.vehicle import Stage
+from tests.executor.builders import fleet_of
+from tests.executor.core.stories import EVERYTHING, under_way
+from tests.fakes.flight import Story
+
+LOITER = {"ardupilot": 5, "px4": 3 << 16}
+GRACE_S = 30.0
+
+
+def mission(flight: Story) -> int:
+    return flight.context.vehicles["uav2"].dialect.modes.mission.custom_mode
+
+
+def told(flight: Story, name: str, after_s: float) -> list[Command]:
+    """Everything that a vehicle was told since."""
+    kinds = (SendHome, Start, Hold, Resume, LandNow, Upload)
+    return [
+        command
+        for at_s, command in flight.commands
+        if at_s >= after_s and isinstance(command, kinds) and command.vehicle == name
+    ]
+
+
+def taken(autopilot: str = "ardupilot", mode: int | None = None) -> tuple[Story, float]:
+    """Return a flight in which uav2's pilot has switched its mode, and when."""
+    flight = under_way(fleet_of(autopilot=autopilot))
+    flight.crafts["uav2"].mode = LOITER[autopilot] if mode is None else mode
+    at_s = flight.now_s
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    return flight, at_s
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_vehicle_that_its_pilot_has_is_never_commanded(autopilot: str) -> None:
+    flight, at_s = taken(autopilot)
+    assert flight.said(Level.FAULT)[0].startswith("uav2: with its pilot, mode ")
+    flight.pass_s(300.0)
+    assert told(flight, "uav2", at_s) == []
+    assert flight.stage("uav2") is Stage.PILOT
+    assert flight.vehicle("uav2").fault is None
+    assert set(flight.state.inspected) == EVERYTHING, "the others have its segments"
+
+
+def test_its_segments_are_kept_for_a_while() -> None:
+    flight, at_s = taken()
+    flight.run(lambda: bool(flight.solves()))
+    assert GRACE_S - 1.0 <= flight.now_s - at_s <= GRACE_S + 3.0
+    assert "uav2: with its pilot for 30 s" in flight.solves()[0].trigger
+
+
+def test_switching_back_and_forth_is_answered_by_nothing() -> None:
+    flight, at_s = taken()
+    for _ in range(4):
+        flight.crafts["uav2"].mode = mission(flight)
+        flight.pass_s(5.0)
+        flight.crafts["uav2"].mode = LOITER["ardupilot"]
+        flight.pass_s(5.0)
+    assert told(flight, "uav2", at_s) == []
+
+
+def test_who_is_put_back_on_its_mission_and_included_finishes_it() -> None:
+    flight, at_s = taken()
+    assert flight.ask(Action.INCLUDE, "uav2").text == "its pilot has it, and must put it back on its mission first"
+    flight.crafts["uav2"].mode = mission(flight)
+    flight.run(lambda: "include it to have it in the plan again" in flight.said(Level.FAULT)[-1])
+    assert told(flight, "uav2", at_s) == []
+    flight.pass_s(GRACE_S)
+    assert not any("pilot" in solve.trigger for solve in flight.solves()), "it flies its segments"
+    assert flight.ask(Action.INCLUDE, "uav2").outcome is Outcome.DONE
+    assert flight.stage("uav2") is Stage.FLYING
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_a_site_may_take_it_back_without_asking() -> None:
+    flight = under_way(fleet_of(flight={"pilot_return": "auto"}))
+    flight.crafts["uav2"].mode = LOITER["ardupilot"]
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    flight.crafts["uav2"].mode = mission(flight)
+    flight.run(lambda: flight.stage("uav2") is Stage.FLYING)
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+@pytest.mark.parametrize("action", [Action.RETURN, Action.HOLD])
+def test_whoever_wants_something_of_it_is_asked_twice(action: Action) -> None:
+    flight, at_s = taken()
+    first = flight.ask(action, "uav2")
+    assert first.outcome is Outcome.REFUSED
+    assert first.question == "uav2 is with its pilot: take it out of the pilot's hands? Speak to the pilot first"
+    assert told(flight, "uav2", at_s) == []
+    second = flight.ask(action, "uav2", confirmed=True)
+    assert second.outcome is Outcome.ACCEPTED
+    assert [type(command) for command in told(flight, "uav2", at_s)] == [SendHome if action is Action.RETURN else Hold]
+
+
+def test_the_pilots_own_return_is_his() -> None:
+    flight, at_s = taken(mode=6)
+    assert "mode RTL; not commanded from here" in flight.said(Level.FAULT)[0]
+    flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
+    assert told(flight, "uav2", at_s) == []
+    assert flight.vehicle("uav2").excluded
+    flight.finish()
+    assert flight.given(Start).count(Start("uav2")) == 1
+
+
+def test_a_failsafe_is_no_pilot() -> None:
+    flight = under_way()
+    flight.happen(Heard("uav2", StatusText(2, "EKF Failsafe: position variance")))
+    flight.crafts["uav2"].mode = 9
+    flight.run(lambda: flight.vehicle("uav2").fault is not None)
+    assert flight.stage("uav2") is Stage.RETURNING
+    assert flight.sent_home() == []
+
+
+def test_a_fence_breach_that_is_only_a_notice_explains_a_return() -> None:
+    flight = under_way()
+    flight.happen(Heard("uav2", StatusText(5, "Circle fence breached")))
+    flight.crafts["uav2"].mode = 6
+    flight.run(lambda: flight.vehicle("uav2").fault is not None)
+    assert "RTL by its own failsafe; it says: Circle fence breached" in flight.said(Level.FAULT)[0]
+    assert "uav2 says: Circle fence breached" in flight.said(Level.WARNING)
+
+
+def test_a_text_that_comes_after_the_mode_explains_it_too() -> None:
+    flight = under_way()
+    flight.crafts["uav2"].mode = 6
+    flight.pass_s(0.8)
+    flight.happen(Heard("uav2", StatusText(4, "Radio Failsafe")))
+    flight.run(lambda: flight.stage("uav2") is not Stage.FLYING)
+    assert flight.stage("uav2") is Stage.RETURNING
+
+
+def test_a_return_home_that_its_pilot_takes_over_is_not_repeated() -> None:
+    flight = under_way()
+    flight.crafts["uav2"].battery_pct -= 30.0
+    flight.run(lambda: flight.sent_home() == ["uav2"])
+    flight.pass_s(5.0)
+    flight.crafts["uav2"].mode = LOITER["ardupilot"]
+    at_s = flight.now_s
+    flight.pass_s(120.0)
+    assert flight.stage("uav2") is Stage.PILOT
+    assert told(flight, "uav2", at_s) == []
+
+
+def test_everybody_home_leaves_the_pilots_vehicle_to_him() -> None:
+    flight, at_s = taken()
+    flight.happen(ReturnAllOrdered())
+    assert told(flight, "uav2", at_s) == []
+    assert "uav2: is with its pilot and is not told to return" in flight.said(Level.WARNING)
+    assert sorted(flight.sent_home()) == ["uav1", "uav3"]
+
+
+def test_who_is_taken_and_then_lost_and_heard_again_is_still_his() -> None:
+    flight, at_s = taken()
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: flight.stage("uav2") is Stage.LOST)
+    flight.crafts["uav2"].mute = False
+    flight.pass_s(30.0)
+    assert flight.stage("uav2") is Stage.PILOT
+    assert told(flight, "uav2", at_s) == []
+
+
+def test_a_vehicle_that_somebody_arms_after_its_landing_is_announced() -> None:
+    flight = under_way(fleet_of({"uav1": (0,), "uav2": (2, 4, 6, 8, 10)}, flight={"fly_again": "never"}))
+    flight.run(lambda: flight.stage("uav1") is Stage.LANDED)
+    flight.crafts["uav1"].armed, flight.crafts["uav1"].mode = True, 0
+    at_s = flight.now_s
+    flight.run(lambda: flight.stage("uav1") is Stage.PILOT)
+    assert flight.said(Level.FAULT)[-1] == (
+        "uav1: was armed on the ground, not from here, mode STABILIZE: keep clear of it"
+    )
+    flight.pass_s(10.0)
+    assert told(flight, "uav1", at_s) == []
+
+
+def test_a_pilot_who_takes_it_in_the_take_off_stops_the_start() -> None:
+    flight = Story(fleet_of().context, dict(fleet_of().boards))
+    flight.start_s["uav2"] = 30.0
+    flight.launch()
+    flight.crafts["uav2"].armed, flight.crafts["uav2"].mode = True, 4
+    flight.pass_s(3.0)
+    flight.crafts["uav2"].mode = 0
+    at_s = flight.now_s
+    flight.pass_s(60.0)
+    assert flight.stage("uav2") is Stage.PILOT
+    assert told(flight, "uav2", at_s) == []

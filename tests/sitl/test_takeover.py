@@ -1,0 +1,183 @@
+"""A pilot, or another ground station, takes a real vehicle: from its own log nothing is commanded while that lasts."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import pytest
+from pymavlink import DFReader
+from pyulog import ULog
+
+from executor.core.state import FleetState
+from executor.core.vehicle import VehicleState
+from missions import Phase
+from tests.e2e.flights import began_unix_s, free_ports
+from tests.e2e.tlog import messages
+from tests.sitl.flights import VICTIM, Flown, Story, flown
+from tests.sitl.real import ARDUPILOT, PX4, Autopilot, RealVehicle
+
+BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda autopilot: autopilot.name)
+MODES = {"ardupilot": {"loiter": (5, 0), "mission": (3, 0), "rtl": (6, 0)},
+         "px4": {"loiter": (3, 0), "mission": (4, 4), "rtl": (4, 5)}}  # fmt: skip
+LASTS_S = 45.0
+LOGGED = {"SDLOG_BACKEND": 1.0, "SDLOG_MODE": 0.0}
+COMMANDS = {176, 178, 20, 21, 22, 300, 400, 192, 193}
+"""Modes, speeds, returns, landings, take-offs, starts, arming, repositions, pauses."""
+
+
+def switches(autopilot: Autopilot, mode: str) -> Callable[[RealVehicle], None]:
+    return lambda vehicle: vehicle.switch(*MODES[autopilot.name][mode])
+
+
+def both(*acts: Callable[[RealVehicle], None]) -> Callable[[RealVehicle], None]:
+    def act(vehicle: RealVehicle) -> None:
+        for one in acts:
+            one(vehicle)
+
+    return act
+
+
+def includes(port: int) -> Callable[[RealVehicle], None]:
+    """Return how an operator takes uav2 back into the plan, as soon as it may be."""
+
+    def ask() -> None:
+        for number in range(40):
+            body = {"id": f"include-{number}", "action": "include", "vehicle": VICTIM}
+            answer = httpx.post(f"http://127.0.0.1:{port}/intents", json=body).json()
+            if answer["outcome"] == "done":
+                return
+            time.sleep(0.5)
+
+    return lambda _: threading.Thread(target=ask).start()
+
+
+def in_transit(vehicle: VehicleState, state: FleetState) -> bool:
+    leg = vehicle.leg
+    moved = vehicle.fix is not None and abs(vehicle.fix.velocity_m_s[0]) + abs(vehicle.fix.velocity_m_s[1]) > 4.0
+    return vehicle.name in state.inspected.values() and leg is not None and leg.phase is Phase.TRANSIT and moved
+
+
+def own_commands(flight: Flown, autopilot: Autopilot) -> list[tuple[float, int]]:
+    """Return what uav2's own log says that we commanded: when, in seconds of its clock, and what."""
+    folder = flight.run.parent / "sim" / VICTIM
+    if autopilot is ARDUPILOT:
+        log = DFReader.DFReader_binary(str(max(folder.glob("logs/*.BIN"))))
+        found: list[tuple[float, int]] = []
+        while (message := log.recv_match(type=["MAVC"])) is not None:
+            if message.SS == 255 and message.SC == 190:
+                found.append((message.TimeUS / 1e6, message.Cmd))
+        log.filehandle.close()
+        return found
+    data = ULog(str(max(folder.rglob("*.ulg"), key=lambda path: path.stat().st_size))).get_dataset("vehicle_command")
+    values = data.data
+    rows = zip(values["timestamp"], values["command"], values["source_system"], values["source_component"], strict=True)
+    return [
+        (stamp / 1e6, int(command)) for stamp, command, system, component in rows if (system, component) == (255, 190)
+    ]
+
+
+def taken_s(flight: Flown) -> tuple[float, float]:
+    """Return when uav2 was taken and when it was given back, or landed, by the flight's clock."""
+    assert flight.struck_s is not None
+    began_s = next(at_s for at_s, stage in flight.shown if stage == "pilot")
+    until_s = next((at_s for at_s, stage in flight.shown if at_s > began_s and stage != "pilot"), 1e9)
+    return began_s, until_s
+
+
+def boot_s(flight: Flown, at_s: float) -> float:
+    """Return uav2's own clock at a time of the flight's."""
+    zero_s = began_unix_s(flight.run)
+    rows = messages(flight.run / f"{VICTIM}.tlog", "GLOBAL_POSITION_INT")
+    return float(min((abs(stamp_s - zero_s - at_s), row.time_boot_ms / 1e3) for stamp_s, row in rows)[1])
+
+
+def nothing_was_commanded(flight: Flown, autopilot: Autopilot) -> None:
+    """Check, by uav2's own log, that nothing was commanded from the takeover until it was given back."""
+    assert flight.struck_s is not None
+    began_s, until_s = taken_s(flight)
+    assert began_s - flight.struck_s < 5.0, flight.said
+    first_s = boot_s(flight, flight.struck_s)
+    last_s = 1e9 if until_s == 1e9 else boot_s(flight, until_s)
+    commands = own_commands(flight, autopilot)
+    assert any(at_s < first_s for at_s, _ in commands), "the log holds what we commanded before"
+    assert [row for row in commands if first_s < row[0] < last_s - 0.5 and row[1] in COMMANDS] == [], flight.said
+
+
+def story_of(autopilot: Autopilot, **more: object) -> Story:
+    settings = LOGGED if autopilot is PX4 else {}
+    return replace(Story(settings=settings, flight={"fly_again": "ask", "pilot_grace_s": 15.0}), **more)  # type: ignore[arg-type]
+
+
+@BOTH
+@pytest.mark.parametrize("at", [None, in_transit], ids=["segment", "transit"])
+def test_a_pilot_takes_it_by_mode_and_keeps_it_until_it_has_landed(
+    autopilot: Autopilot, at: Callable[[VehicleState, FleetState], bool] | None, tmp_path: Path
+) -> None:
+    """LOITER for a while, then the pilot's own RTL."""
+    more = {} if at is None else {"at": at}
+    story = story_of(
+        autopilot, strike=switches(autopilot, "loiter"), lift=switches(autopilot, "rtl"), lasts_s=LASTS_S, **more
+    )
+    flight = flown(autopilot, story, tmp_path)
+    nothing_was_commanded(flight, autopilot)
+    assert flight.says(f"{VICTIM}: with its pilot, mode ") is not None, flight.said
+    assert flight.report["finished"], "the others have flown what it left"
+    assert flight.report["faults"] == []
+
+
+@BOTH
+def test_a_pilot_returns_it_to_its_mission(autopilot: Autopilot, tmp_path: Path) -> None:
+    """Out of the mission and back, by mode; the operator includes it, and it finishes."""
+    [port] = free_ports(1)
+    story = story_of(
+        autopilot,
+        strike=switches(autopilot, "loiter"),
+        lift=both(switches(autopilot, "mission"), includes(port)),
+        lasts_s=10.0,
+        page=port,
+    )
+    flight = flown(autopilot, story, tmp_path)
+    nothing_was_commanded(flight, autopilot)
+    assert flight.says(f"{VICTIM}: is back in the plan, from its pilot") is not None, flight.said
+    assert flight.report["finished"], flight.said
+    assert flight.vehicle(VICTIM)["landed"]
+
+
+def test_ardupilots_mode_switch(tmp_path: Path) -> None:
+    """Channel 5 of the remote control to LOITER and back to AUTO."""
+    [port] = free_ports(1)
+    settings = {"FLTMODE1": 3.0, "FLTMODE4": 5.0, "FLTMODE6": 3.0, "RC_OVERRIDE_TIME": -1.0}
+    story = story_of(
+        ARDUPILOT,
+        strike=lambda vehicle: vehicle.turn(1550),
+        lift=both(lambda vehicle: vehicle.turn(1100), includes(port)),
+        lasts_s=10.0,
+        page=port,
+        settings=settings,
+    )
+    flight = flown(ARDUPILOT, story, tmp_path)
+    nothing_was_commanded(flight, ARDUPILOT)
+    assert flight.report["finished"], flight.said
+
+
+def test_px4s_sticks(tmp_path: Path) -> None:
+    """Sticks out of their middle take it to Position mode; then the pilot brings it home by RTL."""
+
+    def push(vehicle: RealVehicle) -> None:
+        def move() -> None:
+            for _ in range(100):
+                vehicle.push()
+                time.sleep(0.02)
+
+        threading.Thread(target=move).start()
+
+    settings = {**LOGGED, "COM_RC_IN_MODE": 1.0, "COM_RC_OVERRIDE": 3.0, "COM_RC_LOSS_T": 35.0}
+    story = story_of(PX4, strike=push, lift=switches(PX4, "rtl"), lasts_s=20.0, settings=settings)
+    flight = flown(PX4, story, tmp_path)
+    nothing_was_commanded(flight, PX4)
+    assert flight.says(f"{VICTIM}: with its pilot, mode POSCTL") is not None, flight.said

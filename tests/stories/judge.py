@@ -1,0 +1,489 @@
+"""Holds what was commanded, said and shown in a story against what really happened.
+
+The yardstick is the truth, and the log of what a crew asked for; nothing here asks the flight's own decisions.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from executor.core.commands import Level, Say
+from executor.core.events import IntentReceived, LaunchOrdered
+from executor.core.intents import Action, Outcome
+from executor.simulator import Truth, parse_fault
+from executor.simulator.autopilot import STEP_S
+from executor.simulator.faults import FaultKind
+from tests.stories.story import MISSION
+from tests.stories.world import Flown
+
+OURS = 255
+KNOWS_S = 1.5
+"""Until a change on board is known on the ground, and what was on its way has arrived."""
+ON_ITS_WAY_S = 0.3
+"""A command that was sent before it happened arrives within this."""
+LANDING_KNOWN_S = 3.0
+"""A landing begins without a word: the landed state comes once a second."""
+OBEYS_S = 60.0
+"""An order that a person asked for is given within this, tries included."""
+LAUNCH_S = 60.0
+"""The launch is the crew's word for a take-off this soon after it; whoever starts later needs another."""
+ON_PAD_M = 6.0
+PLACE_M = 12.0
+"""What is said of a place is true within this."""
+SHOWN_S = 4.0
+"""The page shows a takeover, or a wreck, within this."""
+ANNOUNCED_S = 30.0
+GIVEN_S = 240.0
+"""Segments that are given to others go on board of somebody within this."""
+HARMLESS = frozenset({"401", "410", "510", "511", "512", "520", "42428"})
+"""Commands that ask for messages and reasons, and move nothing."""
+MOVES = ("order command 400 1", "order command 300", "order command 22")
+COORDINATES = re.compile(r"-?\d{1,3}\.\d{4,}")
+EARTH_M_DEG = 111_195.0
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that must not be."""
+
+    rule: str
+    at_s: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"[{self.rule}] {self.at_s:.1f} s: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A time in which a vehicle was in a state of its own."""
+
+    from_s: float
+    to_s: float
+    what: str
+
+
+def distance_m(one: tuple[float, float], two: tuple[float, float]) -> float:
+    """Return how far two places on the globe are apart; near enough over a few kilometres."""
+    north = (one[0] - two[0]) * EARTH_M_DEG
+    east = (one[1] - two[1]) * EARTH_M_DEG * math.cos(math.radians(one[0]))
+    return math.hypot(north, east)
+
+
+def place(truth: Truth) -> tuple[float, float]:
+    """Return where the vehicle was."""
+    assert truth.lat_deg is not None
+    assert truth.lon_deg is not None
+    return truth.lat_deg, truth.lon_deg
+
+
+class Judge:
+    """One story's flight, looked at afterwards."""
+
+    def __init__(self, flown: Flown) -> None:
+        self.flown = flown
+        self.end_s = flown.given_up_s
+        self.names = tuple(flown.sysids)
+        self._of = {
+            name: tuple(sorted((one for one in flown.truths if one.vehicle == name), key=lambda one: one.t_s))
+            for name in self.names
+        }
+        self._asked = tuple((at_s, event.intent) for at_s, event in flown.log if isinstance(event, IntentReceived))
+        self._refused = {record.intent.id for record in flown.intents if record.outcome is Outcome.REFUSED}
+
+    def findings(self) -> list[Finding]:
+        """Return everything that must not be, in the order of its time."""
+        rules = (
+            self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters, self._lines,
+            self._words, self._pages, self._elsewhere, self._inspections,
+        )  # fmt: skip
+        return sorted((one for rule in rules for one in rule()), key=lambda one: one.at_s)
+
+    # What really happened.
+
+    def happened(self, name: str, *prefixes: str) -> list[Truth]:
+        """Return a vehicle's truths that begin so."""
+        return [one for one in self._of[name] if one.what.startswith(prefixes)]
+
+    def orders(self, name: str) -> list[Truth]:
+        """Return what this ground station commanded after the launch."""
+        return [
+            one
+            for one in self.happened(name, "order ")
+            if one.sender == OURS
+            and one.t_s >= self.flown.began_s
+            and not (one.what.startswith("order command ") and one.what.split()[2] in HARMLESS)
+        ]
+
+    def hands(self, name: str) -> list[Span]:
+        """Return when somebody else had it: from the takeover until it was returned and the crew took it back."""
+        mission, auto = MISSION[self.flown.autopilot]["mission"], self._returned_suffices()
+        happened = [(one.t_s, one.what) for one in self._by_others(name)]
+        happened += [(at_s, "included") for at_s in (*self._included(name), *self._taken_back(name))]
+        spans: list[Span] = []
+        taken: tuple[float, str] | None = None
+        for at_s, what in sorted(happened):
+            back = what.endswith(f" {mission}")
+            if taken is None and not back and what != "included":
+                taken = (at_s, what)
+            elif taken is not None and (what == "included" or (back and auto)):
+                spans.append(Span(taken[0], at_s, taken[1]))
+                taken = None
+        return [*spans, Span(taken[0], self.end_s, taken[1])] if taken is not None else spans
+
+    def _by_others(self, name: str) -> list[Truth]:
+        """Return what others did to it; who chooses the mode that is flown already does nothing that is to be seen."""
+        modes = [one.t_s for one in self.happened(name, "mode ")]
+        return [
+            one
+            for one in self.happened(name, "pilot ", "station ", "kill")
+            if one.what == "kill" or any(0 <= at_s - one.t_s < 0.1 for at_s in modes)
+        ]
+
+    def _taken_back(self, name: str) -> list[float]:
+        """Return when the crew took it out of its pilot's hands, asked twice."""
+        commands = {Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND}
+        return [
+            at_s
+            for at_s, intent in self._asked
+            if intent.action in commands
+            and intent.vehicle == name
+            and intent.confirmed
+            and intent.id not in self._refused
+        ]
+
+    def _returned_suffices(self) -> bool:
+        return self.flown.story.tables.get("flight", {}).get("pilot_return") == "auto"
+
+    def _included(self, name: str) -> list[float]:
+        """Return when the crew took a vehicle back into the plan."""
+        return [
+            at_s
+            for at_s, intent in self._asked
+            if intent.action is Action.INCLUDE and intent.vehicle == name and intent.id not in self._refused
+        ]
+
+    def silences(self, name: str) -> list[Span]:
+        """Return when nothing came from it."""
+        spans = []
+        for one in self.happened(name, "fault "):
+            fault = parse_fault(one.what.removeprefix("fault "))
+            if fault.kind is FaultKind.SILENT:
+                spans.append(Span(one.t_s, one.t_s + (fault.value or math.inf), "silent"))
+            if fault.kind is FaultKind.REBOOT:
+                spans.append(Span(one.t_s, one.t_s + 12.0, "reboot"))
+        spans += [Span(one.t_s, math.inf, "crash") for one in self.happened(name, "crash")]
+        return spans
+
+    def _silent(self, name: str, at_s: float, slack_s: float = 2.0) -> bool:
+        return any(span.from_s - slack_s <= at_s <= span.to_s + slack_s for span in self.silences(name))
+
+    def _known_s(self, name: str, at_s: float) -> float:
+        """Return when the ground can know what happened: not before a silence is over."""
+        for span in self.silences(name):
+            if span.from_s <= at_s <= span.to_s:
+                at_s = span.to_s + 1.0
+        return at_s
+
+    def at(self, name: str, at_s: float) -> Truth:
+        """Return the last truth of a vehicle by then: where it was, and what its battery held."""
+        return max((one for one in self._of[name] if one.t_s <= at_s + 0.05), key=lambda one: one.t_s)
+
+    def armed(self, name: str, at_s: float) -> bool:
+        """Return whether its motors were on."""
+        changes = [one for one in self.happened(name, "armed", "disarmed") if one.t_s <= at_s + 0.05]
+        return bool(changes) and changes[-1].what == "armed"
+
+    def from_pad_m(self, name: str, at_s: float) -> float:
+        """Return how far from its pad it was."""
+        return distance_m(place(self.at(name, at_s)), self.flown.pads[name])
+
+    # Who commanded what.
+
+    def _ended(self) -> Iterator[Finding]:
+        if self.flown.ended_s is None:
+            lie = [name for name in self.names if self.armed(name, self.end_s)]
+            what = f"; armed: {', '.join(lie)}" if lie else ""
+            yield Finding("ends", self.end_s, f"the flight did not end within {self.flown.story.limit_s:g} s{what}")
+
+    def _wished(self, name: str, at_s: float) -> bool:
+        """Return whether a person asked for this: an order follows a wish that was not refused."""
+        return any(
+            intent.id not in self._refused and -STEP_S <= at_s - asked_s <= OBEYS_S and intent.vehicle == name
+            for asked_s, intent in self._asked
+        )
+
+    def _hands_off(self) -> Iterator[Finding]:
+        for name in self.names:
+            for span in self.hands(name):
+                from_s = self._known_s(name, span.from_s)
+                for order in self.orders(name):
+                    # An upload may be on its way; nobody orders a mode within the same moment by chance.
+                    known_s = from_s + (ON_ITS_WAY_S if order.what.startswith("order command") else KNOWS_S)
+                    if known_s <= order.t_s < span.to_s and not self._wished(name, order.t_s):
+                        yield Finding("hands", order.t_s, f"{name}: {order.what!r} though it was taken ({span.what})")
+
+    def _own_emergencies(self) -> Iterator[Finding]:
+        for name in self.names:
+            for span in self._acting(name):
+                late_s = LANDING_KNOWN_S if span.what == "descends" else KNOWS_S
+                from_s = self._known_s(name, span.from_s) + late_s
+                for order in self.orders(name):
+                    if from_s <= order.t_s < span.to_s and not self._wished(name, order.t_s):
+                        what = "its landing" if span.what == "descends" else f"its own {span.what}"
+                        yield Finding("emergency", order.t_s, f"{name}: {order.what!r} in {what}")
+
+    def _acting(self, name: str) -> Iterator[Span]:
+        """Yield when a failsafe acted or a landing was under way."""
+        over = self.happened(name, "disarmed", "crash", "landed")
+        for one in self.happened(name, "failsafe ", "descends"):
+            ends = [later.t_s for later in over if later.t_s > one.t_s]
+            if one.what == "descends":
+                ends += [later.t_s for later in self.happened(name, "mode ", "wreck") if later.t_s > one.t_s]
+            yield Span(one.t_s, min(ends, default=self.end_s), one.what)
+
+    def _arming(self) -> Iterator[Finding]:
+        if self.flown.story.tables.get("flight", {}).get("fly_again") == "auto":
+            return
+        [launched_s] = [at_s for at_s, event in self.flown.log if isinstance(event, LaunchOrdered)]
+        for name in self.names:
+            downs = [one.t_s for one in self.happened(name, "disarmed")]
+            for order in self.orders(name):
+                if not order.what.startswith(MOVES) or self.armed(name, order.t_s - 0.1):
+                    continue
+                last_s = max((at_s for at_s in downs if at_s <= order.t_s), default=None)
+                if last_s is None and order.t_s - launched_s <= LAUNCH_S:
+                    continue
+                if not any((last_s or 0.0) < at_s <= order.t_s for at_s in self._included(name)):
+                    yield Finding("arming", order.t_s, f"{name}: {order.what!r} that nobody confirmed")
+
+    def _parameters(self) -> Iterator[Finding]:
+        for name in self.names:
+            for order in self.happened(name, "order parameter"):
+                if self.armed(name, order.t_s):
+                    yield Finding("parameters", order.t_s, f"{name}: {order.what!r} in flight")
+
+    # What was said.
+
+    def _lines(self) -> Iterator[Finding]:
+        for at_s, line in self.flown.said:
+            for pattern, check in self._claims():
+                found = pattern.search(line.text)
+                why = check(found, at_s, line) if found is not None else ""
+                if why:
+                    yield Finding("line", at_s, f"{line.text!r}: {why}")
+
+    def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
+        name = rf"^(?P<name>{'|'.join(self.names)}): "
+        return [
+            (re.compile(name + r"(?!.*(says|not landed|has not)).*\blanded\b"), self._landed),
+            (re.compile(name + r".*down at (?P<lat>-?\d+\.\d+)\D+?(?P<lon>-?\d+\.\d+)"), self._down),
+            (re.compile(name + r".*with its pilot"), self._with_pilot),
+            (re.compile(name + r".*segments? (is|are) given (to the others|away)"), self._given),
+            (re.compile(name + r".*(silent for|nothing heard for) "), self._is_silent),
+            (re.compile(name + r"is heard again"), self._is_heard),
+            (re.compile(name + r".*(?P<what>by itself)"), self._by_itself),
+            (re.compile(r"^all vehicles are silent"), self._all_silent),
+            (re.compile(name + r".*(below|under) (its|the) reserve"), self._below_reserve),
+            (re.compile(name + r".*"), self._a_fault),
+        ]
+
+    def _landed(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        if self.armed(name, at_s):
+            return "its motors are on"
+        ended = [
+            one.what for one in self.happened(name, "kill", "crash", "on_pad", "landed", "fell") if one.t_s <= at_s
+        ]
+        if not ended or ended[-1] != "landed":
+            return f"it did not land, it was: {ended[-1] if ended else 'never in the air'}"
+        away_m = self.from_pad_m(name, at_s)
+        if away_m > ON_PAD_M and not COORDINATES.search(line.text) and "off its pad" not in line.text:
+            return f"{away_m:.0f} m from its pad, which is not said"
+        told = re.search(r"with (\d+) %", line.text)
+        charge_pct = self.at(name, at_s).charge_pct or 0.0
+        if told is not None and abs(int(told[1]) - charge_pct) > 4.0:
+            return f"its battery holds {charge_pct:.0f} %"
+        return ""
+
+    def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name, told = found["name"], (float(found["lat"]), float(found["lon"]))
+        truth = self.at(name, at_s)
+        away_m = distance_m(place(truth), told)
+        if away_m > PLACE_M:
+            return f"it is {away_m:.0f} m from there"
+        if (truth.up_m or 0.0) > 1.0:
+            return f"it is {truth.up_m:.0f} m up"
+        ended = [one.what for one in self.happened(name, "landed", "wreck", "fell", "crash") if one.t_s <= at_s]
+        if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= ON_PAD_M:
+            return "it has landed on its pad"
+        armed = re.search(r"\barmed\b", line.text) is not None and "disarmed" not in line.text
+        return "" if armed == self.armed(name, at_s) or not armed else "it is disarmed"
+
+    def _with_pilot(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        spans = self.hands(found["name"])
+        return "" if any(span.from_s <= at_s for span in spans) else "nobody has taken it"
+
+    def _given(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        others = [name for name in self.names if name != found["name"]]
+        told = [one for name in others for one in self.happened(name, "order mission")]
+        return "" if any(at_s <= one.t_s <= at_s + GIVEN_S for one in told) else "nobody was given anything"
+
+    def _is_silent(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        return "" if self._silent(found["name"], at_s, 8.0) else "it spoke"
+
+    def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        spans = [span for span in self.silences(found["name"]) if span.from_s < at_s < span.to_s]
+        return "it cannot be heard" if spans else ""
+
+    def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        causes = [one for one in self.happened(name, "pilot ", "station ", "kill", "failsafe ") if one.t_s <= at_s]
+        if not causes:
+            return ""
+        cause = causes[-1]
+        if not cause.what.startswith("failsafe"):
+            return f"somebody did it: {cause.what}"
+        if cause.what == "failsafe fence" and at_s - cause.t_s < 30 and "fence" not in line.text.lower():
+            return "it was its fence"
+        return ""
+
+    def _all_silent(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        speak = [name for name in self.names if not self._silent(name, at_s, 0.5) and self.armed(name, at_s)]
+        return f"{', '.join(speak)} can be heard" if speak else ""
+
+    def _below_reserve(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        faults = [parse_fault(one.what.removeprefix("fault ")).kind for one in self.happened(name, "fault ")]
+        if {FaultKind.BATTERY_STEP, FaultKind.DRAIN, FaultKind.EMERGENCY} & set(faults):
+            return ""
+        least = min((one.charge_pct for one in self._of[name] if one.charge_pct is not None), default=100.0)
+        return f"it never had less than {least:.0f} %" if least >= self.flown.reserve_pct else ""
+
+    def _a_fault(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        if line.level is not Level.FAULT or "operator" in line.text:
+            return ""
+        if any(one.t_s <= at_s for one in self.happened(name, "fault ", "failsafe ", "crash", "wreck")):
+            return ""
+        return "nothing had happened to it"
+
+    def _words(self) -> Iterator[Finding]:
+        """Hold the lines against what the story itself expects."""
+        lines = [line.text for _, line in self.flown.said]
+        for pattern in self.flown.story.says:
+            if not any(re.search(pattern, text) for text in lines):
+                yield Finding("says", self.end_s, f"no line has {pattern!r}")
+        for pattern in self.flown.story.never_says:
+            for at_s, line in self.flown.said:
+                if re.search(pattern, line.text):
+                    yield Finding("says", at_s, f"{line.text!r}: must not be said")
+        for at_s, line in self.flown.said:
+            if line.text.startswith("internal mistake"):
+                yield Finding("mistake", at_s, line.text)
+
+    # What was shown.
+
+    def _pages(self) -> Iterator[Finding]:
+        seen: set[tuple[str, str]] = set()
+        for one in self.flown.shown:
+            why = self._untrue(one.vehicle, one.state, one.at_s)
+            if why and (one.vehicle, why) not in seen:
+                seen.add((one.vehicle, why))
+                yield Finding("page", one.at_s, f"{one.vehicle} is shown as {one.state!r}: {why}")
+
+    def _untrue(self, name: str, state: str, at_s: float) -> str:
+        if self._silent(name, at_s, SHOWN_S):
+            return ""
+        held = any(
+            self._known_s(name, span.from_s) + SHOWN_S <= at_s < span.to_s
+            and not self._wished(name, at_s)
+            and self.armed(name, at_s)
+            and not self._overruled(name, at_s)
+            for span in self.hands(name)
+        )
+        wrecks = [one.t_s for one in self.happened(name, "wreck") if one.t_s <= at_s]
+        if wrecks:
+            return "" if state == "down" or at_s - wrecks[0] < ANNOUNCED_S else "it lies on its back"
+        if held:
+            return "" if state == "pilot" else "somebody else has it"
+        if state == "landed" and self.armed(name, at_s) and self.armed(name, at_s - SHOWN_S):
+            return "its motors are on"
+        if state == "landed":
+            return self._landed_untrue(name, at_s)
+        flies = state in {"flying", "returning", "landing", "holding"}
+        if flies and not self.armed(name, at_s) and not self.armed(name, at_s - SHOWN_S):
+            return "its motors are off"
+        return ""
+
+    def _overruled(self, name: str, at_s: float) -> bool:
+        """Return whether a failsafe acts although somebody has it, as it does when the link is lost."""
+        causes = [*self._by_others(name), *self.happened(name, "failsafe ")]
+        before = [one for one in causes if one.t_s <= at_s]
+        return bool(before) and max(before, key=lambda one: one.t_s).what.startswith("failsafe")
+
+    def _landed_untrue(self, name: str, at_s: float) -> str:
+        ended = [one.what for one in self.happened(name, "kill", "crash", "landed", "fell") if one.t_s <= at_s]
+        return f"it did not land, it was: {ended[-1]}" if ended and ended[-1] != "landed" else ""
+
+    # What was kept from the crew.
+
+    def _elsewhere(self) -> Iterator[Finding]:
+        """Who comes down somewhere else is announced, with where; and so is a wreck, in time."""
+        for name in self.names:
+            for one in self.happened(name, "disarmed", "wreck"):
+                if one.t_s < self.flown.began_s or distance_m(place(one), self.flown.pads[name]) <= ON_PAD_M:
+                    continue
+                if any(wreck.t_s < one.t_s for wreck in self.happened(name, "wreck")):
+                    continue  # its motors are off now; where it lies was told
+                known_s = self._known_s(name, one.t_s)
+                if known_s + ANNOUNCED_S > self.end_s or self._silent(name, known_s + 2.0, 0.0):
+                    continue
+                told = [
+                    line.text
+                    for at_s, line in self.flown.said
+                    if one.t_s - 5.0 <= at_s <= known_s + ANNOUNCED_S
+                    and line.level is not Level.INFO
+                    and name in line.text
+                    and COORDINATES.search(line.text)
+                ]
+                if not told:
+                    away_m = distance_m(place(one), self.flown.pads[name])
+                    yield Finding(
+                        "elsewhere", one.t_s, f"{name}: {one.what} {away_m:.0f} m from its pad, not announced"
+                    )
+
+    def _inspections(self) -> Iterator[Finding]:
+        """What counts was flown; and in a story that can end well, everything counts."""
+        flown = self.flown
+        for segment, name in flown.inspected.items():
+            ways = [place(one) for one in self._of.get(name, ()) if one.what == "at"]
+            for end in flown.segments[segment]:
+                nearest_m = min((distance_m(way, end) for way in ways), default=math.inf)
+                if nearest_m > PLACE_M:
+                    text = f"segment {segment} counts for {name}, which came no nearer than {nearest_m:.0f} m"
+                    yield Finding("inspected", self.end_s, text)
+        missing = flown.wanted - set(flown.inspected)
+        if flown.story.completes and missing:
+            yield Finding("completes", self.end_s, f"segments {sorted(missing)} are not inspected")
+
+
+def told_in(flown: Flown) -> str:
+    """Return a story as one reads it: what happened, what was commanded, what was said."""
+    rows = [
+        (one.t_s, f"  {one.vehicle} {one.what}" + (f" by {one.sender}" if one.sender else ""))
+        for one in flown.truths
+        if one.what != "at" and one.t_s >= flown.began_s
+    ]
+    rows += [(at_s, f"{line.level.value}: {line.text}") for at_s, line in flown.said]
+    rows += [
+        (at_s, f"asked: {event.intent.action.value} {event.intent.vehicle or ''}")
+        for at_s, event in flown.log
+        if isinstance(event, IntentReceived)
+    ]
+    ordered = sorted(rows, key=lambda row: row[0])
+    return "\n".join(f"{at_s:7.1f} {text}" for at_s, text in itertools.chain(ordered))

@@ -1,0 +1,322 @@
+"""One story flown: the flight loop, the codec and the dialogues as they are, over simulated autopilots in memory.
+
+Everything runs on the event loop's time, which looptime lets jump: a flight of minutes takes seconds. What is replaced
+is the radio (datagrams go straight to the vehicle, a twentieth of a second each way), the solver (routes are dealt out
+after a known time) and the disk (events are kept in a list).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from executor import build
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.endpoints import Router
+from executor.adapters.mavlink.link import VehicleLink
+from executor.core import fleet
+from executor.core.commands import Say
+from executor.core.context import Context
+from executor.core.events import Event
+from executor.core.failsafes import link_failsafe
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.preflight import Facts
+from executor.core.state import FleetState
+from executor.core.vehicle import OnBoard, aboard
+from executor.core.view import FleetView, fleet_view
+from executor.runtime import preflight
+from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.simulator import AutopilotKind, SimVehicle, Truth, parse_fault
+from executor.simulator.autopilot import STEP_S
+from executor.simulator.vehicle import SimulatedVehicle
+from missions import dialect_for, encode, flight_path
+from planner import PRESETS, Plan, Route
+from tests.executor.builders import ground_for, site_of
+from tests.fakes.clock import LoopClock
+from tests.fakes.solver import FakeSolver
+from tests.missions.builders import line_east
+from tests.stories.story import MISSION, Answers, Story, World
+
+LOOK_S = 1.0
+"""How often somebody looks at the page, and the truth notes where everybody is."""
+PATIENCE_S = 90.0
+"""How long a crew waits on the ground for a flight that does not end, before it says that it is over."""
+READY_S = 60.0
+OFFER_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What the page showed of one vehicle."""
+
+    at_s: float
+    vehicle: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """All that a story left behind."""
+
+    story: Story
+    autopilot: str
+    truths: tuple[Truth, ...]
+    """What really happened; ``at`` notes where a vehicle was."""
+    log: tuple[tuple[float, Event], ...]
+    said: tuple[tuple[float, Say], ...]
+    shown: tuple[Shown, ...]
+    intents: tuple[IntentRecord, ...]
+    began_s: float
+    """The launch."""
+    ended_s: float | None
+    """When the flight loop came to its own end; None if it had to be left."""
+    given_up_s: float
+    sysids: Mapping[str, int]
+    pads: Mapping[str, tuple[float, float]]
+    """Where each stands in the beginning: latitude and longitude."""
+    segments: Mapping[int, tuple[tuple[float, float], tuple[float, float]]]
+    """Both ends of each, in latitude and longitude."""
+    inspected: Mapping[int, str]
+    """What counts as inspected in the end, and by whom."""
+    wanted: frozenset[int]
+    reserve_pct: float
+    solver_asked: int
+
+
+class Sink:
+    """Keeps events as the log would."""
+
+    def __init__(self) -> None:
+        self.written: list[tuple[float, Event]] = []
+
+    def write(self, event: Event, now_s: float) -> None:
+        self.written.append((now_s, event))
+
+    async def settle(self) -> None:
+        """Nothing is ever lost here."""
+
+
+class Radio:
+    """The way between a vehicle and the ground station."""
+
+    def __init__(self, vehicle: SimulatedVehicle, sysid: int) -> None:
+        self.vehicle = vehicle
+        codec = Codec()
+        self.link = VehicleLink(sysid, codec)
+        self._router = Router([self.link], codec)
+        self._waiting: list[bytes] = []
+
+    def write(self, frame: bytes) -> bool:
+        self._waiting.append(frame)
+        return True
+
+    def pass_on(self, now_s: float) -> None:
+        """Live until now, both ways."""
+        waiting, self._waiting = self._waiting, []
+        for frame in waiting:
+            self.vehicle.receive(frame)
+        self.vehicle.advance(now_s)
+        for datagram in self.vehicle.drain():
+            self._router.take(self._router.codec.decode(datagram), self.write)
+
+
+class Sky(World):
+    """A story on its way."""
+
+    def __init__(self, story: Story, autopilot: str) -> None:
+        self.story, self.autopilot = story, autopilot
+        self.clock, self.sink = LoopClock(), Sink()
+        self.solver = FakeSolver(takes_s=story.solve_s)
+        flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
+        site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
+        self._ground = ground_for(site, line_east(story.pylons))
+        self._setup = build.setup_of(self._ground)
+        self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
+        self.truths: list[Truth] = []
+        self.said: list[tuple[float, Say]] = []
+        self.shown: list[Shown] = []
+        self.flight: Flight | None = None
+        self._numbers = itertools.count(1)
+        self._left = list(story.moments)
+        self._looked_s = self._down_s = float("-inf")
+
+    def _radio(self, name: str, sysid: int) -> Radio:
+        pad, frame = self._setup.pad_of(name), self._setup.frame
+        lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
+        dialect = dialect_for(self.autopilot)
+        rule, height = dialect.ground_station_failsafe, dialect.return_parameters
+        parameters = {rule.action: float(rule.action_return), rule.timeout: rule.timeout_s}
+        parameters[height.height] = 40.0 / height.unit_m
+        config = SimVehicle(
+            name, sysid, AutopilotKind(self.autopilot), "udpin://127.0.0.1:14550", lat_deg, lon_deg, pad.alt_m,
+            drone=PRESETS["mavic3"], charge_pct=self.story.charge_pct, parameters=parameters, seed=sysid,
+        )  # fmt: skip
+        radio = Radio(SimulatedVehicle(config), sysid)
+        radio.link.write = radio.write
+        return radio
+
+    # What a story may look at and do.
+
+    @property
+    def now_s(self) -> float:
+        return self.clock.now_s()
+
+    @property
+    def state(self) -> FleetState:
+        assert self.flight is not None
+        return self.flight.state
+
+    @property
+    def view(self) -> FleetView:
+        assert self.flight is not None
+        return fleet_view(self.flight.context, self.flight.state, self.now_s)
+
+    def vehicle(self, name: str) -> SimulatedVehicle:
+        return self.radios[name].vehicle
+
+    def since(self, vehicle: str, what: str) -> float | None:
+        """Return how long ago a vehicle's truth said something for the first time; None if it has not."""
+        for truth in self.truths:
+            if truth.vehicle == vehicle and truth.what.startswith(what):
+                return self.now_s - truth.t_s
+        return None
+
+    def befall(self, spec: str) -> None:
+        words = MISSION[self.autopilot]
+        fault = parse_fault(spec.format(**words) + "@0s")
+        for name, radio in self.radios.items():
+            if fault.vehicle in {name, "all"}:
+                radio.vehicle.befall(fault)
+
+    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True) -> IntentRecord:
+        """Ask as a crew does: where there is a second question, it is answered with yes if they are sure."""
+        record = self._asked(action, vehicle, confirmed=False)
+        if record.outcome is Outcome.REFUSED and record.question and sure:
+            record = self._asked(action, vehicle, confirmed=True)
+        return record
+
+    def _asked(self, action: Action, vehicle: str | None, *, confirmed: bool) -> IntentRecord:
+        assert self.flight is not None
+        return self.flight.ask(Intent(f"story-{next(self._numbers)}", action, vehicle, "terminal", confirmed))
+
+    # The flight.
+
+    async def fly(self) -> Flown:
+        """Connect, check, put on board, fly to the end."""
+        links = {name: radio.link for name, radio in self.radios.items()}
+        tasks = [asyncio.create_task(self._live()), asyncio.create_task(keep_heartbeat(links, self.clock))]
+        try:
+            facts = {name: await self._interview(name, link) for name, link in links.items()}
+            context, boards = self._context(facts)
+            for name, board in boards.items():
+                if board is not None:
+                    mission = encode(board.path, context.vehicles[name].dialect)
+                    await preflight.load(name, links[name], self.clock, context.vehicles[name].dialect, mission)
+            began_s = self.now_s
+            self.flight = Flight(
+                context, fleet.initial(boards), links, self.clock, self.sink, self.solver,
+                Observer(lambda line, at_s: self.said.append((at_s, line)), lambda *_: None),
+            )  # fmt: skip
+            ended_s = await self._run(self.flight, began_s + self.story.limit_s)
+        finally:
+            for task in tasks:
+                task.cancel()
+            for result in await asyncio.gather(*tasks, return_exceptions=True):
+                if isinstance(result, Exception):
+                    raise result
+        return self._flown(context, began_s, ended_s)
+
+    async def _run(self, flight: Flight, until_s: float) -> float | None:
+        flying = asyncio.create_task(flight.run())
+        try:
+            async with asyncio.timeout_at(until_s):
+                await asyncio.shield(flying)
+        except TimeoutError:
+            flight.leave()
+            with suppress(asyncio.CancelledError):
+                await flying
+            return None
+        finally:
+            flying.cancel()
+        return self.now_s
+
+    async def _interview(self, name: str, link: VehicleLink) -> Facts:
+        return await preflight.interview(name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None)
+
+    def _context(self, facts: Mapping[str, Facts]) -> tuple[Context, dict[str, OnBoard | None]]:
+        setup, task = self._setup, build.task_of(self._ground)
+        plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(self.story.fleet.values())), ())
+        dialect = dialect_for(self.autopilot)
+        own = {name: link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
+        context = build.context_of(self._ground, setup, task, plan, own)
+        boards = {
+            name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
+            for name, visits in self.story.fleet.items()
+        }
+        return context, boards
+
+    async def _live(self) -> None:
+        """Let time pass for everybody, and the story happen."""
+        for step in itertools.count(1):
+            for radio in self.radios.values():
+                radio.pass_on(step * STEP_S)
+                self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+            if self.flight is not None and self.flight.state.launched_s is not None:
+                self._happen()
+                if self.now_s - self._looked_s >= LOOK_S:
+                    self._looked_s = self.now_s
+                    self._look()
+            await asyncio.sleep(max(0.0, (step + 1) * STEP_S - self.now_s))
+
+    def _happen(self) -> None:
+        due = [moment for moment in self._left if moment.when(self)]
+        for moment in due:
+            self._left.remove(moment)
+            moment.do(self)
+
+    def _look(self) -> None:
+        for radio in self.radios.values():
+            radio.vehicle.autopilot.frame.happened("at")
+            self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+        view = self.view
+        self.shown += [Shown(self.now_s, one.name, one.state) for one in view.vehicles]
+        if view.offer is not None and self.story.offers is Answers.YES:
+            for name in view.offer.vehicles:
+                self.ask(Action.INCLUDE, name)
+        self._give_up()
+
+    def _give_up(self) -> None:
+        """Say that it is over when everybody has been down for long: an offer that nobody answers holds no crew."""
+        frames = [radio.vehicle.autopilot.frame for radio in self.radios.values()]
+        if self._down_s < 0 or any(frame.armed and not frame.wrecked for frame in frames):
+            self._down_s = self.now_s
+        elif self.now_s - self._down_s > PATIENCE_S and not self.view.recalled:
+            self._down_s = self.now_s
+            self.ask(Action.ABORT, None)
+
+    def _flown(self, context: Context, began_s: float, ended_s: float | None) -> Flown:
+        network, frame = context.setup.network, context.frame
+        ends = {
+            segment: tuple(frame.to_wgs84_deg(east, north) for east, north in network.ends_m[segment].tolist())
+            for segment in context.wanted
+        }
+        pads = {name: frame.to_wgs84_deg(*setup.pad_m) for name, setup in context.vehicles.items()}
+        state = self.state
+        return Flown(
+            self.story, self.autopilot, tuple(self.truths), tuple(self.sink.written), tuple(self.said),
+            tuple(self.shown), tuple(state.intents.values()), began_s, ended_s, self.now_s,
+            {name: setup.sysid for name, setup in context.vehicles.items()}, pads,
+            {segment: (one, two) for segment, (one, two) in ends.items()}, dict(state.inspected), context.wanted,
+            next(iter(context.vehicles.values())).reserve_pct, len(self.solver.asked),
+        )  # fmt: skip
+
+
+async def flown(story: Story, autopilot: str) -> Flown:
+    """Fly a story on one of the dialects."""
+    return await Sky(replace(story), autopilot).fly()
+
+
+Condition = Callable[[World], bool]
