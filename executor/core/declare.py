@@ -52,7 +52,8 @@ def declare(
 
 def _at_home(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that has disarmed lies where, and as, a landed one does."""
-    return over_its_pad(context, vehicle) and mission_over(context, vehicle) and not fell(context, vehicle)
+    stood = not vehicle.took_off or mission_over(context, vehicle)
+    return over_its_pad(context, vehicle) and stood and not fell(context, vehicle)
 
 
 def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:

@@ -185,8 +185,8 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
     stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
-    fresh = context.fly_again is FlyAgain.AUTO or now_s - asked_s < START_WINDOW_S
-    if vehicle.failures + 1 < RETRIES and fresh and not stopped:
+    may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
+    if vehicle.failures + 1 < RETRIES and may:
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))

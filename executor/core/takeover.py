@@ -91,7 +91,7 @@ def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold
     state = state.put(changed(vehicle, taken=replace(hold, given_away=True)))
     trigger = f"{vehicle.name}: with its pilot for {context.pilot_grace_s:g} s"
     state, more = withdrawn(state, vehicle.name, trigger, now_s)
-    return state, (Say(Level.WARNING, f"{trigger}; its segments are planned for the others"), *more)
+    return state, (Say(Level.WARNING, f"{trigger}; its segments are free for the others"), *more)
 
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:

@@ -29,7 +29,7 @@ from executor.core.messages import Gps, Wind
 from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
 from executor.core.vehicle import OnBoard, Stage, VehicleState, aboard
 from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
-from missions import Network, Segment, flight_path
+from missions import Segment, flight_path
 from planner import Plan, Route
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.flight import Story
@@ -73,7 +73,7 @@ def fleet() -> Fleet:
     """Return three vehicles over six spans, P41-P42 and so on."""
     plain = network_of(PLACES_M, PAIRS)
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
-    ground = ground_for(site_of(tuple(ROUTES)), Network(plain.pylons, segments, plain.frame, "gallery"))
+    ground = ground_for(site_of(tuple(ROUTES)), replace(plain, segments=segments, source="gallery"))
     setup, task = build.setup_of(ground), build.task_of(ground)
     plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(ROUTES.values())), ())
     context = build.context_of(ground, setup, task, plan)
