@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 INTERRUPTED = 128 + signal.SIGINT
-NO_READER = 128 + signal.SIGPIPE
+NO_READER = 1
+"""As typer has it."""
 INTERNAL = 70
 """EX_SOFTWARE: a mistake of ours, not of the input."""
 LONGEST = 1000

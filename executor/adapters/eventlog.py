@@ -290,7 +290,7 @@ def read_head(path: Path) -> Head:
         return Head(float(head["began_unix_s"]), float(head["speedup"]))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
 
 
@@ -300,7 +300,7 @@ def clock_set_s(path: Path) -> float:
     with path.open("rb") as file:
         for line in file:
             if CLOCK_SET.encode() in line:
-                with suppress(ValueError, TypeError, AttributeError, RecursionError):
+                with suppress(ValueError, TypeError, AttributeError, OverflowError, RecursionError):
                     total_s += float(json.loads(line).get(CLOCK_SET, 0.0))
     return total_s
 

@@ -107,6 +107,8 @@ def plan(
 
         writable(picture, lambda: draw_plan(content, picture))
     _print_plan(content, as_json=as_json, heights=heights)
+    if output is not None and not as_json:
+        print(f"flown as it is by: faultline fly {site} --plan {output}")
     if content.plan.uncovered:
         raise typer.Exit(1)
 

@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from missions.errors import NetworkError
-from missions.fields import is_figure, is_number, printable
+from missions.fields import is_figure, printable
 from missions.files import parse_json
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
@@ -153,7 +153,7 @@ def _features(text: str, source: str) -> Iterator[_Feature]:
 
 
 def _lat_lon_deg(coordinates: object, place: str) -> tuple[float, float]:
-    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(is_number, coordinates)):
+    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(is_figure, coordinates)):
         raise NetworkError(f"{place}: expected finite numbers [longitude, latitude], got {coordinates!r}")
     return float(coordinates[1]), float(coordinates[0])
 
@@ -167,7 +167,7 @@ def _metres(feature: _Feature, key: str) -> float | None:
 
 def _third_m(coordinates: object) -> float | None:
     third_m = coordinates[2] if isinstance(coordinates, Sequence) and len(coordinates) > 2 else None
-    return float(third_m) if is_number(third_m) else None
+    return float(third_m) if is_figure(third_m) else None
 
 
 def _depot(feature: _Feature, known: LocalFrame | None) -> tuple[LocalFrame, bool]:

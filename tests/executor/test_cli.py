@@ -212,8 +212,10 @@ def test_a_network_that_the_budgets_cannot_cover_is_planned_as_far_as_they_reach
     assert {one["name"] for one in answer["left_over"]} <= {"line.1", "line.2", "line.3", "line.4"}
     code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2", "-o", place.path("p.json"))
     assert code == 1
-    assert "left over, " in out
-    assert all(one["name"] in out.splitlines()[-1] for one in answer["left_over"])
+    *_, left, how = out.splitlines()
+    assert left.startswith("left over, ")
+    assert all(one["name"] in left for one in answer["left_over"])
+    assert how == f"flown as it is by: faultline fly {place.path('site.toml')} --plan {place.path('p.json')}"
     # It is written all the same: it may be what the crew wants to fly first.
     assert place.run("check", place.path("p.json"))[0] == 0
 
@@ -263,6 +265,7 @@ BAD_NETWORKS: dict[str, tuple[Callable[[Place], None], str]] = {
     ),
     "NaN": (lambda p: p.network(*line(*LINE, (15.6, float("nan")))), "line.geojson: "),
     "swapped coordinates": (lambda p: p.network(*line(*((lat, lon) for lon, lat in LINE))), "swapped"),
+    "out of this world": (lambda p: p.network(*line((15.6, 1e308), (15.7, 49.6))), "line.geojson: "),
     "out of range": (lambda p: p.network(*line((15.6, 95.0), (15.7, 95.0))), "line.geojson: "),
     "another country": (lambda p: p.network(*line((25.6, 49.6), (25.7, 49.6))), "line.geojson: "),
     "nothing near": (lambda p: p.site(extra="radius_m = 1.0"), "radius_m"),

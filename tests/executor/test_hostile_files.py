@@ -34,6 +34,7 @@ SPOILT: dict[str, bytes | None] = {
     "a number of JSON without end": b'{"format":' + b"9" * 5000 + b"}",
     "a number of TOML without end": b"a = " + b"9" * 5000,
     "NaN": b'{"format": NaN}',
+    "a time beyond all": b'{"format":"faultline-events/1","began_unix_s":1' + b"0" * 400 + b',"speedup":1}\n',
     "null": b"null",
     "a text": b'"plan"',
 }
