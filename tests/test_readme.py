@@ -14,7 +14,7 @@ README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SITE = re.search(r"```toml\n(.*?)```", README, re.DOTALL)
 ROWS = re.findall(r"^\| (`faultline .*?) \|", README, re.MULTILINE)
 CALLS = [call for row in ROWS for call in re.findall(r"`faultline ([^`]*)`", row)]
-NEEDS_VEHICLES = ("simulate", "fly", "preflight", "resume", "demo")
+NEEDS_VEHICLES = ("simulate", "fly", "preflight", "resume", "restore", "demo")
 NEEDS_LOGS_OR_HOURS = ("replay", "bench")
 RUNS = [call for call in CALLS if not call.startswith((*NEEDS_VEHICLES, *NEEDS_LOGS_OR_HOURS))]
 

@@ -209,7 +209,7 @@ def test_a_network_that_the_budgets_cannot_cover_is_planned_as_far_as_they_reach
     answer = json.loads(out)
     assert answer["uncovered"]
     assert [one["segment"] for one in answer["left_over"]] == answer["uncovered"]
-    assert {one["name"] for one in answer["left_over"]} <= {"line.1", "line.2", "line.3", "line.4"}
+    assert {one["name"] for one in answer["left_over"]} <= {"P1-P2", "P2-P3", "P3-P4", "P4-P5"}
     code, out, _ = place.run("plan", place.path("site.toml"), "--seconds", "0.2", "-o", place.path("p.json"))
     assert code == 1
     *_, left, how = out.splitlines()
