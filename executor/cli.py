@@ -27,6 +27,7 @@ NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.E
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; the one place where whatever is left over is caught."""
     given = list(arguments) if arguments is not None else sys.argv[1:]
+    sys.unraisablehook = _unraisable
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
@@ -40,6 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:
         _no_output(error)
     raise SystemExit(code)
+
+
+def _unraisable(what: sys.UnraisableHookArgs) -> None:
+    """Pass over an event loop that Ctrl-C kept from being made whole: it complains when it is thrown away."""
+    if getattr(what.object, "__qualname__", "") != "BaseEventLoop.__del__":
+        sys.__unraisablehook__(what)
 
 
 def _run(given: Sequence[str]) -> int:

@@ -172,8 +172,9 @@ def test_px4s_sticks(tmp_path: Path) -> None:
 
     def push(vehicle: RealVehicle) -> None:
         def move() -> None:
-            for _ in range(100):
-                vehicle.push()
+            # PX4 wants to see sticks that move, and had to see them at rest before.
+            for forward in (*([0] * 60), *range(0, 1000, 25), *([1000] * 60), *([0] * 200)):
+                vehicle.push(forward)
                 time.sleep(0.02)
 
         threading.Thread(target=move).start()
