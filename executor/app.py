@@ -45,6 +45,7 @@ from executor.errors import PreflightFailed
 from executor.keeper import Keeper, Planned, in_force
 from executor.kept import reported
 from executor.order import Console, Order
+from executor.planwords import route_words, summary
 from executor.publishing import Publication
 from executor.report import Said, report_of, vehicles_of
 from executor.runtime import preflight as asking
@@ -154,7 +155,8 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
     beginning.found.extend(await changes.apply_changes(order.run, proposal, context, links, clock, console))
     await _load(context, links, clock, beginning.boards, console)
     write_json(order.run / "vehicles.json", vehicles_of(context, seat.said))
-    if not await _asked(flight, console, Action.TAKE_OFF, "All missions are on board and read back. Take off?"):
+    text = f"All missions are on board and read back: {summary(order.plan)}. Take off?"
+    if not await _asked(flight, console, Action.TAKE_OFF, text, tuple(route_words(order.plan))):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
 
 
