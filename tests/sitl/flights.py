@@ -63,6 +63,8 @@ class Story:
     """More of the site file's table of that name."""
     at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
     """When it happens."""
+    loses: str = ""
+    """Who falls silent for good as soon as uav2 inspects its second segment."""
 
 
 class WatchfulConsole:
@@ -77,6 +79,7 @@ class WatchfulConsole:
         self.struck_s: float | None = None
         self.lifted_s: float | None = None
         self._story = story
+        self._lost = False
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         self.lines.append(f"{at_s} {level.value} {text}")
@@ -94,6 +97,9 @@ class WatchfulConsole:
         story, vehicle = self._story, state.vehicles[VICTIM]
         if not self.shown or self.shown[-1][1] != vehicle.stage.value:
             self.shown.append((now_s, vehicle.stage.value))
+        if story.loses and not self._lost and in_its_second_segment(vehicle, state):
+            self._lost = True
+            self.running[story.loses].suspend()
         if self.struck_s is None:
             if story.strike is not None and story.at(vehicle, state):
                 self.struck_s = now_s

@@ -132,6 +132,38 @@ def test_a_pilot_takes_it_by_mode_and_keeps_it_until_it_has_landed(
     assert flight.report["faults"] == []
 
 
+def while_it_is_solved(vehicle: VehicleState, state: FleetState) -> bool:
+    """Whether the loss of another one is being planned for, with uav2 among the survivors."""
+    plan = state.replan
+    return plan is not None and plan.solve_s is None and vehicle.name in {one.vehicle for one in plan.solve.survivors}
+
+
+def while_it_is_uploaded(vehicle: VehicleState, state: FleetState) -> bool:
+    """Whether uav2's new mission is being put on board."""
+    return state.replan is not None and state.replan.solve_s is not None and vehicle.name in state.replan.pending
+
+
+@BOTH
+@pytest.mark.parametrize("at", [while_it_is_solved, while_it_is_uploaded], ids=["solve", "upload"])
+def test_a_pilot_takes_it_while_another_one_is_planned_around(
+    autopilot: Autopilot, at: Callable[[VehicleState, FleetState], bool], tmp_path: Path
+) -> None:
+    """uav3 falls silent for good; uav2 is taken in the midst of what follows, and brought home by its pilot."""
+    story = story_of(
+        autopilot,
+        strike=switches(autopilot, "loiter" if autopilot is PX4 else "rtl"),
+        lift=switches(autopilot, "rtl"),
+        lasts_s=20.0,
+        at=at,
+        loses="uav3",
+        radius_m=400.0,
+    )
+    flight = flown(autopilot, story, tmp_path)
+    nothing_was_commanded(flight, autopilot)
+    assert flight.says(f"{VICTIM}: with its pilot, mode ") is not None, flight.said
+    assert [fault["vehicle"] for fault in flight.report["faults"]] == ["uav3"], flight.said
+
+
 @BOTH
 def test_a_pilot_returns_it_to_its_mission(autopilot: Autopilot, tmp_path: Path) -> None:
     """Out of the mission and back, by mode; the operator includes it, and it finishes."""
@@ -153,7 +185,7 @@ def test_a_pilot_returns_it_to_its_mission(autopilot: Autopilot, tmp_path: Path)
 def test_ardupilots_mode_switch(tmp_path: Path) -> None:
     """Channel 5 of the remote control to LOITER and back to AUTO."""
     [port] = free_ports(1)
-    settings = {"FLTMODE1": 3.0, "FLTMODE4": 5.0, "FLTMODE6": 3.0, "RC_OVERRIDE_TIME": -1.0}
+    settings = {"FLTMODE1": 3.0, "FLTMODE4": 5.0, "FLTMODE6": 0.0, "RC_OVERRIDE_TIME": -1.0}
     story = story_of(
         ARDUPILOT,
         strike=lambda vehicle: vehicle.turn(1550),
