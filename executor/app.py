@@ -115,14 +115,17 @@ async def _fly(
     state = fleet.initial(boards, tuple(CheckLine(one.severity.value, one.subject, one.text) for one in found))
     log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
     seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
+    flown: Flown | None = None
     try:
-        return await supervise(order, console, seat, Beginning(proposal, boards, found))
-    except BaseException as error:
-        if isinstance(error, PreflightFailed):
-            (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
-        # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
-        await changes.give_back(run, links, clock, console)
+        flown = await supervise(order, console, seat, Beginning(proposal, boards, found))
+    except PreflightFailed:
+        (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
+    finally:
+        if flown is None:
+            # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
+            await changes.give_back(run, links, clock, console)
+    return flown
 
 
 def _must_not_stop(found: Sequence[Check]) -> None:

@@ -31,8 +31,6 @@ _ACTS = re.compile(
     re.IGNORECASE,
 )
 """Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
-EMERGENCY = 6
-"""MAV_STATE_EMERGENCY."""
 CHARGE_EMERGENCY = 4
 """MAV_BATTERY_CHARGE_STATE_EMERGENCY."""
 
@@ -160,10 +158,3 @@ def in_other_hands(vehicle: VehicleState) -> bool:
 def takes_over(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is certain that a person has taken it."""
     return vehicle.armed and vehicle.cause is Cause.PERSON and now_s - vehicle.mode_since_s >= SURE_AFTER_S
-
-
-def in_emergency(vehicle: VehicleState) -> bool:
-    """Return whether its autopilot says that it has an emergency of its own."""
-    beat = vehicle.heartbeat
-    status = 0 if beat is None else beat.system_status
-    return status >= EMERGENCY or vehicle.battery.charge_state >= CHARGE_EMERGENCY

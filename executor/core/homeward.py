@@ -64,7 +64,7 @@ def on_mission(context: Context, vehicle: VehicleState) -> bool:
 def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # noqa: PLR0911 - one return a reason
     """Return what to do about a vehicle that should not fly its mission any more."""
     errand = vehicle.errand or Errand(now_s)
-    if not errand.force and in_other_hands(vehicle):
+    if in_other_hands(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
         return Advice(Answer.LEAVE, "it is with its pilot and is not commanded")
     if errand.land:
         return Advice(Answer.LAND)
@@ -127,10 +127,8 @@ def pursued(context: Context, state: FleetState, name: str, now_s: float) -> Ste
     match found.answer:
         case Answer.RETURN | Answer.LAND:
             return _told(context, state, vehicle, errand, now_s, land=found.answer is Answer.LAND)
-        case Answer.WAIT:
+        case Answer.WAIT | Answer.LEAVE:
             return state, ()
-        case Answer.LEAVE:
-            return state.put(changed(vehicle, errand=replace(errand, words=found.words))), ()
 
 
 def _told(

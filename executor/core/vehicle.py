@@ -86,8 +86,6 @@ class Errand:
     """Whether it was told, and has not refused since."""
     not_before_s: float = float("-inf")
     """When it may be told again after a refusal."""
-    words: str = ""
-    """Why it is not told, as the operator heard it last."""
     force: bool = False
     """Whether the operator has confirmed that it is taken out of its pilot's hands."""
 

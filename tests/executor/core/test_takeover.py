@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
-from executor.core.events import Heard, ReturnAllOrdered
+from executor.core.events import Heard, ReturnAllOrdered, ReturnEnded
 from executor.core.intents import Action, Outcome
 from executor.core.messages import StatusText
 from executor.core.vehicle import Stage
@@ -104,6 +104,19 @@ def test_whoever_wants_something_of_it_is_asked_twice(action: Action) -> None:
     second = flight.ask(action, "uav2", confirmed=True)
     assert second.outcome is Outcome.ACCEPTED
     assert [type(command) for command in told(flight, "uav2", at_s)] == [SendHome if action is Action.RETURN else Hold]
+
+
+def test_a_confirmed_order_that_got_lost_is_not_repeated_to_a_pilot_who_takes_it_again() -> None:
+    flight, _ = taken()
+    lost = ReturnEnded("uav2", accepted=False, reason="change of mode: no acknowledgement", lost=True)
+    flight.return_results["uav2"] = [lost]
+    assert flight.ask(Action.RETURN, "uav2", confirmed=True).outcome is Outcome.ACCEPTED
+    flight.crafts["uav2"].mode = 16
+    flight.happen(Heard("uav2", flight.crafts["uav2"].heartbeat()))
+    again_s = flight.now_s + 0.1
+    flight.pass_s(60.0)
+    assert flight.stage("uav2") is Stage.PILOT
+    assert told(flight, "uav2", again_s) == []
 
 
 def test_the_pilots_own_return_is_his() -> None:
