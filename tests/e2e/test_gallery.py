@@ -67,6 +67,7 @@ async def test_what_asks_twice_is_not_done_by_enter_alone(name: str, key: str, a
     shown = Shown(scene_of(name))
     with shown.serving() as address:
         async with browsing(address) as page:
+            await expect(page.locator(".strip")).to_have_count(3)
             for _ in range(2):
                 await expect(page.locator("#ask")).to_be_hidden()
                 await page.keyboard.press("2")
