@@ -100,6 +100,10 @@ class RealVehicle:
         channels = [free, free, free, free, pwm, free, free, free]
         self.other.say(mav.MAVLink_rc_channels_override_message(self.sysid, 1, *channels), system=255)
 
+    def push(self, forward: int) -> None:
+        """Hold one of PX4's sticks, from -1000 to 1000; 0 is its middle."""
+        self.other.say(mav.MAVLink_manual_control_message(self.sysid, forward, 0, 500, 0, 0))
+
     @property
     def relayed(self) -> Relay:
         """Its relay."""

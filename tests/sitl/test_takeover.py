@@ -197,3 +197,22 @@ def test_ardupilots_mode_switch(tmp_path: Path) -> None:
     flight = flown(ARDUPILOT, story, tmp_path)
     nothing_was_commanded(flight, ARDUPILOT)
     assert flight.report["finished"], flight.said
+
+
+def test_px4s_sticks(tmp_path: Path) -> None:
+    """Sticks out of their middle take it to Position mode; then the pilot brings it home by RTL."""
+
+    def push(vehicle: RealVehicle) -> None:
+        def move() -> None:
+            # PX4 wants to see sticks that have rested, and then move by COM_RC_STICK_OV a second of its own time.
+            for forward in (*([0] * 60), *range(0, 1000, 200), *([1000] * 60), *([0] * 200)):
+                vehicle.push(forward)
+                time.sleep(0.02)
+
+        threading.Thread(target=move).start()
+
+    settings = {**LOGGED, "COM_RC_IN_MODE": 1.0, "COM_RC_OVERRIDE": 3.0, "COM_RC_LOSS_T": 35.0}
+    story = story_of(PX4, strike=push, lift=switches(PX4, "rtl"), lasts_s=20.0, settings=settings)
+    flight = flown(PX4, story, tmp_path)
+    nothing_was_commanded(flight, PX4)
+    assert flight.says(f"{VICTIM}: with its pilot, mode POSCTL") is not None, flight.said
