@@ -61,9 +61,17 @@ class VehicleLink:
         if self.write(frame) and self._log is not None:
             self._log.write(frame)
 
-    def take(self, received: Received, source: str = "") -> None:
-        """Take a frame of this vehicle; `source` is the address that it came from, where there is one."""
-        if source and source != self._source:
+    def take(self, received: Received, source: str = "", write: Write | None = None) -> None:
+        """Take a frame of this vehicle.
+
+        Args:
+            received: The frame.
+            source: The address that it came from, where there is one.
+            write: How to answer there; whoever else uses the vehicle's number is not answered.
+        """
+        if received.own and write is not None:
+            self.write = write
+        if received.own and source and source != self._source:
             self._moved(source)
         if self._log is not None:
             self._log.write(received.frame)
@@ -113,7 +121,7 @@ class VehicleLink:
 
     def _count(self, received: Received) -> None:
         self.counts.received += 1
-        if received.compid != self.component:
+        if not received.own:
             return
         if self._last_seq is not None:
             gap = (received.seq - self._last_seq) % 256

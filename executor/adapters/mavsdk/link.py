@@ -38,7 +38,10 @@ class Translator(Protocol):
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Fields
     ) -> tuple[bytes, tuple[Message, ...]] | None:
-        """Return a frame for the log and what is heard with it; None for a message that is not known."""
+        """Return a frame for the log and what is heard with it; None for a message that is not known.
+
+        What other components than the vehicle's autopilot say of themselves is not heard.
+        """
         ...
 
     def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:

@@ -149,6 +149,21 @@ def test_frames_of_other_components_neither_lose_nor_gain() -> None:
     assert (link.counts.missing, link.counts.received) == (0, 4)
 
 
+def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:
+    """A computer on board may send from an address of its own."""
+    behind, link, heard = link_of()
+    first, second = frames([0, 1])
+    computer, here, there = Vehicle(compid=191), list[bytes](), list[bytes]()
+    for frame, sent, place in (
+        (first, here, "A"), (computer.pack(current(5)), there, "B"), (second, here, "A"),
+        (computer.pack(mav.MAVLink_heartbeat_message(18, 3, 0, 0, 4, 3)), there, "B"),
+    ):  # fmt: skip
+        behind.router.take(behind.codec.decode(frame), lambda out, sent=sent: not sent.append(out), place)
+    link.send(SendHeartbeat())
+    assert answered((here, there)) == [1, 0]
+    assert heard == [MissionCurrent(0, None), MissionCurrent(1, None)]
+
+
 def test_the_heartbeat_says_which_autopilot_and_which_component() -> None:
     behind, link, heard = link_of()
     behind.feed(Vehicle(compid=2).pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
@@ -162,7 +177,7 @@ def test_a_listener_that_has_stopped_hears_nothing() -> None:
     behind.feed(frames([0])[0])
     stop()
     behind.feed(frames([1])[0])
-    assert heard == [MissionCurrent(0, 0)]
+    assert heard == [MissionCurrent(0, None)]
 
 
 def test_what_is_received_is_logged_and_foreign_frames_are_not() -> None:
