@@ -267,7 +267,7 @@ def test_secrets_come_from_the_environment() -> None:
 def test_radios_are_named_by_whom_their_reports_come_from() -> None:
     assert check_site(content(), "site.toml").link.senders is None
     named = content(link={"radios": [{"system": 51, "component": 68}]})
-    assert check_site(named, "site.toml").link.senders == {(51, 68)}
+    assert check_site(named, "site.toml").link.senders == frozenset({(51, 68)})
     assert check_site(content(link={"radios": []}), "site.toml").link.senders == frozenset()
 
 

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.link import VehicleLink, Write
 from executor.core.messages import (
     DoubleHeard,
     Heartbeat,
@@ -34,6 +34,16 @@ class Frames:
 
     def write(self, frame: bytes) -> None:
         self.frames.append(frame)
+
+
+def into(sent: list[bytes]) -> Write:
+    """Return how to write to somebody who keeps what comes."""
+
+    def write(frame: bytes) -> bool:
+        sent.append(frame)
+        return True
+
+    return write
 
 
 class Behind:
@@ -158,7 +168,7 @@ def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:
         (first, here, "A"), (computer.pack(current(5)), there, "B"), (second, here, "A"),
         (computer.pack(mav.MAVLink_heartbeat_message(18, 3, 0, 0, 4, 3)), there, "B"),
     ):  # fmt: skip
-        behind.router.take(behind.codec.decode(frame), lambda out, sent=sent: not sent.append(out), place)
+        behind.router.take(behind.codec.decode(frame), into(sent), place)
     link.send(SendHeartbeat())
     assert answered((here, there)) == [1, 0]
     assert heard == [MissionCurrent(0, None), MissionCurrent(1, None)]

@@ -15,6 +15,7 @@ from executor.core.messages import Heartbeat, MissionCurrent, Radio, SendHeartbe
 from executor.simulator.config import Signing as SimSigning
 from executor.simulator.messages import MissionCount, out
 from executor.simulator.wire import Codec as SimCodec
+from tests.executor.adapters.test_link import into
 
 KEY = bytes(range(32))
 NOW_UNIX_S = 1.79e9
@@ -128,10 +129,10 @@ def test_a_radios_report_never_decides_where_a_vehicle_is(sender: tuple[int, int
     codec = with_radios(SIK, sender) if signed else Codec()
     link, here, there = VehicleLink(7, codec), list[bytes](), list[bytes]()
     router, heard = Router([link], codec), list[object]()
-    router.take(codec.decode(Peer(KEY if signed else None).pack()), lambda frame: not here.append(frame), "here")
+    router.take(codec.decode(Peer(KEY if signed else None).pack()), into(here), "here")
     link.listen(heard.append)
     for _ in range(3):
-        router.take(codec.decode(report(*sender)), lambda frame: not there.append(frame), "there")
+        router.take(codec.decode(report(*sender)), into(there), "there")
     link.send(SendHeartbeat())
     assert (len(here), len(there)) == (1, 0)
     assert heard == [HEARD] * 3

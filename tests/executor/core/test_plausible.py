@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -69,7 +70,9 @@ def test_a_heading_that_is_none_costs_the_heading_alone(value: float) -> None:
 @pytest.mark.parametrize("value", [*NO_NUMBERS, -1.0])
 @pytest.mark.parametrize("field", ["remaining_pct", "voltage_v", "current_a", "consumed_ah"])
 def test_of_a_battery_what_is_wrong_is_unknown_and_the_rest_is_known(field: str, value: float) -> None:
-    assert plausible(replace(PACK, **{field: value})) == replace(PACK, **{field: None})
+    wrong: dict[str, Any] = {field: value}
+    unknown: dict[str, Any] = {field: None}
+    assert plausible(replace(PACK, **wrong)) == replace(PACK, **unknown)
 
 
 @pytest.mark.parametrize("cell", [math.nan, 0.0, 65.5])
