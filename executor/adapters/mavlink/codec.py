@@ -1,6 +1,7 @@
 """MAVLink frames to our messages and back: the only place where pymavlink is used to fly.
 
-Only pymavlink's codec class is used: its connections block. Whatever a vehicle marks as unknown becomes None here.
+Only pymavlink's codec class is used: its connections block. Whatever a vehicle marks as unknown becomes None here, and
+so does what it cannot mean; of its components the autopilot alone speaks for it, and no text has what a terminal obeys.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from executor.adapters.mavlink import integers
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.signing import Refusal, Signing
 from executor.adapters.mavlink.texts import Texts
@@ -56,10 +58,7 @@ from executor.core.plausible import plausible
 from executor.core.speaker import Speaker, followed, heard_of
 from missions import MissionItem
 
-AUTOPILOT_ARDUPILOT = 3
 MISSION_TYPE_MISSION = 0
-INTEGER_TYPES = frozenset(range(1, 9))
-"""MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
 NO_SATELLITES = 255
 """Of satellites_visible: nobody knows."""
@@ -185,7 +184,7 @@ class Codec:
             packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
         except (struct.error, TypeError, AttributeError):
             return None  # another parser's definition of the message is another one
-        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in INTEGER_TYPES
+        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in integers.INTEGER_TYPES
         [received] = self.read([frame])
         said = received.more if lost else (received.message, *received.more)
         return packed, tuple(message for message in said if message is not None)
@@ -208,7 +207,7 @@ class Codec:
         if not _for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
-            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
+            value = integers.from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
             return plausible(ParamValue(words.shown(frame.param_id), value, frame.param_type))
         if frame.get_type() == RADIO and not self._takes(frame):
             return None
@@ -384,23 +383,6 @@ _READERS: dict[str, Any] = {
 }
 
 
-def _bitwise(kind: int, autopilot: int | None) -> bool:
-    """Return whether the bits of an integer stand where the float would; ArduPilot alone sends its value as a float."""
-    return kind in INTEGER_TYPES and autopilot not in {None, AUTOPILOT_ARDUPILOT}
-
-
-def _param_from_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if _bitwise(kind, autopilot):
-        return float(struct.unpack("<i", struct.pack("<f", value))[0])
-    return float(value)
-
-
-def _param_to_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if _bitwise(kind, autopilot):
-        return float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
-    return value
-
-
 def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
     match message:
         case SendHeartbeat():
@@ -425,5 +407,5 @@ def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | Non
         case SendParamRequest(name):
             return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
         case SendParamSet(name, value, kind):
-            wire = _param_to_wire(value, kind, autopilot)
+            wire = integers.to_wire(value, kind, autopilot)
             return mav.MAVLink_param_set_message(sysid, compid, name.encode(), wire, kind)

@@ -8,8 +8,8 @@ from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.signing import Refusal
 from executor.core.messages import DoubleHeard, Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
+from executor.core.speaker import AUTOPILOT
 
-AUTOPILOT_COMPONENT = 1
 MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""
 ENOUGH_FRAMES = 80
@@ -30,16 +30,17 @@ class VehicleLink:
     def __init__(self, sysid: int, codec: Codec, log: FrameLog | None = None) -> None:
         """Make a link that leads nowhere yet."""
         self.sysid = sysid
-        self.component = AUTOPILOT_COMPONENT
+        self.component = AUTOPILOT
         self.counts = LinkCounts(missing=0)
         self.write: Write = nowhere
         """Set by the endpoint when it knows where the vehicle is."""
         self._codec = codec
         self._log = log
         self._listeners: list[Callable[[Message], None]] = []
-        self._missing = 0
+        self._arrived = self._missing = 0
+        """Frames of the autopilot alone: every component numbers its own."""
         self._told = (0, 0)
-        """Received and missing frames when they were handed on last."""
+        """Arrived and missing frames when they were handed on last."""
         self._source = ""
         self._sources: set[str] = set()
         """Every address that its frames came from."""
@@ -84,9 +85,9 @@ class VehicleLink:
 
     def _tell_traffic(self, component: int) -> None:
         """Hand on what came and what did not, once it is enough to say something."""
-        received, missing = self.counts.received - self._told[0], self._missing - self._told[1]
+        received, missing = self._arrived - self._told[0], self._missing - self._told[1]
         if received + missing >= ENOUGH_FRAMES:
-            self._told = (self.counts.received, self._missing)
+            self._told = (self._arrived, self._missing)
             self._hand_on(Traffic(received, max(0, missing)), component)
 
     def refuse(self, refusal: Refusal) -> None:
@@ -123,6 +124,7 @@ class VehicleLink:
         self.counts.received += 1
         if not received.own:
             return
+        self._arrived += 1
         if self._last_seq is not None:
             gap = (received.seq - self._last_seq) % 256
             if gap == 0 or gap > 128:

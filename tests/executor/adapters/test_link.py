@@ -21,6 +21,7 @@ from executor.core.messages import (
     SendHeartbeat,
     StationHeard,
     StatusText,
+    Traffic,
 )
 from executor.core.ports import LinkCounts
 from tests.executor.adapters.test_codec import PX4, Vehicle
@@ -157,6 +158,18 @@ def test_frames_of_other_components_neither_lose_nor_gain() -> None:
     behind.feed(gimbal.pack(current(5)))
     behind.feed(frames([2])[0])
     assert (link.counts.missing, link.counts.received) == (0, 4)
+
+
+def test_the_share_that_is_lost_is_the_autopilots_own() -> None:
+    behind, _, heard = link_of()
+    gimbal, vehicle = Vehicle(compid=154), Vehicle()
+    for number in range(100):
+        behind.feed(gimbal.pack(current(5)))
+        vehicle.mav.seq = 2 * number % 256
+        behind.feed(vehicle.pack(current(1)))
+    vehicle.mav.seq = 200
+    behind.feed(vehicle.pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
+    assert [one for one in heard if isinstance(one, Traffic)] == [Traffic(101, 100)]
 
 
 def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:
