@@ -119,7 +119,7 @@ def _current(said: MissionCurrent) -> MissionCurrent | None:
     if not 0 <= said.seq < NO_ITEM:
         return None
     known = said.total is None or said.seq <= said.total < NO_ITEM
-    return said if known else MissionCurrent(said.seq, None)
+    return said if known else replace(said, total=None)
 
 
 def _reached(said: MissionReached) -> MissionReached | None:
