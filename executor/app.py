@@ -290,8 +290,9 @@ async def open_links(
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
         key = signing_key(order.site, order.base)
         keyring = None if key is None else Keyring(key, clock.dated_s)
-        native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring))
-        others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec()))
+        radios = order.site.link.senders
+        native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring, radios))
+        others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec(radios=radios)))
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
         async with asyncio.TaskGroup() as tasks:
             beat = tasks.create_task(keep_heartbeat(links, clock), name="heartbeat")

@@ -8,7 +8,7 @@ from executor.config import Site
 from executor.core import heights, preflight
 from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe
-from executor.core.preflight import Check, Facts, Severity
+from executor.core.preflight import Check, Facts
 from executor.core.vehicle import OnBoard
 from executor.planwords import plan_checks
 from missions import PlanFile
@@ -38,8 +38,8 @@ def checklist(
     """
     paths = {name: board.path for name, board in boards.items() if board is not None}
     found = heights.checks(context.setup, list(paths.values()), worth_a_look)
-    if site.signing is not None:
-        found.append(Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused"))
+    links = {table.name: table.link for table in site.vehicle}
+    found.append(preflight.talkers(links, signed=site.signing is not None))
     found.append(preflight.disk(free_bytes, paths, context))
     found += preflight.separation(list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m)
     for name, fact in facts.items():

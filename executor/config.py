@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executor.core.connection import Connection, parse_connection
+from executor.core.speaker import AUTOPILOT
 from executor.errors import SiteError
 from missions import NESTED
 from planner import PRESETS
@@ -182,6 +183,36 @@ class SigningTable(_Table):
         return self
 
 
+class RadioTable(_Table):
+    """A telemetry radio, by what its RADIO_STATUS names as its sender."""
+
+    system: Annotated[int, Field(ge=1, le=255)]
+    component: Annotated[int, Field(ge=1, le=255)]
+
+
+class LinkTable(_Table):
+    """Who else is on the links."""
+
+    radios: tuple[RadioTable, ...] | None = None
+    """Whose reports of the radio link are shown, though radios cannot sign; SiK radios are system 51, component 68.
+    Without this key: everybody's where nothing is signed, nobody's where frames are."""
+
+    @model_validator(mode="after")
+    def _distinct(self) -> LinkTable:
+        for index, radio in enumerate(self.radios or ()):
+            if radio in (self.radios or ())[:index]:
+                raise ValueError(
+                    f"radios[{index}]: expected each radio once, got system {radio.system} component "
+                    f"{radio.component} again"
+                )
+        return self
+
+    @property
+    def senders(self) -> frozenset[tuple[int, int]] | None:
+        """System and component of each radio."""
+        return None if self.radios is None else frozenset((radio.system, radio.component) for radio in self.radios)
+
+
 class MqttTable(_Table):
     """Where the flight is published, and where intents are taken from."""
 
@@ -256,6 +287,7 @@ class Site(_Table):
     flight: FlightTable = FlightTable()
     faults: FaultsTable = FaultsTable()
     signing: SigningTable | None = None
+    link: LinkTable = LinkTable()
     mqtt: MqttTable | None = None
     web: WebTable = WebTable()
 
@@ -279,6 +311,17 @@ class Site(_Table):
             if self.signing is not None and vehicle.backend == "mavsdk":
                 raise ValueError(
                     f"vehicle[{index}].backend: expected 'native' beside [signing], got 'mavsdk', which does not sign"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _reports(self) -> Site:
+        names = {vehicle.sysid: vehicle.name for vehicle in self.vehicle}
+        for index, radio in enumerate(self.link.radios or ()):
+            if radio.component == AUTOPILOT and radio.system in names:
+                raise ValueError(
+                    f"link.radios[{index}]: expected a radio, got system {radio.system} component {AUTOPILOT}, the "
+                    f"autopilot of vehicle '{names[radio.system]}'"
                 )
         return self
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from dataclasses import dataclass
 from enum import Enum
@@ -46,6 +47,16 @@ class Connection:
     def __str__(self) -> str:
         """Return the connection string, in its one full spelling."""
         return f"{self.scheme.value}://{self.where}:{self.number}"
+
+    @property
+    def is_on_a_network(self) -> bool:
+        """Whether others than this computer may send to it, as far as its address tells."""
+        if self.scheme is Scheme.SERIAL or self.where == "localhost":
+            return False
+        try:
+            return not ipaddress.ip_address(self.where).is_loopback
+        except ValueError:
+            return True
 
     @property
     def place(self) -> str:

@@ -23,6 +23,7 @@ from executor.core import (
     resuming,
     silence,
     takeover,
+    texts,
 )
 from executor.core.changed import changed
 from executor.core.commands import Command, Finish, HandsOff, Level, Say, SendHome, Start
@@ -50,10 +51,10 @@ from executor.core.events import (
 from executor.core.faults import View, Watchpoint
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
-from executor.core.messages import Heartbeat, Position
+from executor.core.messages import ComponentText, Heartbeat, Position
 from executor.core.places import at_rest, last_heard, over_its_pad, place_words, seen_at_rest
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
-from executor.core.strangers import stranger_words
+from executor.core.strangers import stranger_lines
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
 from missions import StartStep
 from planner import segment_of
@@ -64,10 +65,6 @@ RETRIES = 3
 """How often a start that failed is tried again."""
 START_WINDOW_S = 60.0
 """So long after the crew's yes a start that failed is tried again: later somebody may stand at the pad."""
-WARNING_SEVERITY = 4
-"""MAV_SEVERITY_WARNING: less severe texts stay in the log."""
-TEXT_AGAIN_S = 30.0
-"""A text that a vehicle repeats is shown once in this time; ArduPilot says the same for every item of an upload."""
 FRESH_S = 1.5
 """Two positions no older than this say how far two vehicles are apart."""
 CLIMBS_MOST_M = 15.0
@@ -196,19 +193,19 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
+    if isinstance(event.message, ComponentText):
+        return texts.said_aboard(state, before, event.message, now_s)
     folded = fold(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
         folded = replace(folded, state=custody.judged(context, state.absences, before, folded.state, now_s))
     state = state.put(folded.state)
     commands: list[Command] = [
-        Say(Level.WARNING, f"{event.vehicle}: {stranger_words(stranger)}")
-        for stranger in folded.state.strangers - before.strangers
+        Say(Level.WARNING, f"{event.vehicle}: {line}")
+        for line in stranger_lines(before.strangers, folded.state.strangers)
     ]
-    if folded.text is not None and (folded.text.severity <= WARNING_SEVERITY or folded.state.alarm[1] == now_s):
-        heard = (folded.text.text, now_s)
-        if heard[0] != before.last_text[0] or now_s - before.last_text[1] > TEXT_AGAIN_S:
-            commands.append(Say(Level.WARNING, f"{event.vehicle} says: {heard[0]}"))
-        state = state.put(replace(folded.state, last_text=heard))
+    if folded.text is not None:
+        state, more = texts.said(state, folded.state, folded.text, now_s)
+        commands.extend(more)
     if folded.inspected is not None and folded.inspected not in state.inspected:
         inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
         flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
@@ -296,6 +293,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
         state, more = _look_at(context, state, name, now_s, alone=alone)
         commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
+    commands.extend(more)
+    state, more = texts.counted(state, now_s)
     commands.extend(more)
     state, more = offers.looked_at(context, state, now_s)
     commands.extend(more)

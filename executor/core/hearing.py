@@ -31,6 +31,7 @@ from executor.core.messages import (
     Wind,
 )
 from executor.core.modes import is_mission_mode
+from executor.core.strangers import noted
 from executor.core.vehicle import Fix, Stage, VehicleState
 from executor.core.voltage import Report, Thresholds, VoltageState, measured
 from missions import Phase
@@ -144,7 +145,7 @@ def _about(
     """Take what others say about a vehicle, which does not mean that it was heard."""
     match message:
         case StationHeard() | DoubleHeard():
-            return changed(state, strangers=state.strangers | {message})
+            return changed(state, strangers=noted(state.strangers, message))
         case Traffic():
             window_s = context.limits.loss_window_s
             return changed(state, quality=linkquality.counted(state.quality, message, now_s, window_s))

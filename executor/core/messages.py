@@ -185,6 +185,15 @@ class StatusText:
 
 
 @dataclass(frozen=True, slots=True)
+class ComponentText:
+    """STATUSTEXT of a component of the vehicle that is not its autopilot."""
+
+    component: int
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Traffic:
     """What came of a vehicle's frames since the last such message, by their sequence numbers."""
 
@@ -266,6 +275,7 @@ FlightMessage = (
     | MissionCurrent
     | MissionReached
     | StatusText
+    | ComponentText
     | Traffic
     | Radio
     | OrderSeen

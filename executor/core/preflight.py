@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executor.core import failsafes, firmware
+from executor.core.connection import Connection, Scheme
 from executor.core.context import Context
 from executor.core.failsafes import LinkFailsafe, Parameters
 from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
@@ -223,6 +224,24 @@ def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: 
     if left < setup.reserve_pct:
         return Check(Severity.STOP, name, f"{text}, expected at least the reserve of {setup.reserve_pct:g} %")
     return Check(Severity.OK, name, text)
+
+
+def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
+    """Say who may speak for the vehicles, and to them.
+
+    Args:
+        connections: Of each vehicle.
+        signed: Whether frames must be signed.
+    """
+    if signed:
+        return Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused")
+    open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
+    if not open_:
+        radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
+        beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
+        return Check(Severity.OK, "signing", f"frames are not signed; {beyond}")
+    text = f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network"
+    return Check(Severity.WARNING, "signing", f"{text}: whoever can send there can command and imitate the vehicles")
 
 
 def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:

@@ -2,13 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from executor.core.messages import DoubleHeard, StationHeard
 
+Stranger = StationHeard | DoubleHeard
+MOST_NAMED = 8
+"""Of each kind: anybody can send in the name of any number of systems."""
 
-def stranger_words(heard: StationHeard | DoubleHeard) -> str:
+
+def noted(known: frozenset[Stranger], heard: Stranger) -> frozenset[Stranger]:
+    """Return who is known with one more, as long as they are few."""
+    return known if heard in known or _count(known, heard) >= MOST_NAMED else known | {heard}
+
+
+def stranger_lines(before: frozenset[Stranger], now: frozenset[Stranger]) -> Iterator[str]:
+    """Yield a line for who is new; the last of them says that it is."""
+    for stranger in now - before:
+        more = "; whoever comes now is not named" if _count(now, stranger) == MOST_NAMED else ""
+        yield f"{stranger_words(stranger)}{more}"
+
+
+def stranger_words(heard: Stranger) -> str:
     """Return who was heard that should not be there."""
     match heard:
         case StationHeard(system, component):
             return f"another ground station is on its link, system {system} component {component}"
         case DoubleHeard(system, places):
             return f"system {system} speaks from {' and '.join(places)}: two vehicles have the same number"
+
+
+def _count(known: frozenset[Stranger], like: Stranger) -> int:
+    return sum(type(one) is type(like) for one in known)

@@ -137,6 +137,20 @@ class Fix:
 
 
 @dataclass(frozen=True, slots=True)
+class TextFlow:
+    """What a vehicle said in words, as far as it decides what is shown."""
+
+    last: tuple[str, float] = ("", float("-inf"))
+    """The line that was shown last, and when it was heard last."""
+    since_s: float = float("-inf")
+    """When the window began in which lines are counted."""
+    shown: tuple[int, ...] = (0, 0, 0)
+    """Lines of each rank in this window."""
+    passed_over: int = 0
+    """Texts for which there was no room in it."""
+
+
+@dataclass(frozen=True, slots=True)
 class OnBoard:
     """The mission that the vehicle is known to carry."""
 
@@ -205,8 +219,7 @@ class VehicleState:
     """Whether it could not be given a new mission: it is planned around."""
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
-    last_text: tuple[str, float] = ("", float("-inf"))
-    """What it said last that was worth showing, and when."""
+    texts: TextFlow = field(default_factory=TextFlow)
     took_off: bool = False
     """Whether it was heard in the air since its last start."""
     alarm: tuple[str, float] = ("", float("-inf"))

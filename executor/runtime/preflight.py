@@ -21,6 +21,7 @@ from executor.core.messages import (
 )
 from executor.core.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import Facts
+from executor.core.strangers import Stranger, noted
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
@@ -47,6 +48,10 @@ STEADY_S = 3.0
 ASK_WHY_S = 10.0
 """How often a vehicle that cannot be armed is asked for its reasons."""
 BANNER_TIMEOUT_S = 3.0
+TELL_S = 1.0
+"""How often it is said what is waited for: a vehicle may give another reason every time."""
+MOST_REASONS = 20
+"""Of those why it cannot be armed the newest are kept."""
 
 
 def streams_hz(dialect: Dialect) -> dict[int, float]:
@@ -66,8 +71,7 @@ class _Heard:
     version: Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own words, and when it said so last."""
-    stations: set[StationHeard] = field(default_factory=set)
-    doubles: set[DoubleHeard] = field(default_factory=set)
+    strangers: frozenset[Stranger] = frozenset()
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def take(self, message: Message) -> None:
@@ -82,10 +86,8 @@ class _Heard:
                 self.status = message
             case Version():
                 self.version = message
-            case StationHeard():
-                self.stations.add(message)
-            case DoubleHeard():
-                self.doubles.add(message)
+            case StationHeard() | DoubleHeard():
+                self.strangers = noted(self.strangers, message)
             case StatusText(_, text):
                 self._read(text)
         self.changed.set()
@@ -93,7 +95,10 @@ class _Heard:
     def _read(self, text: str) -> None:
         reason = prearm.reason_in(text)
         if reason is not None:
+            self.reasons_s.pop(reason, None)
             self.reasons_s[reason] = self.clock.now_s()
+            if len(self.reasons_s) > MOST_REASONS:
+                del self.reasons_s[next(iter(self.reasons_s))]
         if self.version is None:
             self.version = banner_version(text)
 
@@ -185,7 +190,7 @@ async def interview(
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
         raise PreflightFailed(f"{name}: fell silent while it was asked")
-    stations = tuple(sorted(heard.stations, key=lambda station: (station.system, station.component)))
+    stations = [one for one in heard.strangers if isinstance(one, StationHeard)]
     return Facts(
         name,
         heard.heartbeat,
@@ -193,15 +198,15 @@ async def interview(
         heard.remaining,
         heard.version,
         parameters,
-        stations,
-        tuple(heard.doubles),
+        tuple(sorted(stations, key=lambda station: (station.system, station.component))),
+        tuple(one for one in heard.strangers if isinstance(one, DoubleHeard)),
     )
 
 
 async def _steadily_ready(heard: _Heard, link: Link, clock: Clock, waits: Callable[[str], None]) -> None:
     """Wait until nothing was missing for a while: ArduPilot's pre-arm checks pass for a second and fail again."""
     since_s: float | None = None
-    asked_s, told = float("-inf"), ""
+    asked_s, told, told_s = float("-inf"), "", float("-inf")
     while True:
         missing = heard.missing()
         if missing or heard.heartbeat is None:
@@ -213,8 +218,8 @@ async def _steadily_ready(heard: _Heard, link: Link, clock: Clock, waits: Callab
         if heard.unarmable and clock.now_s() - asked_s >= ASK_WHY_S:
             asked_s = clock.now_s()
             link.send(orders.run_prearm_checks())
-        if missing and missing != told:
-            told = missing
+        if missing and missing != told and clock.now_s() - told_s >= TELL_S:
+            told, told_s = missing, clock.now_s()
             waits(missing)
         heard.changed.clear()
         await heard.changed.wait()

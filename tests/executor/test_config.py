@@ -264,6 +264,29 @@ def test_secrets_come_from_the_environment() -> None:
             read_secret("P", "mqtt.password_env", "site.toml", environment)
 
 
+def test_radios_are_named_by_whom_their_reports_come_from() -> None:
+    assert check_site(content(), "site.toml").link.senders is None
+    named = content(link={"radios": [{"system": 51, "component": 68}]})
+    assert check_site(named, "site.toml").link.senders == frozenset({(51, 68)})
+    assert check_site(content(link={"radios": []}), "site.toml").link.senders == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("radios", "why"),
+    [
+        ([{"system": 51}], "link.radios[0].component: expected this key, but it is missing"),
+        ([{"system": 0, "component": 68}], "link.radios[0].system: expected greater than or equal to 1, got 0"),
+        ([{"system": 51, "component": 68, "baud": 1}], "link.radios[0].baud: unknown key"),
+        ([{"system": 51, "component": 68}] * 2, "link.radios[1]: expected each radio once, got system 51 component 68"),
+        ([{"system": 1, "component": 1}], "link.radios[0]: expected a radio, got system 1 component 1, the autopilot"),
+    ],
+)
+def test_a_radio_that_cannot_be(radios: list[dict[str, int]], why: str) -> None:
+    said = reason(content(vehicle(1), link={"radios": radios}))
+    assert said.startswith(why)
+    assert "\n" not in said
+
+
 def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     digits = "0f" * 32
     (tmp_path / "key").write_text(f"{digits}\n")

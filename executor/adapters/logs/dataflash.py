@@ -20,7 +20,7 @@ from typing import Any
 
 from pymavlink import DFReader
 
-from executor.adapters.logs.plausible import is_plausible
+from executor.core import words
 from executor.core.messages import (
     Battery,
     FlightMessage,
@@ -29,6 +29,7 @@ from executor.core.messages import (
     Position,
     StatusText,
 )
+from executor.core.plausible import plausible
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 
@@ -132,7 +133,7 @@ class DataFlashFile:
         if self._heartbeat and t_usec - self._beat_usec >= BEAT_USEC:
             self._beat_usec = t_usec
             yield t_usec, self.system, self._beat()
-        if told is not None and not is_plausible(told):
+        if told is not None and plausible(told) is not told:
             self.skipped.impossible += 1
         elif told is not None and self._heartbeat:
             yield t_usec, self.system, told
@@ -201,7 +202,7 @@ class DataFlashFile:
     def _said(self, message: Any) -> StatusText:  # noqa: ANN401
         if message.Message == ARMS:
             self._armed = True
-        return StatusText(FAILURE, str(message.Message))
+        return StatusText(FAILURE, words.shown(str(message.Message)))
 
     def _item(self, message: Any) -> MissionCurrent:  # noqa: ANN401
         self._items = int(message.CTot)

@@ -16,8 +16,9 @@ from typing import Any
 
 from pyulog import ULog
 
-from executor.adapters.logs.plausible import is_plausible
+from executor.core import words
 from executor.core.messages import Battery, FlightMessage, Heartbeat, LandedState, MissionCurrent, Position, StatusText
+from executor.core.plausible import plausible
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 
@@ -80,7 +81,7 @@ class UlogFile:
             except (KeyError, ValueError, TypeError):
                 self.skipped.unreadable += 1
                 continue
-            if told is not None and not is_plausible(told):
+            if told is not None and plausible(told) is not told:
                 self.skipped.impossible += 1
             elif told is not None:
                 yield t_usec, system, told
@@ -145,7 +146,7 @@ class UlogFile:
 
     def said(self, _: int, row: Row) -> StatusText:
         """Read a text."""
-        return StatusText(int(row["severity"]), str(row["text"]))
+        return StatusText(int(row["severity"]), words.shown(str(row["text"])))
 
 
 Reader = Callable[[UlogFile, int, Row], FlightMessage | None]

@@ -1,21 +1,24 @@
 """MAVLink frames to our messages and back: the only place where pymavlink is used to fly.
 
-Only pymavlink's codec class is used: its connections block. Whatever a vehicle marks as unknown becomes None here.
+Only pymavlink's codec class is used: its connections block. Whatever a vehicle marks as unknown becomes None here, and
+so does what it cannot mean; of its components the autopilot alone speaks for it, and no text has what a terminal obeys.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from executor.adapters.mavlink import integers
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.signing import Refusal, Signing
 from executor.adapters.mavlink.texts import Texts
+from executor.core import words
 from executor.core.messages import (
     GROUND_STATION,
     Attitude,
@@ -51,21 +54,21 @@ from executor.core.messages import (
     Version,
     Wind,
 )
+from executor.core.plausible import plausible
+from executor.core.speaker import Speaker, followed, heard_of
 from missions import MissionItem
 
-AUTOPILOT_ARDUPILOT = 3
 MISSION_TYPE_MISSION = 0
-INTEGER_TYPES = frozenset(range(1, 9))
-"""MAV_PARAM_TYPE 1 to 8 are the integers."""
 PREARM_CHECK = 0x10000000
-MOST_CELL_MV = 5000
-MOST_FIX = mav.GPS_FIX_TYPE_PPP
 NO_SATELLITES = 255
 """Of satellites_visible: nobody knows."""
-MOST_WIND_M_S = 150.0
-"""More than was ever measured on the ground is no wind but a filter that has not settled."""
+RADIO = "RADIO_STATUS"
 _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
 """FIRMWARE_VERSION_TYPE; 255, official, goes without a word."""
+
+
+Sender = tuple[int, int]
+"""System and component that a frame names as its sender."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,8 @@ class Received:
     """None for a message that nobody here follows."""
     more: tuple[Message, ...] = ()
     """What else this frame brings to an end: a text whose last part never came."""
+    own: bool = True
+    """Whether the vehicle's autopilot says it, not another component, or a radio on the way."""
     refused: Refusal | None = None
     """Why it is not believed, where frames must be signed."""
 
@@ -87,15 +92,23 @@ class Received:
 class Codec:
     """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
-    def __init__(self, signing: Signing | None = None) -> None:
-        """Begin knowing nobody; with `signing`, frames are signed both ways."""
+    def __init__(self, signing: Signing | None = None, radios: Collection[Sender] | None = None) -> None:
+        """Begin knowing nobody.
+
+        Args:
+            signing: Frames are signed with it, both ways.
+            radios: Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where
+                nothing is signed and of nobody where frames are.
+        """
         self._signing = signing
+        self._radios = radios
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         self._datagrams = Cutter(in_datagrams=True)
         self._texts = Texts()
         self._sent: dict[int, int] = {}
         """How many frames went to each system: each is numbered as a stream of its own."""
+        self._speakers: dict[int, Speaker] = {}
         self.autopilots: dict[int, int] = {}
         """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
         self.garbage = 0
@@ -111,23 +124,38 @@ class Codec:
         """Yield what a `Cutter`'s frames say."""
         for frame in frames:
             source = (frame.get_srcSystem(), frame.get_srcComponent())
-            if self._signing is not None:
-                raw = bytes(frame.get_msgbuf())
-                refusal = self._signing.refused(raw, *source)
-                if refusal is not None:
-                    yield Received(*source, frame.get_seq(), raw, None, refused=refusal)
-                    continue
-            more = self._texts.passed(source)
+            refusal = self._refused(frame, source)
+            if refusal is not None:
+                yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False, refused=refusal)
+                continue
+            more: list[Message] = [*self._texts.passed(source)]
             message = self._message(frame)
             if isinstance(message, Heartbeat):
-                self.autopilots[frame.get_srcSystem()] = message.autopilot
+                self._follow(source, message)
             if frame.get_type() == "STATUSTEXT":
                 # The raw field: pymavlink's own reading loses every byte that is not ASCII.
                 raw = frame._text_raw  # noqa: SLF001
                 more += self._texts.take(source, frame.severity, raw, frame.id, frame.chunk_seq)
-            if message is None and more:
-                message = more.pop(0)
-            yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), message, tuple(more))
+            speaker = self._speakers.get(source[0], Speaker())
+            said = [heard_of(speaker, source[1], one) for one in (message, *more) if one is not None]
+            heard = [one for one in said if one is not None]
+            own = source[1] == speaker.component and frame.get_type() != RADIO
+            first = heard.pop(0) if heard else None
+            yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), first, tuple(heard), own)
+
+    def _refused(self, frame: Any, source: Sender) -> Refusal | None:  # noqa: ANN401
+        if self._signing is None:
+            return None
+        refusal = self._signing.refused(bytes(frame.get_msgbuf()), *source)
+        if refusal is Refusal.UNSIGNED and frame.get_type() == RADIO and source in (self._radios or ()):
+            return None
+        return refusal
+
+    def _follow(self, source: Sender, beat: Heartbeat) -> None:
+        system, component = source
+        speaker = self._speakers[system] = followed(self._speakers.get(system, Speaker()), component, beat)
+        if speaker.component == component:
+            self.autopilots[system] = beat.autopilot
 
     def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
@@ -156,7 +184,7 @@ class Codec:
             packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
         except (struct.error, TypeError, AttributeError):
             return None  # another parser's definition of the message is another one
-        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in INTEGER_TYPES
+        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in integers.INTEGER_TYPES
         [received] = self.read([frame])
         said = received.more if lost else (received.message, *received.more)
         return packed, tuple(message for message in said if message is not None)
@@ -179,10 +207,17 @@ class Codec:
         if not _for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
-            value = _param_from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
-            return ParamValue(frame.param_id, value, frame.param_type)
+            value = integers.from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
+            return plausible(ParamValue(words.shown(frame.param_id), value, frame.param_type))
+        if frame.get_type() == RADIO and not self._takes(frame):
+            return None
         read = _READERS.get(frame.get_type())
-        return None if read is None else read(frame)
+        message = None if read is None else read(frame)
+        return None if message is None else plausible(message)
+
+    def _takes(self, radio: Any) -> bool:  # noqa: ANN401
+        named = self._radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self._radios
+        return named or self._signing is not None  # which has let it through
 
 
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
@@ -240,35 +275,28 @@ def _battery(frame: Any) -> Battery:  # noqa: ANN401
         consumed_ah=None if frame.current_consumed < 0 else frame.current_consumed / 1e3,
         charge_state=getattr(frame, "charge_state", 0),
         faults=getattr(frame, "fault_bitmask", 0),
-        # The first slot holds the whole pack where cells are not told apart.
-        cells_v=tuple(cell / 1e3 for cell in cells) if len(cells) > 1 and max(cells) < MOST_CELL_MV else (),
+        cells_v=tuple(cell / 1e3 for cell in cells) if len(cells) > 1 else (),
     )
 
 
-def _attitude(frame: Any) -> Attitude | None:  # noqa: ANN401
-    roll, pitch = frame.roll, frame.pitch
-    if not (abs(roll) <= math.tau and abs(pitch) <= math.tau):  # also where one is not a number
-        return None
-    return Attitude(math.degrees(roll), math.degrees(pitch))
+def _attitude(frame: Any) -> Attitude:  # noqa: ANN401
+    return Attitude(math.degrees(frame.roll), math.degrees(frame.pitch))
 
 
-def _gps(frame: Any) -> Gps | None:  # noqa: ANN401
-    if frame.fix_type > MOST_FIX:
-        return None
+def _gps(frame: Any) -> Gps:  # noqa: ANN401
     satellites = frame.satellites_visible
     return Gps(frame.fix_type, None if satellites == NO_SATELLITES else satellites)
 
 
-def _wind(speed_m_s: float, from_deg: float) -> Wind | None:
-    if not (0 <= speed_m_s <= MOST_WIND_M_S and math.isfinite(from_deg)):
-        return None
-    return Wind(speed_m_s, from_deg % 360)
+def _wind(frame: Any) -> Wind:  # noqa: ANN401
+    return Wind(frame.speed, frame.direction % 360)
 
 
-def _wind_cov(frame: Any) -> Wind | None:  # noqa: ANN401
+def _wind_cov(frame: Any) -> Wind:  # noqa: ANN401
     """Read where the air moves to, north and east, as where it comes from."""
     north_m_s, east_m_s = frame.wind_x, frame.wind_y
-    return _wind(math.hypot(north_m_s, east_m_s), math.degrees(math.atan2(-east_m_s, -north_m_s)))
+    from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360
+    return Wind(math.hypot(north_m_s, east_m_s), from_deg)
 
 
 def _fence(frame: Any) -> FenceStatus | None:  # noqa: ANN401
@@ -340,10 +368,10 @@ _READERS: dict[str, Any] = {
     "ATTITUDE": _attitude,
     "GPS_RAW_INT": _gps,
     "WIND_COV": _wind_cov,
-    "WIND": lambda frame: _wind(frame.speed, frame.direction),
+    "WIND": _wind,
     "FENCE_STATUS": _fence,
     "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
-    "MISSION_CURRENT": lambda frame: MissionCurrent(frame.seq, getattr(frame, "total", None)),
+    "MISSION_CURRENT": lambda frame: MissionCurrent(frame.seq, getattr(frame, "total", 0) or None),
     "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),
     "MISSION_REQUEST": _of_mission(MissionRequest, "seq"),
     "MISSION_REQUEST_INT": _of_mission(MissionRequest, "seq"),
@@ -353,23 +381,6 @@ _READERS: dict[str, Any] = {
     "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _version,
 }
-
-
-def _bitwise(kind: int, autopilot: int | None) -> bool:
-    """Return whether the bits of an integer stand where the float would; ArduPilot alone sends its value as a float."""
-    return kind in INTEGER_TYPES and autopilot not in {None, AUTOPILOT_ARDUPILOT}
-
-
-def _param_from_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if _bitwise(kind, autopilot):
-        return float(struct.unpack("<i", struct.pack("<f", value))[0])
-    return float(value)
-
-
-def _param_to_wire(value: float, kind: int, autopilot: int | None) -> float:
-    if _bitwise(kind, autopilot):
-        return float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
-    return value
 
 
 def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
@@ -396,5 +407,5 @@ def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | Non
         case SendParamRequest(name):
             return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
         case SendParamSet(name, value, kind):
-            wire = _param_to_wire(value, kind, autopilot)
+            wire = integers.to_wire(value, kind, autopilot)
             return mav.MAVLink_param_set_message(sysid, compid, name.encode(), wire, kind)

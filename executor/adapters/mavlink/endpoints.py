@@ -9,12 +9,12 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Collection, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
 
-from executor.adapters.mavlink.codec import Codec, Received
+from executor.adapters.mavlink.codec import Codec, Received, Sender
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.link import VehicleLink, Write, nowhere
 from executor.adapters.mavlink.signing import Signing
@@ -45,7 +45,7 @@ class Router:
         self._links = {link.sysid: link for link in links}
 
     def take(self, frames: Iterable[Received], write: Write, source: str = "") -> None:
-        """Hand frames on; who sent them, from the address `source`, is answered with `write`."""
+        """Hand frames on; a vehicle that sent one, from the address `source`, is answered with `write`."""
         for received in frames:
             link = self._links.get(received.sysid)
             if received.refused is not None:
@@ -56,8 +56,7 @@ class Router:
                 for other in self._links.values():
                     other.take_foreign(received, source)
                 continue
-            link.write = write
-            link.take(received, source)
+            link.take(received, source, write)
 
     def opened(self, write: Write) -> None:
         """Note that all vehicles are at the other end, before they have said anything."""
@@ -198,11 +197,16 @@ class _SerialPort:
 
 @asynccontextmanager
 async def open_links(
-    orders: Mapping[str, LinkOrder], keyring: Keyring | None = None
+    orders: Mapping[str, LinkOrder],
+    keyring: Keyring | None = None,
+    radios: Collection[Sender] | None = None,
 ) -> AsyncIterator[Mapping[str, VehicleLink]]:
     """Open the links to vehicles by name; those with the same connection share one endpoint.
 
-    With a keyring, frames are signed, and those of others that are not are refused.
+    Args:
+        orders: The links.
+        keyring: Frames are signed, and those of others that are not are refused.
+        radios: Whose RADIO_STATUS is heard without a signature, as for `Codec`.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
@@ -210,7 +214,7 @@ async def open_links(
     links: dict[str, VehicleLink] = {}
     async with AsyncExitStack() as stack:
         for number, connection in enumerate(dict.fromkeys(order.connection for order in orders.values())):
-            codec = Codec(None if keyring is None else Signing(keyring.key, number, keyring.unix_s))
+            codec = Codec(None if keyring is None else Signing(keyring.key, number, keyring.unix_s), radios)
             behind = {
                 name: VehicleLink(order.sysid, codec, order.log)
                 for name, order in orders.items()

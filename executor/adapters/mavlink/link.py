@@ -8,8 +8,8 @@ from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.signing import Refusal
 from executor.core.messages import DoubleHeard, Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
+from executor.core.speaker import AUTOPILOT
 
-AUTOPILOT_COMPONENT = 1
 MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""
 ENOUGH_FRAMES = 80
@@ -30,16 +30,17 @@ class VehicleLink:
     def __init__(self, sysid: int, codec: Codec, log: FrameLog | None = None) -> None:
         """Make a link that leads nowhere yet."""
         self.sysid = sysid
-        self.component = AUTOPILOT_COMPONENT
+        self.component = AUTOPILOT
         self.counts = LinkCounts(missing=0)
         self.write: Write = nowhere
         """Set by the endpoint when it knows where the vehicle is."""
         self._codec = codec
         self._log = log
         self._listeners: list[Callable[[Message], None]] = []
-        self._missing = 0
+        self._arrived = self._missing = 0
+        """Frames of the autopilot alone: every component numbers its own."""
         self._told = (0, 0)
-        """Received and missing frames when they were handed on last."""
+        """Arrived and missing frames when they were handed on last."""
         self._source = ""
         self._sources: set[str] = set()
         """Every address that its frames came from."""
@@ -61,9 +62,17 @@ class VehicleLink:
         if self.write(frame) and self._log is not None:
             self._log.write(frame)
 
-    def take(self, received: Received, source: str = "") -> None:
-        """Take a frame of this vehicle; `source` is the address that it came from, where there is one."""
-        if source and source != self._source:
+    def take(self, received: Received, source: str = "", write: Write | None = None) -> None:
+        """Take a frame of this vehicle.
+
+        Args:
+            received: The frame.
+            source: The address that it came from, where there is one.
+            write: How to answer there; whoever else uses the vehicle's number is not answered.
+        """
+        if received.own and write is not None:
+            self.write = write
+        if received.own and source and source != self._source:
             self._moved(source)
         if self._log is not None:
             self._log.write(received.frame)
@@ -76,9 +85,9 @@ class VehicleLink:
 
     def _tell_traffic(self, component: int) -> None:
         """Hand on what came and what did not, once it is enough to say something."""
-        received, missing = self.counts.received - self._told[0], self._missing - self._told[1]
+        received, missing = self._arrived - self._told[0], self._missing - self._told[1]
         if received + missing >= ENOUGH_FRAMES:
-            self._told = (self.counts.received, self._missing)
+            self._told = (self._arrived, self._missing)
             self._hand_on(Traffic(received, max(0, missing)), component)
 
     def refuse(self, refusal: Refusal) -> None:
@@ -113,8 +122,9 @@ class VehicleLink:
 
     def _count(self, received: Received) -> None:
         self.counts.received += 1
-        if received.compid != self.component:
+        if not received.own:
             return
+        self._arrived += 1
         if self._last_seq is not None:
             gap = (received.seq - self._last_seq) % 256
             if gap == 0 or gap > 128:

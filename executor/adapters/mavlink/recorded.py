@@ -30,7 +30,9 @@ from executor.core.messages import (
     SystemStatus,
     Traffic,
 )
+from executor.core.plausible import plausible
 from executor.core.recording import Record, Skipped
+from executor.core.speaker import Speaker, followed
 
 V1, V2 = 0xFE, 0xFD
 MARKS = frozenset({V1, V2})
@@ -114,9 +116,7 @@ def _system_status(*fields: int) -> SystemStatus:
     )
 
 
-def _position(boot: int, lat: int, lon: int, alt: int, rel: int, *rest: int) -> Position | None:
-    if lat == 0 and lon == 0:
-        return None  # before there is a place both autopilots send zeros
+def _position(boot: int, lat: int, lon: int, alt: int, rel: int, *rest: int) -> Position:
     north, east, down, heading = rest
     return Position(
         boot / 1e3, lat / 1e7, lon / 1e7, alt / 1e3, rel / 1e3, north / 100, east / 100, down / 100,
@@ -137,7 +137,7 @@ def _battery(*fields: int) -> Battery:
         consumed_ah=None if consumed < 0 else consumed / 1e3,
         charge_state=charge_state,
         faults=faults,
-        cells_v=tuple(cell / 1e3 for cell in known) if len(known) > 1 and max(known) < 5000 else (),
+        cells_v=tuple(cell / 1e3 for cell in known) if len(known) > 1 else (),
     )
 
 
@@ -215,10 +215,12 @@ class TelemetryFile:
     stations: set[int] = field(default_factory=set)
     """Systems that sent a ground station's HEARTBEAT."""
     heard: dict[int, int] = field(default_factory=dict)
-    """When any frame of a system came last, whether or not it was handed on."""
+    """When any frame of a vehicle's autopilot came last, whether or not it was handed on."""
     frames: int = 0
     _texts: Texts = field(default_factory=Texts)
     _sources: dict[int, _Source] = field(default_factory=dict)
+    _speakers: dict[int, Speaker] = field(default_factory=dict)
+    """By system."""
     _newest: dict[int, int] = field(default_factory=dict)
     """When a message was read last, by its source and id."""
     _stamp: int = 0
@@ -267,15 +269,16 @@ class TelemetryFile:
             in_garbage = False
             self.frames += 1
             self._stamp = known = stamp
-            if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
-                yield stamp, 0, None
-            heard[system] = stamp
             key = system << 8 | component
             source = sources.get(key)
             if source is None:
                 sources[key] = source = _Source(seq)
             else:
                 source.passed(seq)
+            if source.vehicle:
+                if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
+                    yield stamp, 0, None
+                heard[system] = stamp
             kind = kinds.get(number)
             if kind is not None:
                 key = key << 24 | number
@@ -287,6 +290,7 @@ class TelemetryFile:
                     else:
                         fields = kind.fields(buffer, payload, length)
                         message = kind.read(*fields)
+                        message = None if message is None else plausible(message)
                         if message is not None and source.vehicle and not kind.special:
                             yield stamp, system, message
                         else:
@@ -322,13 +326,14 @@ class TelemetryFile:
         """Yield what is about the link, about orders to others, or begins a vehicle."""
         stamp, system, component, number = head
         if number == STATUSTEXT:
-            for text in self._said((system, component), fields):
-                yield stamp, system, text
+            if component == self._speakers.get(system, Speaker()).component:
+                for text in self._said((system, component), fields):
+                    yield stamp, system, text
         elif number in ORDERS:
             command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
             if command in MODE_COMMANDS:
                 yield stamp, target, OrderSeen(command)
-        elif isinstance(message, Heartbeat):
+        elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
             source.vehicle, source.rounds_twice = True, message.autopilot == PX4
             if source.received + source.missing >= ENOUGH_FRAMES:
                 yield stamp, system, Traffic(source.received, source.missing)
@@ -341,6 +346,14 @@ class TelemetryFile:
                 self.stations.add(system)
             self.skipped.impossible += number == POSITION and message is None
             yield stamp, 0, None
+
+    def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
+        """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
+        known = self._speakers.get(system, Speaker())
+        speaker = self._speakers[system] = followed(known, component, beat)
+        if speaker.component != known.component and (before := self._sources.get(system << 8 | known.component)):
+            before.vehicle = False
+        return speaker.component == component
 
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields

@@ -20,8 +20,6 @@ EPOCH_UNIX_S = 1420070400
 TICKS_PER_S = 100_000
 NEW_STREAM_S = 60
 """A stream that was never heard may be as old as this; an older frame was recorded once and is sent again."""
-RADIO_STATUS = 109
-"""A SiK radio puts it in by itself, knows no key, and says nothing that orders anything."""
 
 
 class Refusal(Enum):
@@ -61,8 +59,7 @@ class Signing:
     def refused(self, frame: bytes, sysid: int, compid: int) -> Refusal | None:
         """Return why a whole frame with a good checksum is not believed; None if it is."""
         if frame[0] != 0xFD or not frame[2] & SIGNED_FLAG:
-            number = frame[5] if frame[0] != 0xFD else int.from_bytes(frame[7:10], "little")
-            return None if number == RADIO_STATUS else Refusal.UNSIGNED
+            return Refusal.UNSIGNED
         expected = hashlib.sha256(self._key + frame[:-6]).digest()[:6]
         if not hmac.compare_digest(expected, frame[-6:]):
             return Refusal.FORGED

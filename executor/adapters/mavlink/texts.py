@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from executor.core import words
 from executor.core.messages import StatusText
 
 PART_BYTES = 50
@@ -18,6 +19,10 @@ MEMORY_FRAMES = 400
 """Frames for which late and repeated parts of a text that was shown are recognised."""
 GAP = "[...]"
 """Stands for parts that never came."""
+MOST_LETTERS = 300
+"""Of a text; its numbers have room for 12800 bytes, both autopilots' longest are below 256."""
+MOST_SPEAKERS = 64
+"""Who is remembered; of more, the one that was silent for longest is forgotten."""
 
 Source = tuple[int, int]
 """System and component of who speaks."""
@@ -51,12 +56,13 @@ class _Text:
 
 
 def clean(raw: bytes) -> str:
-    r"""Return a text without the zeros that fill its field and without PX4's trailing tab.
+    r"""Return a text that may be shown anywhere, without the zeros that fill its field and without PX4's trailing tab.
 
     >>> clean(b"Takeoff detected\t")
     'Takeoff detected'
     """
-    return raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n")
+    said = words.shown(raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n"))
+    return said if len(said) <= MOST_LETTERS else said[: MOST_LETTERS - len(GAP)] + GAP
 
 
 class Texts:
@@ -67,9 +73,18 @@ class Texts:
         self._texts: dict[Source, dict[int, _Text]] = {}
         self._frames: dict[Source, int] = {}
 
+    @property
+    def speakers(self) -> int:
+        """How many are remembered."""
+        return len(self._frames)
+
     def passed(self, source: Source) -> list[StatusText]:
         """Count a frame of any kind; returns its source's texts that were waited for in vain, as far as they came."""
-        frame = self._frames[source] = self._frames.get(source, 0) + 1
+        frame = self._frames[source] = self._frames.pop(source, 0) + 1
+        if len(self._frames) > MOST_SPEAKERS:
+            silent = next(iter(self._frames))
+            del self._frames[silent]
+            self._texts.pop(silent, None)
         texts = self._texts.get(source, {})
         given_up = []
         for number, text in list(texts.items()):

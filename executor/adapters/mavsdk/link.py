@@ -19,14 +19,13 @@ from executor.adapters.mavsdk.library import connect, ground_station, load
 from executor.core.connection import Connection, Scheme
 from executor.core.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
 from executor.core.ports import LinkCounts, LinkOrder
+from executor.core.speaker import AUTOPILOT
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:
     from mavsdk import Mavsdk
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
     from mavsdk.system import System
-
-AUTOPILOT_COMPONENT = 1
 
 Fields = Mapping[str, object]
 """A message's fields by their MAVLink names, as JSON has them: null for what is no finite number."""
@@ -38,7 +37,10 @@ class Translator(Protocol):
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Fields
     ) -> tuple[bytes, tuple[Message, ...]] | None:
-        """Return a frame for the log and what is heard with it; None for a message that is not known."""
+        """Return a frame for the log and what is heard with it; None for a message that is not known.
+
+        What other components than the vehicle's autopilot say of themselves is not heard.
+        """
         ...
 
     def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
@@ -52,7 +54,7 @@ class MavsdkLink:
     def __init__(self, order: LinkOrder, translator: Translator) -> None:
         """Make a link that leads nowhere until MAVSDK has found the system."""
         self.sysid = order.sysid
-        self.component = AUTOPILOT_COMPONENT
+        self.component = AUTOPILOT
         self.counts = LinkCounts(missing=None)
         self._log = order.log
         self._translator = translator

@@ -85,7 +85,7 @@ class Present:
             if place is not None and state.vehicles[vehicle["name"]].armed:
                 self._tracks[vehicle["name"]].add(place)
         content["chart"] = _stamp(state)
-        return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+        return _json(content)
 
     def chart(self) -> bytes:
         """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
@@ -105,7 +105,27 @@ class Present:
                 for name in self._context.vehicles
             ],
         }
+        return _json(content)
+
+
+def _json(content: dict[str, object]) -> bytes:
+    """Return JSON; a number that is none is unknown to a browser, and must not keep it from all that is known."""
+    try:
         return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+    except ValueError:
+        return json.dumps(_known(content), separators=(",", ":"), allow_nan=False).encode()
+
+
+def _known(value: object) -> object:
+    match value:
+        case float():
+            return value if math.isfinite(value) else None
+        case dict():
+            return {key: _known(one) for key, one in value.items()}
+        case list() | tuple():
+            return [_known(one) for one in value]
+        case _:
+            return value
 
 
 def _stamp(state: FleetState) -> list[int]:

@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.texts import GAP, MOST_LETTERS, MOST_SPEAKERS, Texts
 from executor.core.messages import (
     Attitude,
     Battery,
     CommandAck,
+    ComponentText,
     FenceStatus,
     Gps,
     Heartbeat,
@@ -218,7 +220,7 @@ def test_health() -> None:
 def test_a_position() -> None:
     frame = mav.MAVLink_global_position_int_message(61500, 496000000, 156000000, 470500, 20500, 300, -150, 50, 9000)
     assert heard(frame) == [Position(61.5, 49.6, 15.6, 470.5, 20.5, 3.0, -1.5, 0.5, 90.0)]
-    unknown = mav.MAVLink_global_position_int_message(61500, 0, 0, 0, 0, 0, 0, 0, UNUSED)
+    unknown = mav.MAVLink_global_position_int_message(61500, 496000000, 156000000, 0, 0, 0, 0, 0, UNUSED)
     [position] = heard(unknown)
     assert isinstance(position, Position)
     assert position.heading_deg is None
@@ -228,6 +230,89 @@ def test_a_heartbeat_of_an_autopilot_and_of_everything_else() -> None:
     armed = mav.MAVLink_heartbeat_message(2, PX4, 129, 67371008, 4, 3)
     camera = mav.MAVLink_heartbeat_message(30, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
     assert heard(armed, camera) == [Heartbeat(PX4, 67371008, armed=True, system_status=4, vehicle_type=2), None]
+
+
+@pytest.mark.parametrize(("lat", "lon"), [(-(2**31), -(2**31)), (2**31 - 1, 0), (0, 0), (910000000, 0)])
+def test_a_place_that_is_none_is_not_passed_on(lat: int, lon: int) -> None:
+    assert heard(mav.MAVLink_global_position_int_message(61500, lat, lon, 470500, 20500, 0, 0, 0, 0)) == [None]
+    assert heard(mav.MAVLink_home_position_message(lat, lon, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)) == [None]
+
+
+def of_component(component: int, *messages: Any, codec: Codec) -> list[Message | None]:
+    """Return what is heard of messages of another component of system 7."""
+    speaker = Vehicle(component)
+    return [received.message for message in messages for received in codec.decode(speaker.pack(message))]
+
+
+BEAT = mav.MAVLink_heartbeat_message(2, PX4, 128, 67371008, 4, 3)
+DISARMED = mav.MAVLink_heartbeat_message(26, ARDUPILOT, 0, 0, 4, 3)
+
+
+def test_only_the_autopilot_speaks_for_a_vehicle() -> None:
+    codec = Codec()
+    heard(BEAT, codec=codec)
+    said_by_a_gimbal = of_component(
+        154,
+        DISARMED,
+        mav.MAVLink_global_position_int_message(61500, 496000000, 156000000, 470500, 20500, 300, -150, 50, 9000),
+        battery_status(battery_remaining=3),
+        mav.MAVLink_sys_status_message(0, 0, 0, 0, 3000, 0, 3, 0, 0, 0, 0, 0, 0),
+        mav.MAVLink_extended_sys_state_message(0, 1),
+        mav.MAVLink_mission_current_message(9, 12),
+        mav.MAVLink_mission_ack_message(255, 190, 0),
+        mav.MAVLink_command_ack_message(400, 0),
+        mav.MAVLink_param_value_message(b"RTL_ALT", 1.0, 9, 1, 0),
+        codec=codec,
+    )
+    assert said_by_a_gimbal == [None] * 9
+    assert codec.autopilots == {7: PX4}
+
+
+def test_what_other_components_say_in_words_names_them() -> None:
+    text = mav.MAVLink_statustext_message(0, b"Battery Failsafe")
+    assert of_component(154, text, codec=Codec()) == [ComponentText(154, 0, "Battery Failsafe")]
+
+
+@pytest.mark.parametrize(
+    ("raw", "shown"),
+    [
+        (b"\x1b[2J\x1b]0;owned\x07", "\ufffd[2J\ufffd]0;owned\ufffd"),
+        (b"all well\nuav2: landed", "all well uav2: landed"),
+        ("back\u202eward \u2028line".encode(), "back\ufffdward line"),
+    ],
+)
+def test_nothing_that_a_terminal_obeys_is_in_a_text(raw: bytes, shown: str) -> None:
+    assert heard(mav.MAVLink_statustext_message(4, raw)) == [StatusText(4, shown)]
+
+
+def test_a_text_has_an_end() -> None:
+    codec, vehicle = Codec(), Vehicle()
+    found = list[Message]()
+    for part in range(100):
+        frame = vehicle.pack(mav.MAVLink_statustext_message(4, b"x" * (50 if part < 99 else 5), 9, part))
+        found += [one.message for one in codec.decode(frame) if one.message is not None]
+    [text] = found
+    assert isinstance(text, StatusText)
+    assert (len(text.text), text.text[-7:]) == (MOST_LETTERS, f"xx{GAP}")
+
+
+def test_a_parameters_name_is_shown_as_text() -> None:
+    [value] = heard(mav.MAVLink_param_value_message(b"A\x1b[2JB", 1.0, 9, 1, 0))
+    assert value == ParamValue("A\ufffd[2JB", 1.0, 9)
+
+
+def test_who_spoke_once_is_forgotten_before_who_speaks_still() -> None:
+    """Anybody may begin a text in the name of any system; a vehicle's own is put together all the same."""
+    texts, parts = Texts(), (b"v" * 50, b"the end")
+    texts.passed((7, 1))
+    assert texts.take((7, 1), 4, parts[0], 9, 0) == []
+    for stranger in range(1000):
+        texts.passed((stranger % 250 + 1, 2 + stranger // 250))
+        texts.take((stranger % 250 + 1, 2 + stranger // 250), 4, b"s" * 50, 9, 0)
+        if stranger % 40 == 0:
+            texts.passed((7, 1))
+    assert texts.take((7, 1), 4, parts[1], 9, 1) == [StatusText(4, "v" * 50 + "the end")]
+    assert texts.speakers <= MOST_SPEAKERS
 
 
 def test_a_ground_stations_heartbeat_names_it() -> None:

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.link import VehicleLink, Write
 from executor.core.messages import (
     DoubleHeard,
     Heartbeat,
@@ -21,6 +21,7 @@ from executor.core.messages import (
     SendHeartbeat,
     StationHeard,
     StatusText,
+    Traffic,
 )
 from executor.core.ports import LinkCounts
 from tests.executor.adapters.test_codec import PX4, Vehicle
@@ -34,6 +35,16 @@ class Frames:
 
     def write(self, frame: bytes) -> None:
         self.frames.append(frame)
+
+
+def into(sent: list[bytes]) -> Write:
+    """Return how to write to somebody who keeps what comes."""
+
+    def write(frame: bytes) -> bool:
+        sent.append(frame)
+        return True
+
+    return write
 
 
 class Behind:
@@ -149,6 +160,33 @@ def test_frames_of_other_components_neither_lose_nor_gain() -> None:
     assert (link.counts.missing, link.counts.received) == (0, 4)
 
 
+def test_the_share_that_is_lost_is_the_autopilots_own() -> None:
+    behind, _, heard = link_of()
+    gimbal, vehicle = Vehicle(compid=154), Vehicle()
+    for number in range(100):
+        behind.feed(gimbal.pack(current(5)))
+        vehicle.mav.seq = 2 * number % 256
+        behind.feed(vehicle.pack(current(1)))
+    vehicle.mav.seq = 200
+    behind.feed(vehicle.pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
+    assert [one for one in heard if isinstance(one, Traffic)] == [Traffic(101, 100)]
+
+
+def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:
+    """A computer on board may send from an address of its own."""
+    behind, link, heard = link_of()
+    first, second = frames([0, 1])
+    computer, here, there = Vehicle(compid=191), list[bytes](), list[bytes]()
+    for frame, sent, place in (
+        (first, here, "A"), (computer.pack(current(5)), there, "B"), (second, here, "A"),
+        (computer.pack(mav.MAVLink_heartbeat_message(18, 3, 0, 0, 4, 3)), there, "B"),
+    ):  # fmt: skip
+        behind.router.take(behind.codec.decode(frame), into(sent), place)
+    link.send(SendHeartbeat())
+    assert answered((here, there)) == [1, 0]
+    assert heard == [MissionCurrent(0, None), MissionCurrent(1, None)]
+
+
 def test_the_heartbeat_says_which_autopilot_and_which_component() -> None:
     behind, link, heard = link_of()
     behind.feed(Vehicle(compid=2).pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
@@ -162,7 +200,7 @@ def test_a_listener_that_has_stopped_hears_nothing() -> None:
     behind.feed(frames([0])[0])
     stop()
     behind.feed(frames([1])[0])
-    assert heard == [MissionCurrent(0, 0)]
+    assert heard == [MissionCurrent(0, None)]
 
 
 def test_what_is_received_is_logged_and_foreign_frames_are_not() -> None:

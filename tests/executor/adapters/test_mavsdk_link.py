@@ -18,6 +18,7 @@ from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavsdk.link import MavsdkLink, open_links
 from executor.core.connection import parse_connection
 from executor.core.messages import (
+    ComponentText,
     Heartbeat,
     Message,
     MissionItemReceived,
@@ -136,6 +137,17 @@ async def test_a_long_text_is_put_together_and_a_torn_one_is_shown_as_far_as_it_
         heard = await air.passed(*parts, mav.MAVLink_statustext_message(3, torn, 9, 0), *[BEAT] * 60)
     texts = [message for message in heard if isinstance(message, StatusText)]
     assert texts == [StatusText(4, whole.decode()), StatusText(3, torn.decode())]
+
+
+async def test_only_the_autopilot_speaks_for_a_vehicle_and_within_what_can_be() -> None:
+    gimbal = mav.MAVLink(None, srcSystem=7, srcComponent=154)
+    nowhere = mav.MAVLink_global_position_int_message(1000, -(2**31), -(2**31), 300000, 20000, 0, 0, 0, 0)
+    async with found() as air:
+        air.say(mav.MAVLink_heartbeat_message(26, 3, 0, 0, 4, 3), gimbal)
+        air.say(mav.MAVLink_extended_sys_state_message(0, 1), gimbal)
+        air.say(mav.MAVLink_statustext_message(0, b"Crash\x1b[2J"), gimbal)
+        assert await air.passed(nowhere) == [ComponentText(154, 0, "Crash\ufffd[2J")]
+        assert air.link.component == 1
 
 
 async def test_other_ground_stations_are_heard_and_other_vehicles_are_not() -> None:

@@ -108,6 +108,36 @@ def test_both_directions_and_several_vehicles(tmp_path: Path) -> None:
     ]
 
 
+def test_only_the_autopilot_speaks_for_a_vehicle(tmp_path: Path) -> None:
+    writer, gimbal = Writer(), mav.MAVLink(None, srcSystem=7, srcComponent=154)
+    for second in range(20):
+        if second < 10:
+            writer.say(float(second), 7, heartbeat())
+        for message in (heartbeat(armed=False, kind=26), text("Crash: Disarming"), battery(1), position(second)):
+            writer.records.append((second + 0.5, bytes(message.pack(gimbal))))
+    records, file = read(writer.write(tmp_path / "a.tlog"))
+    said = [one for _, system, one in records if system == 7 and one is not None and not isinstance(one, Traffic)]
+    assert said == [Heartbeat(3, 3, armed=True, system_status=4, vehicle_type=2)] * 10
+    assert file.heard == {7: BEGAN_USEC + 9_000_000}
+
+
+def test_an_autopilot_with_another_number_speaks_until_the_first_is_heard(tmp_path: Path) -> None:
+    writer, other = Writer(), mav.MAVLink(None, srcSystem=7, srcComponent=2)
+    for second in range(6):
+        writer.records.append((second + 0.5, bytes(heartbeat(mode=second).pack(other))))
+    writer.say(3.0, 7, heartbeat(mode=77))
+    records, _ = read(writer.write(tmp_path / "a.tlog"))
+    assert [one.custom_mode for _, _, one in records if isinstance(one, Heartbeat)] == [0, 1, 2, 77]
+
+
+@pytest.mark.parametrize("lat", [-(2**31), 2**31 - 1])
+def test_what_no_vehicle_can_say_is_passed_over(lat: int, tmp_path: Path) -> None:
+    nowhere = mav.MAVLink_global_position_int_message(1000, lat, 133000000, 300000, 20000, 0, 0, 0, 0)
+    records, file = read(written(tmp_path, heartbeat(), nowhere))
+    assert not any(isinstance(said, Position) for _, _, said in records)
+    assert file.skipped.impossible == 1
+
+
 def test_lost_frames_are_counted_by_their_sequence_numbers(tmp_path: Path) -> None:
     writer = Writer()
     for second in range(200):

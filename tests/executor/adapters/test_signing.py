@@ -15,6 +15,7 @@ from executor.core.messages import Heartbeat, MissionCurrent, Radio, SendHeartbe
 from executor.simulator.config import Signing as SimSigning
 from executor.simulator.messages import MissionCount, out
 from executor.simulator.wire import Codec as SimCodec
+from tests.executor.adapters.test_link import into
 
 KEY = bytes(range(32))
 NOW_UNIX_S = 1.79e9
@@ -51,7 +52,7 @@ def test_what_pymavlink_signed_is_believed() -> None:
     peer = Peer()
     beat, current = verdicts(ours(), peer.pack(), peer.pack(mav.MAVLink_mission_current_message(4)))
     assert isinstance(beat, Heartbeat)
-    assert current == MissionCurrent(4, 0)
+    assert current == MissionCurrent(4, None)
 
 
 def test_who_does_not_hold_the_key_is_refused() -> None:
@@ -87,9 +88,55 @@ def test_two_links_of_one_vehicle_have_times_of_their_own() -> None:
     assert all(isinstance(one, Heartbeat) for one in verdicts(codec, *frames))
 
 
-def test_a_radios_own_report_needs_no_key() -> None:
-    radio = Peer(None).pack(mav.MAVLink_radio_status_message(200, 190, 90, 50, 40, 0, 0))
-    assert isinstance(verdicts(ours(), radio)[0], Radio)
+SIK = (51, 68)
+HEARD = Radio(200, 190, 50, 40, 90)
+REPORT = mav.MAVLink_radio_status_message(200, 190, 90, 50, 40, 0, 0)
+
+
+def report(system: int = 51, component: int = 68) -> bytes:
+    """Return what a SiK radio puts in, which knows no key."""
+    return bytes(REPORT.pack(mav.MAVLink(None, srcSystem=system, srcComponent=component)))
+
+
+def with_radios(*radios: tuple[int, int]) -> Codec:
+    return Codec(Signing(KEY, 0, lambda: NOW_UNIX_S), frozenset(radios))
+
+
+def test_a_radios_own_report_needs_no_key_if_the_radio_is_named() -> None:
+    assert verdicts(ours(), report()) == [Refusal.UNSIGNED]
+    assert verdicts(with_radios(SIK), report(), report(7, 1)) == [HEARD, Refusal.UNSIGNED]
+    assert isinstance(verdicts(ours(), Peer().pack(REPORT))[0], Radio)
+
+
+def test_where_nothing_is_signed_only_named_radios_are_heard_if_any_are() -> None:
+    assert isinstance(verdicts(Codec(), report())[0], Radio)
+    assert verdicts(Codec(radios=frozenset({SIK})), report(), report(52)) == [HEARD, None]
+
+
+def test_a_text_without_a_signature_is_dropped_and_counted() -> None:
+    codec = with_radios(SIK)
+    link, heard = VehicleLink(7, codec), list[object]()
+    link.listen(heard.append)
+    text = mav.MAVLink_statustext_message(0, b"Crash: Disarming")
+    Router([link], codec).take(codec.decode(Peer(None).pack(text)), lambda _: True)
+    assert (heard, link.counts.refused, link.counts.received) == ([], {"unsigned": 1}, 0)
+
+
+@pytest.mark.parametrize("sender", [SIK, (7, 1), (7, 68)])
+@pytest.mark.parametrize("signed", [True, False])
+def test_a_radios_report_never_decides_where_a_vehicle_is(sender: tuple[int, int], *, signed: bool) -> None:
+    """Not even in the vehicle's own name, as anybody may send it."""
+    codec = with_radios(SIK, sender) if signed else Codec()
+    link, here, there = VehicleLink(7, codec), list[bytes](), list[bytes]()
+    router, heard = Router([link], codec), list[object]()
+    router.take(codec.decode(Peer(KEY if signed else None).pack()), into(here), "here")
+    link.listen(heard.append)
+    for _ in range(3):
+        router.take(codec.decode(report(*sender)), into(there), "there")
+    link.send(SendHeartbeat())
+    assert (len(here), len(there)) == (1, 0)
+    assert heard == [HEARD] * 3
+    assert link.counts.missing == 0
 
 
 def test_what_we_sign_pymavlink_believes_and_no_time_comes_twice() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from executor import build
 from executor.core import failsafes, preflight
+from executor.core.connection import parse_connection
 from executor.core.failsafes import Parameters
 from executor.core.messages import Heartbeat, Position, StationHeard, SystemStatus, Version
 from executor.core.prearm import complaint
@@ -278,3 +279,19 @@ def test_pre_arm_checks_in_words() -> None:
     assert complaint({}, None, 100.0) == "its own pre-arm checks fail, and it does not say why"
     many = complaint(dict.fromkeys("abcde", 99.0), status, 100.0)
     assert many == "its own pre-arm checks fail: a; b; c; 2 more"
+
+
+@pytest.mark.parametrize(
+    ("connection", "warned"),
+    [
+        ("udpin://0.0.0.0:14550", True), ("udpout://192.168.1.7:14550", True), ("tcpout://drone.local:5760", True),
+        ("udpin://127.0.0.1:14550", False), ("udpin://localhost:14550", False), ("serial:///dev/ttyUSB0:57600", False),
+    ],
+)  # fmt: skip
+def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
+    links = {"uav1": parse_connection(connection), "uav2": parse_connection("udpin://127.0.0.1:14551")}
+    check = preflight.talkers(links, signed=False)
+    assert check.severity is (Severity.WARNING if warned else Severity.OK)
+    if warned:
+        assert check.text.startswith("frames are not signed, and uav1 is reached over a network: whoever can send")
+    assert preflight.talkers(links, signed=True).severity is Severity.OK

@@ -18,6 +18,7 @@ from executor.core.messages import (
     Version,
 )
 from executor.core.preflight import Facts
+from executor.core.strangers import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
 from executor.runtime import preflight
@@ -93,6 +94,23 @@ async def test_another_ground_station_on_the_link_is_noticed() -> None:
     for after_s in (0.5, 1.5):
         ready.says(StationHeard(254, 190), after_s)
     assert (await ready.interview()).stations == (StationHeard(254, 190),)
+
+
+async def test_two_hundred_strangers_before_the_flight_are_a_few_lines() -> None:
+    ready = Ready(PX4)
+    for system in range(2, 202):
+        ready.says(StationHeard(system, 190), 0.5)
+    assert len((await ready.interview()).stations) == MOST_NAMED
+
+
+async def test_a_thousand_reasons_are_told_once_a_second() -> None:
+    ready = Ready(ARDUPILOT)
+    for tenth in range(1000):
+        ready.says(FAILING, tenth / 100)
+        ready.says(StatusText(4, f"PreArm: reason {tenth}"), tenth / 100)
+    with pytest.raises(PreflightFailed, match=r"17 more$"):
+        await ready.interview(timeout_s=10.0)
+    assert 5 <= len(ready.waited_for) <= 12
 
 
 async def test_the_parameters_are_asked_for_at_once() -> None:

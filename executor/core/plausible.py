@@ -1,0 +1,144 @@
+"""What no vehicle can say: the one place for the ranges of what is heard, live and in logs.
+
+A field that is outside of its range is unknown; where a message says nothing without it, the message is. Autopilots
+mark the unknown in many ways (INT32_MIN, 65535, -1, NaN), firmware has mistakes, and anybody may send anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from executor.core.messages import (
+    Attitude,
+    Battery,
+    Gps,
+    Home,
+    Message,
+    MissionCurrent,
+    MissionReached,
+    ParamValue,
+    Position,
+    SystemStatus,
+    Wind,
+)
+
+LOWEST_M, HIGHEST_M = -1000.0, 20_000.0
+FASTEST_M_S = 150.0
+LEAST_V, MOST_V = 1.0, 500.0
+LEAST_CELL_V, MOST_CELL_V = 0.5, 5.0
+"""Where cells are not told apart, the first place of their list holds the whole pack, or as much as fits."""
+MOST_A, MOST_AH = 1000.0, 1000.0
+MOST_TURN_DEG = 360.0
+MOST_FIX = 8
+"""GPS_FIX_TYPE_PPP is the last."""
+MOST_WIND_M_S = 150.0
+"""More than was ever measured on the ground is no wind but a filter that has not settled."""
+NO_ITEM = 65535
+"""Of mission items: there is none, or nobody knows."""
+
+M = TypeVar("M", bound=Message)
+
+
+def plausible(message: M) -> M | None:
+    """Return a message with what cannot be made unknown, the same object if it all can be; None if nothing is left."""
+    judge = _JUDGES.get(type(message))
+    return message if judge is None else judge(message)
+
+
+def _within(value: float | None, least: float, most: float) -> bool:
+    """Return whether a value lies in a range, bounds included; what is no number does not."""
+    return value is None or least <= value <= most
+
+
+def _is_place(lat_deg: float, lon_deg: float, *heights_m: float) -> bool:
+    # Before there is a place both autopilots send zeros.
+    return (
+        abs(lat_deg) <= 90.0
+        and abs(lon_deg) <= 180.0
+        and (lat_deg, lon_deg) != (0.0, 0.0)
+        and all(LOWEST_M <= height <= HIGHEST_M for height in heights_m)
+    )
+
+
+def _position(said: Position) -> Position | None:
+    speeds = (said.north_m_s, said.east_m_s, said.down_m_s)
+    if not (
+        _is_place(said.lat_deg, said.lon_deg, said.alt_msl_m, said.alt_rel_m)
+        and all(abs(speed) <= FASTEST_M_S for speed in speeds)
+        and math.isfinite(said.boot_s)
+    ):
+        return None
+    return said if _within(said.heading_deg, 0.0, MOST_TURN_DEG) else replace(said, heading_deg=None)
+
+
+def _home(said: Home) -> Home | None:
+    return said if _is_place(said.lat_deg, said.lon_deg, said.alt_msl_m) else None
+
+
+def _battery(said: Battery) -> Battery:
+    wrong: dict[str, Any] = {
+        name: None
+        for name, least, most in (
+            ("remaining_pct", 0.0, 100.0),
+            ("voltage_v", LEAST_V, MOST_V),
+            ("current_a", 0.0, MOST_A),
+            ("consumed_ah", 0.0, MOST_AH),
+        )
+        if not _within(getattr(said, name), least, most)
+    }
+    if not all(LEAST_CELL_V <= cell < MOST_CELL_V for cell in said.cells_v):
+        wrong["cells_v"] = ()
+    return replace(said, **wrong) if wrong else said
+
+
+def _status(said: SystemStatus) -> SystemStatus:
+    percent, volts = _within(said.remaining_pct, 0.0, 100.0), _within(said.voltage_v, LEAST_V, MOST_V)
+    if percent and volts:
+        return said
+    return replace(
+        said, remaining_pct=said.remaining_pct if percent else None, voltage_v=said.voltage_v if volts else None
+    )
+
+
+def _attitude(said: Attitude) -> Attitude | None:
+    return said if abs(said.roll_deg) <= MOST_TURN_DEG and abs(said.pitch_deg) <= MOST_TURN_DEG else None
+
+
+def _gps(said: Gps) -> Gps | None:
+    return said if 0 <= said.fix <= MOST_FIX else None
+
+
+def _wind(said: Wind) -> Wind | None:
+    return said if 0.0 <= said.speed_m_s <= MOST_WIND_M_S and 0.0 <= said.from_deg <= MOST_TURN_DEG else None
+
+
+def _current(said: MissionCurrent) -> MissionCurrent | None:
+    if not 0 <= said.seq < NO_ITEM:
+        return None
+    known = said.total is None or said.seq <= said.total < NO_ITEM
+    return said if known else replace(said, total=None)
+
+
+def _reached(said: MissionReached) -> MissionReached | None:
+    return said if 0 <= said.seq < NO_ITEM else None
+
+
+def _parameter(said: ParamValue) -> ParamValue | None:
+    return said if math.isfinite(said.value) else None
+
+
+_JUDGES: dict[type, Callable[[Any], Any]] = {
+    Position: _position,
+    Home: _home,
+    Battery: _battery,
+    SystemStatus: _status,
+    Attitude: _attitude,
+    Gps: _gps,
+    Wind: _wind,
+    MissionCurrent: _current,
+    MissionReached: _reached,
+    ParamValue: _parameter,
+}

@@ -1,0 +1,90 @@
+"""What vehicles say in words, shown without drowning the crew: a faulty one may say a thousand things a second.
+
+Everything is in the event log. Of what is worth a line a part is shown in each window of time, the important first, and
+the rest is counted in one line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from enum import IntEnum
+
+from executor.core.changed import changed
+from executor.core.commands import Command, Level, Say
+from executor.core.messages import ComponentText, StatusText
+from executor.core.state import FleetState
+from executor.core.vehicle import TextFlow, VehicleState
+
+CRITICAL_SEVERITY, WARNING_SEVERITY = 2, 4
+"""MAV_SEVERITY; what is less severe than a warning stays in the log."""
+AGAIN_S = 30.0
+"""A text that a vehicle repeats is shown once in this time; ArduPilot says the same for every item of an upload."""
+WINDOW_S = 10.0
+
+
+class Rank(IntEnum):
+    """How much a text matters."""
+
+    IMPORTANT = 0
+    """Critical, or about a failsafe or a crash."""
+    WARNING = 1
+    ABOARD = 2
+    """Of a component that is not the autopilot, whatever it calls it."""
+
+
+MOST_LINES = {Rank.IMPORTANT: 12, Rank.WARNING: 6, Rank.ABOARD: 3}
+"""In a window, of each rank by itself: what matters less takes no room from what matters more."""
+
+Told = tuple[FleetState, tuple[Command, ...]]
+
+
+def said(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Told:
+    """Take a text of a vehicle's autopilot."""
+    alarmed = vehicle.alarm[1] == now_s
+    if text.severity > WARNING_SEVERITY and not alarmed:
+        return state, ()
+    rank = Rank.IMPORTANT if alarmed or text.severity <= CRITICAL_SEVERITY else Rank.WARNING
+    return _taken(state, vehicle, rank, f"{vehicle.name} says: {text.text}", now_s)
+
+
+def said_aboard(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> Told:
+    """Take a text of something else on board: shown, and nothing more."""
+    if text.severity > WARNING_SEVERITY:
+        return state, ()
+    return _taken(
+        state, vehicle, Rank.ABOARD, f"{vehicle.name}, its component {text.component} says: {text.text}", now_s
+    )
+
+
+def counted(state: FleetState, now_s: float) -> Told:
+    """Say how many texts were passed over, once their window has ended."""
+    commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.texts.passed_over and now_s - vehicle.texts.since_s >= WINDOW_S:
+            flow, more = _begun_anew(vehicle, now_s)
+            state = state.put(changed(vehicle, texts=flow))
+            commands += more
+    return state, tuple(commands)
+
+
+def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_s: float) -> Told:
+    flow, commands = vehicle.texts, list[Command]()
+    if now_s - flow.since_s >= WINDOW_S:
+        flow, commands = _begun_anew(vehicle, now_s)
+    if line == flow.last[0] and now_s - flow.last[1] <= AGAIN_S:
+        flow = replace(flow, last=(line, now_s))
+    elif flow.shown[rank] >= MOST_LINES[rank]:
+        flow = replace(flow, passed_over=flow.passed_over + 1)
+    else:
+        shown = tuple(count + (other == rank) for other, count in enumerate(flow.shown))
+        flow = replace(flow, last=(line, now_s), shown=shown)
+        commands.append(Say(Level.WARNING, line))
+    return state.put(changed(vehicle, texts=flow)), tuple(commands)
+
+
+def _begun_anew(vehicle: VehicleState, now_s: float) -> tuple[TextFlow, list[Command]]:
+    """Begin a window; say what was passed over in the last one."""
+    flow = vehicle.texts
+    count, took_s = flow.passed_over, now_s - flow.since_s
+    what = f"{vehicle.name}: {count} more text{'s' if count != 1 else ''} in {took_s:.0f} s"
+    return TextFlow(flow.last, now_s), [Say(Level.WARNING, what)] if count else []
