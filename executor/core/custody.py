@@ -141,13 +141,16 @@ BEAT_S = 1.0
 
 
 def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle's GCS failsafe acts because the ground station was not there."""
-    failsafe_s = context.vehicles[vehicle.name].failsafe_s
-    if failsafe_s is None or not absences:
+    """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
+    if not absences:
         return False
     away = absences[-1]
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s
+    if failsafe_s is None and away.deaf and _unseen(vehicle):
+        failsafe_s = BEAT_S  # it did not say whether it has one, and it has
     began_s = away.until_s - away.pause_s
-    return away.pause_s >= failsafe_s - BEAT_S and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+    acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
+    return acted and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def in_other_hands(vehicle: VehicleState) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core import (
+    blackout,
     custody,
     degraded,
     down,
@@ -27,6 +28,7 @@ from executor.core import (
 from executor.core.changed import changed
 from executor.core.commands import Command, Finish, HandsOff, Level, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
+from executor.core.coverage import GAP_S
 from executor.core.declare import declare
 from executor.core.degraded import Told
 from executor.core.events import (
@@ -291,9 +293,10 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = silence.of_all(context, state, now_s)
     commands.extend(more)
-    alone = state.silent_since_s is not None and now_s - state.silent_since_s < context.limits.all_silent_s
+    if state.silent_since_s is not None and now_s - state.silent_since_s >= GAP_S:
+        state = blackout.began(state, state.silent_since_s)
     for name in state.vehicles:
-        state, more = _look_at(context, state, name, now_s, alone=alone)
+        state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
@@ -304,8 +307,9 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     return state, (*commands, *more)
 
 
-def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, alone: bool) -> Stepped:
+def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = state.vehicles[name]
+    alone = state.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return _on_the_ground(context, state, vehicle, now_s)
     if vehicle.stage is Stage.LOST:
@@ -313,6 +317,12 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     commands: list[Command] = []
     state, more = silence.of_one(context, state, vehicle, now_s)
     commands.extend(more)
+    if vehicle.stale and not state.vehicles[name].stale:
+        state = replanning.heard_again(state, state.vehicles[name], now_s)
+    taken_up = blackout.taken_up(context, state, state.vehicles[name], now_s)
+    if taken_up is not None:
+        state, more = taken_up
+        commands.extend(more)
     vehicle = custody.looked_at_again(context, state.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
     told, lines = degraded.said(view, state.told.get(name, Told()))
@@ -323,6 +333,10 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
+    if taken_up is None:
+        raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
+        if not raised:
+            return state, tuple(commands)  # it has not said yet what it does
     state, more = _decided(context, state, vehicle, raised, now_s)
     commands.extend(more)
     state, more = _owed(context, state, name)
@@ -458,6 +472,11 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
+    elif state.silent_since_s is not None and not event.mixed:
+        # Nobody hears us, or we hear nobody: that is not its refusal.
+        plan = replace(plan, failed=(*plan.failed, vehicle.name))
+        state = state.put(vehicle)
+        state = replace(state, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(replace(vehicle, stubborn=True))

@@ -51,6 +51,8 @@ _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LO
 """Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
 NAMED_S = 5.0
 """So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
+_ABOUT = (Traffic, Radio, OrderSeen, StationHeard, DoubleHeard)
+"""What others say about a vehicle."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -70,8 +72,9 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
-    if state.heard_s is not None and now_s - state.heard_s >= context.limits.link_stale_s:
-        state = changed(state, regained_s=now_s)
+    if not isinstance(message, _ABOUT):
+        silent = state.spoke_s is not None and now_s - state.spoke_s >= context.limits.link_stale_s
+        state = changed(state, spoke_s=now_s, regained_s=now_s if silent else state.regained_s)
     match message:
         case Heartbeat():
             other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
@@ -97,7 +100,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case SystemStatus():
             return Folded(_status(context, state, message, now_s))
         case MissionCurrent(seq, total):
-            return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total)), seq))
+            return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total), item_s=now_s), seq))
         case LandedState(on_ground):
             return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
         case Gps():

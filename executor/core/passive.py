@@ -137,7 +137,7 @@ def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
 
 def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
     fleet, _ = silence.own_sleep(state.fleet, now_s)
-    fleet, _ = silence.of_all(scene, fleet, now_s)
+    fleet, _ = silence.of_all(scene, fleet, now_s, least=silence.ALL)
     alone = fleet.silent_since_s is not None and now_s - fleet.silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)

@@ -156,13 +156,15 @@ class OnBoard:
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """Where a vehicle on its mission was when it was last heard, before the ground station was away."""
+    """Where a vehicle on its mission was when it was last heard, before nobody listened or nobody was heard."""
 
     fix: Fix
     waypoint: int
     run: Run | None
     run_visit: int | None
     remaining_pct: float | None
+    until_s: float = float("-inf")
+    """What was said later than this is news."""
 
 
 @dataclass(frozen=True)  # without slots: `changed` copies it
@@ -172,6 +174,9 @@ class VehicleState:
     name: str
     stage: Stage = Stage.GROUND
     heard_s: float | None = None
+    """When it was heard last; later by what was not its own silence."""
+    spoke_s: float | None = None
+    """When it really said something last."""
     heartbeat: Heartbeat | None = None
     mode_since_s: float = 0.0
     ordered_mode_s: float = float("-inf")
@@ -221,6 +226,8 @@ class VehicleState:
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
     item: tuple[int, int | None] | None = None
     """The mission item it flies to by its own word, and how many there are."""
+    item_s: float | None = None
+    """When it said so last."""
     excused_s: float = float("-inf")
     """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
     flew_mission: bool = False
@@ -230,7 +237,7 @@ class VehicleState:
     strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
     """Other ground stations on its link, and other vehicles with its number."""
     before: Before | None = None
-    """Until it is known what it did while the ground station was away."""
+    """Until it is known what it did while nobody listened."""
     held_s: float | None = None
     """Since when it holds by the operator's order; None if it does not."""
     hold_asked_s: float = float("-inf")
