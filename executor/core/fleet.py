@@ -23,10 +23,11 @@ from executor.core import (
     replanning,
     resuming,
     silence,
+    streams,
     takeover,
 )
 from executor.core.changed import changed
-from executor.core.commands import Command, Finish, HandsOff, Level, Say, SendHome, Start
+from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
 from executor.core.declare import declare
@@ -49,7 +50,6 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )
-from executor.core.faults import View, Watchpoint
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import Heartbeat, Position
@@ -57,6 +57,7 @@ from executor.core.places import at_rest, last_heard, over_its_pad, place_words,
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_words
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.watching import View, Watchpoint
 from missions import StartStep
 from planner import segment_of
 
@@ -329,6 +330,9 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     if told is not state.told.get(name):
         state = replace(state, told=MappingProxyType({**state.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)
+    if vehicle.stage is not Stage.PILOT and not custody.in_other_hands(vehicle) and streams.to_be_asked(view):
+        vehicle = changed(vehicle, streams_asked_s=now_s)
+        commands.append(AskStreams(name))
     judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)

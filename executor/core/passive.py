@@ -15,12 +15,12 @@ from executor.core import degraded, faults, silence
 from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.events import Heard, Tick
-from executor.core.faults import View
 from executor.core.hearing import fold
 from executor.core.messages import Heartbeat
 from executor.core.modes import is_home_mode
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.watching import View
 
 WARN_S = 1.5
 """Warnings decide nothing: they are looked for less often than faults."""

@@ -228,6 +228,8 @@ class VehicleState:
     """The mission item it flies to by its own word, and how many there are."""
     item_s: float | None = None
     """When it said so last."""
+    streams_asked_s: float = float("-inf")
+    """When it was asked last to send again what does not come."""
     excused_s: float = float("-inf")
     """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
     flew_mission: bool = False

@@ -9,10 +9,11 @@ import pytest
 
 from executor.core import battery, faults
 from executor.core.battery import BatteryState
-from executor.core.faults import TABLE, Verdict, View, Watchpoint, judge
+from executor.core.faults import TABLE, judge
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Cause, Fix, Stage, VehicleState
 from executor.core.voltage import VoltageState
+from executor.core.watching import Verdict, View, Watchpoint
 from missions import Phase
 from tests.executor.builders import fleet_of, vehicle
 
@@ -66,6 +67,8 @@ def flying(**changes: object) -> VehicleState:
         "stage": Stage.FLYING,
         "heard_s": NOW_S,
         "heartbeat": Heartbeat(3, AUTO, True, 4),
+        "heartbeat_s": NOW_S,
+        "item_s": NOW_S,
         "armed_once": True,
         "took_off": True,
         "fix": at(),
@@ -104,6 +107,18 @@ ROWS = [
         unknown=flying(heartbeat=None),
     ),
     Row("link", flying(heard_s=NOW_S - 10.0), "silent for 10.0 s, time-out 10 s", flying(heard_s=None)),
+    Row(
+        "heartbeat",
+        flying(heartbeat_s=NOW_S - 20.0),
+        "no HEARTBEAT for 20 s, while other messages come",
+        unknown=flying(heartbeat_s=NOW_S - 20.0, heard_s=NOW_S - 4.0),
+    ),
+    Row(
+        "positions",
+        flying(fix=at(age_s=20.0)),
+        "no position for 20 s, while other messages come",
+        unknown=flying(fix=None),
+    ),
     Row(
         "battery-step",
         flying(battery=pack(90.0, 90.0, 60.0)),
@@ -154,6 +169,18 @@ ROWS = [
         "would land with 10 % of its battery, give or take 1.7, reserve 15 %: below it by 99 % probability",
         unknown=flying(battery=pack(14.0, age_s=7.5)),
         hangs=flying(battery=pack(16.5, 16.5)),
+    ),
+    Row(
+        "battery-reports",
+        flying(battery=pack(90.0, 90.0, age_s=60.0)),
+        "no report of its battery for 60 s, while other messages come",
+        unknown=flying(battery=BatteryState()),
+    ),
+    Row(
+        "items",
+        flying(item_s=NOW_S - 20.0),
+        "no word of the waypoint it flies to for 20 s, while other messages come",
+        unknown=flying(item_s=None),
     ),
     Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
     Row(
@@ -224,6 +251,9 @@ def later(state: VehicleState, by_s: float) -> VehicleState:
     moved = replace(state.battery, history=history, reported_s=state.battery.reported_s + by_s)
     pack_v = replace(state.volts, reported_s=state.volts.reported_s + by_s)
     alarm, jump = (state.alarm[0], state.alarm[1] + by_s), (state.jump[0], state.jump[1] + by_s)
+    beat_s = None if state.heartbeat_s is None else state.heartbeat_s + by_s
+    item_s = None if state.item_s is None else state.item_s + by_s
+    fresh = replace(fresh, heartbeat_s=beat_s, item_s=item_s)
     return replace(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
 
 
