@@ -26,6 +26,7 @@ from executor.core import (
     streams,
     takeover,
 )
+from executor.core.carried import Carried
 from executor.core.changed import changed
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
@@ -172,7 +173,7 @@ def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
     vehicle = replace(
         vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
         began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None, away_once=False,
-        ordered_modes=frozenset(modes_on_the_way),
+        ordered_modes=frozenset(modes_on_the_way), carried=Carried(ours_s=now_s),
     )  # fmt: skip
     return state.put(vehicle), Start(vehicle.name)
 
@@ -355,6 +356,8 @@ def _decided(
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and custody.takes_over(vehicle, now_s) and not lost:
         return takeover.taken(context, state, vehicle)
+    if vehicle.stage is Stage.FLYING and vehicle.carried.sure(now_s) and not lost:
+        return takeover.taken(context, state, vehicle)
     if raised and raised[0][0].name == "mode" and custody.missed_us(context, state.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
     if raised:
@@ -472,7 +475,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-        state = state.put(replace(vehicle, board=board))
+        state = state.put(replace(vehicle, board=board, carried=Carried(ours_s=now_s)))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 
-from executor.core import battery, linkquality
+from executor.core import battery, carried, linkquality
 from executor.core.battery import BatteryState
 from executor.core.changed import changed
 from executor.core.context import Scene
@@ -100,7 +100,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case SystemStatus():
             return Folded(_status(context, state, message, now_s))
         case MissionCurrent(seq, total):
-            return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total), item_s=now_s), seq))
+            state = changed(state, heard_s=now_s, item=(seq, total), item_s=now_s)
+            return Folded(_at_item(_carries(context, state, message, now_s), seq))
         case LandedState(on_ground):
             return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
         case Gps():
@@ -115,7 +116,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(changed(state, heard_s=now_s, fence_breached=breached))
         case StatusText(_, said):
             alarm = (said, now_s) if _ALARM.search(said) and not _adds_nothing(state, said, now_s) else state.alarm
-            return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
+            told = _carries(context, changed(state, heard_s=now_s, alarm=alarm), message, now_s)
+            return Folded(told, text=message)
         case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
             return Folded(_about(context, state, message, now_s))
         case _:
@@ -224,7 +226,21 @@ def _charged(
     return battery.reported(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
 
 
+def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> VehicleState:
+    """Take what it says of the mission on board, unless it is being given one."""
+    if state.board is None or state.pending is not None or state.stubborn or state.stage not in _ON_ITS_MISSION:
+        return state
+    if isinstance(message, StatusText):
+        known = carried.texted(state.carried, message.text, now_s)
+    else:
+        expected = carried.items_expected(context, state.name, len(state.board.waypoint_of))
+        known = carried.reported(state.carried, message, expected, now_s)
+    return state if known is state.carried else changed(state, carried=known)
+
+
 def _at_item(state: VehicleState, seq: int) -> VehicleState:
+    if state.carried.foreign_s is not None:
+        return state  # an index into a list that we do not know
     if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
         return state
     waypoint = state.board.waypoint_of[seq]
@@ -300,6 +316,8 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
 
 def _may_count(context: Scene, state: VehicleState) -> bool:
     """Return whether it flies its mission; a pilot may have put it back on it."""
+    if state.carried.foreign_s is not None:
+        return False
     if state.stage is Stage.FLYING:
         return True
     beat = state.heartbeat

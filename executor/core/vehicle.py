@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.core.battery import BatteryState
+from executor.core.carried import Carried
 from executor.core.changed import changed
 from executor.core.context import Context
 from executor.core.coverage import Run, Track
@@ -277,6 +278,7 @@ class VehicleState:
     """Whether it was said where it is down."""
     left_s: float | None = None
     """When it left its mission to come home."""
+    carried: Carried = field(default_factory=Carried)
     owed: tuple[int, str] | None = None
     """(visit, reason) of an inspection that broke, until it is known that it does not count."""
 

@@ -83,6 +83,12 @@ class Craft:
     """It is not heard, nor does it hear."""
     stopped: set[type] = field(default_factory=set)
     """Kinds of messages that do not come any more."""
+    counts: bool = False
+    """It says how many items it carries."""
+    total: int | None = None
+    foreign: int | None = None
+    """How many items another station has put on board."""
+    mission_id: int | None = None
     stuck: bool = False
     """It does not move any more, whatever it says."""
     asked_again: int = 0
@@ -100,6 +106,8 @@ class Craft:
         frame, mission = self.context.frame, encode(path, self.context.vehicles[self.name].dialect)
         self.path = path
         self.goals_m = [(*frame.to_local_m(at.lat_deg, at.lon_deg), at.alt_rel_m) for at in path.waypoints]
+        home = self.context.vehicles[self.name].dialect.current_counts_home
+        self.total = len(mission.items) - home if self.counts else None
         self.items = [mission.arrival_seq(index) for index in range(len(path.waypoints))]
 
     def begin(self) -> None:
@@ -181,7 +189,7 @@ class Craft:
 
     def current(self) -> MissionCurrent:
         """The item that it flies to."""
-        return MissionCurrent(self.items[self.leg], None)
+        return MissionCurrent(self.items[self.leg], self.foreign or self.total, self.mission_id)
 
 
 Later = Callable[[], Event | None]
