@@ -9,15 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executor.core import energy, streams
+from executor.core.faults import BATTERY_SENSOR, LOW
 from executor.core.places import where
 from executor.core.vehicle import FaultKind, Stage
 from executor.core.watching import View
 from missions import Phase
 
-BATTERY_SENSOR = 0x2000000
-"""MAV_SYS_STATUS_SENSOR_BATTERY."""
-LOW = 2
-"""MAV_BATTERY_CHARGE_STATE_LOW."""
 RADIO_S = 5.0
 AGAIN_S = 30.0
 
@@ -52,6 +49,13 @@ def position_missing(view: View) -> str:
 def item_missing(view: View) -> str:
     """It speaks, and not of where it flies to."""
     return streams.missing(view, streams.items(view)) if view.state.stage is Stage.FLYING else ""
+
+
+def doubtful(view: View) -> str:
+    """A HEARTBEAT says what its positions refute."""
+    if view.state.doubted is None:
+        return ""
+    return "a HEARTBEAT says that it is disarmed, and it flies: does another station send it?"
 
 
 def lossy(view: View) -> str:
@@ -116,6 +120,7 @@ def stands(view: View) -> str:
 TABLE: tuple[Doubt, ...] = (
     Doubt("silent", FaultKind.LINK, silent),
     Doubt("heartbeat", FaultKind.LINK, heartbeat_missing),
+    Doubt("disarmed", FaultKind.INTERRUPTION, doubtful),
     Doubt("positions", FaultKind.INTERRUPTION, position_missing),
     Doubt("items", FaultKind.INTERRUPTION, item_missing),
     Doubt("loss", FaultKind.LINK, lossy),

@@ -13,7 +13,7 @@ _SEEN = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
 UNSAID_S = 10.0
 """So long without HEARTBEAT the last one says nothing any more."""
 FLIES_UP_M = 5.0
-FLIES_M_S = 3.0
+FLIES_M_S = 1.5
 """What is this much higher, or this fast, after it was found down, flies."""
 
 

@@ -236,9 +236,22 @@ def reserve_broken(view: View) -> Finding:
 def battery_failsafe(view: View) -> Finding:
     """The autopilot itself says that it acts on its battery."""
     text, said_s = view.state.alarm
-    if view.now_s - said_s <= view.context.limits.alarm_s and _BATTERY_ALARM.search(text):
-        return Finding(Verdict.FAIL, f"it says: {text}")
-    return OK
+    if view.now_s - said_s > view.context.limits.alarm_s or not _BATTERY_ALARM.search(text):
+        return OK
+    # A text is the one thing that anybody can send: what it says must show somewhere else as well.
+    return Finding(Verdict.FAIL, f"it says: {text}") if not view.setup.planned or _shows(view) else OK
+
+
+def _shows(view: View) -> bool:
+    """Return whether an alarm of the battery shows in anything besides its text."""
+    state, beat, volts = view.state, view.state.heartbeat, view.state.volts
+    if beat is not None and (
+        beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
+    ):
+        return True
+    low = state.battery.remaining_pct is None or state.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
+    sick = state.battery.charge_state >= LOW or state.battery_faults or state.unhealthy & BATTERY_SENSOR
+    return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
 
 
 def battery_critical(view: View) -> Finding:
@@ -316,6 +329,14 @@ def _battery_fresh(view: View) -> bool:
     return fresh and (streams.position_fresh(view) or not view.setup.planned)
 
 
+CRITICAL = 5
+"""MAV_STATE_CRITICAL: both autopilots say it as long as a failsafe acts."""
+LOW = 2
+"""MAV_BATTERY_CHARGE_STATE_LOW."""
+BATTERY_SENSOR = 0x2000000
+"""MAV_SYS_STATUS_SENSOR_BATTERY."""
+NEAR_PCT = 15.0
+"""So near to its reserve a battery may well be low by its voltage."""
 PLUNGE = 1.7
 """Times the threshold of a drain."""
 UNKNOWN_TOTAL = 65535

@@ -382,13 +382,20 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
             return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
         if not down.flies_again(vehicle):
             return state, ()
-        text = f"{vehicle.name}: was taken to be down and flies, {last_heard(context, vehicle)}"
-        back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
-        state, more = homeward.sent_home(context, state, back, now_s)
-        return state, (Say(Level.FAULT, text), *more)
+        return _flies_on(context, state, vehicle, "down", now_s)
     if vehicle.armed and custody.takes_over(vehicle, now_s):
         return takeover.taken(context, state, vehicle)
+    if custody.never_landed(context, vehicle):
+        return _flies_on(context, state, vehicle, "landed", now_s)
     return state, ()
+
+
+def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
+    """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
+    text = f"{vehicle.name}: was taken to be {taken_for} and flies, {last_heard(context, vehicle)}"
+    back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+    state, more = homeward.sent_home(context, state, back, now_s)
+    return state, (Say(Level.FAULT, text), *more)
 
 
 def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:

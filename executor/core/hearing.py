@@ -77,22 +77,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         state = changed(state, spoke_s=now_s, regained_s=now_s if silent else state.regained_s)
     match message:
         case Heartbeat():
-            other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
-            since = now_s if other else state.mode_since_s
-            armed_once = state.armed_once or message.armed
-            disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
-            unseen_s = state.unseen_until_s
-            if state.heartbeat is not None and _was_unseen(context, state, now_s):
-                unseen_s = now_s
-            flew = state.flew_mission
-            if not flew and state.took_off and message.armed and state.name in context.vehicles:
-                flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-            return Folded(
-                changed(
-                    state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
-                    armed_once=armed_once, flew_mission=flew, unseen_until_s=unseen_s, disarmed_s=disarmed_s,
-                )
-            )  # fmt: skip
+            return Folded(_beat(context, state, message, now_s))
         case Position():
             return _positioned(context, changed(state, heard_s=now_s), message, now_s)
         case Battery():
@@ -122,6 +107,54 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(_about(context, state, message, now_s))
         case _:
             return Folded(changed(state, heard_s=now_s))
+
+
+DOUBT_S = 0.8
+"""The next HEARTBEAT comes after a second: what it does not confirm was not so."""
+DOUBTED_FIX_S = 1.5
+
+
+def _beat(context: Scene, state: VehicleState, message: Heartbeat, now_s: float) -> VehicleState:
+    if not message.armed and _flies(context, state, now_s):
+        if state.doubted is None:
+            return changed(state, heard_s=now_s, doubted=(message, now_s))
+        if now_s - state.doubted[1] < DOUBT_S:
+            return changed(state, heard_s=now_s)
+    other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
+    since = now_s if other else state.mode_since_s
+    armed_once = state.armed_once or message.armed
+    disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
+    unseen_s = state.unseen_until_s
+    if state.heartbeat is not None and _was_unseen(context, state, now_s):
+        unseen_s = now_s
+    flew = state.flew_mission
+    if not flew and state.took_off and message.armed and state.name in context.vehicles:
+        flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
+    return changed(
+        state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since, armed_once=armed_once,
+        flew_mission=flew, unseen_until_s=unseen_s, disarmed_s=disarmed_s, doubted=None,
+    )  # fmt: skip
+
+
+def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that says that it is disarmed is seen to fly on."""
+    fix, setup = state.fix, context.vehicles.get(state.name)
+    if not state.armed or not state.took_off or fix is None or setup is None or not setup.planned:
+        return False
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.on_ground or _killed(state, now_s):
+        return False
+    if state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s:
+        return False  # that it is armed is from before a silence
+    return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
+
+
+_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
+
+
+def _killed(state: VehicleState, now_s: float) -> bool:
+    """Return whether it says why it disarms in the air."""
+    text, said_s = state.alarm
+    return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
 
 
 def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:

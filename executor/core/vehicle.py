@@ -45,7 +45,7 @@ TRANSITIONS: dict[Stage, frozenset[Stage]] = {
     Stage.FLYING: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
     Stage.RETURNING: frozenset({Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
     Stage.PILOT: frozenset({Stage.FLYING, Stage.RETURNING, Stage.LANDED, Stage.DOWN, Stage.LOST}),
-    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.PILOT, Stage.LOST}),
+    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.RETURNING, Stage.PILOT, Stage.LOST}),
     Stage.DOWN: frozenset({Stage.RETURNING, Stage.PILOT, Stage.GROUND}),
     Stage.LOST: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN}),
 }  # fmt: skip
@@ -278,6 +278,8 @@ class VehicleState:
     """Whether it was said where it is down."""
     left_s: float | None = None
     """When it left its mission to come home."""
+    doubted: tuple[Heartbeat, float] | None = None
+    """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     carried: Carried = field(default_factory=Carried)
     owed: tuple[int, str] | None = None
     """(visit, reason) of an inspection that broke, until it is known that it does not count."""

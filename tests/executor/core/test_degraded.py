@@ -9,7 +9,7 @@ import pytest
 from executor.core import linkquality
 from executor.core.degraded import TABLE, warnings
 from executor.core.linkquality import LinkQuality
-from executor.core.messages import Radio, Traffic
+from executor.core.messages import Heartbeat, Radio, Traffic
 from executor.core.vehicle import Stage, VehicleState
 from executor.core.watching import View
 from tests.executor.core.test_faults import CONTEXT, NOW_S, SETUP, at, flying, pack
@@ -28,6 +28,7 @@ def lossy(*lost: int, of: int = 20) -> LinkQuality:
 ROWS: list[tuple[str, VehicleState]] = [
     ("silent", flying(heard_s=NOW_S - 4.0)),
     ("heartbeat", flying(heartbeat_s=NOW_S - 4.0)),
+    ("disarmed", flying(doubted=(Heartbeat(3, 3, False, 4), NOW_S - 0.5))),
     ("positions", flying(fix=at(age_s=4.0))),
     ("items", flying(item_s=NOW_S - 6.0)),
     ("loss", flying(quality=lossy(*[0] * 60, *[10] * 12))),

@@ -13,7 +13,7 @@ from executor.core.faults import TABLE, judge
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Cause, Fix, Stage, VehicleState
 from executor.core.voltage import VoltageState
-from executor.core.watching import Verdict, View, Watchpoint
+from executor.core.watching import Finding, Verdict, View, Watchpoint
 from missions import Phase
 from tests.executor.builders import fleet_of, vehicle
 
@@ -146,7 +146,7 @@ ROWS = [
     ),
     Row(
         "battery-failsafe",
-        flying(alarm=("Battery 1 is low 10.22V used 1476 mAh", NOW_S)),
+        flying(alarm=("Battery 1 is low 10.22V used 1476 mAh", NOW_S), heartbeat=Heartbeat(3, AUTO, True, 5)),
         "it says: Battery 1 is low 10.22V used 1476 mAh",
     ),
     Row(
@@ -328,7 +328,7 @@ def landing(state: VehicleState) -> VehicleState:
 DISARMED = Heartbeat(3, AUTO, False, 3)
 
 
-def off_pad(state: VehicleState) -> faults.Finding:
+def off_pad(state: VehicleState) -> Finding:
     return point("off-pad").judge(View(CONTEXT, SETUP, state, False, NOW_S))
 
 
@@ -417,3 +417,25 @@ def test_the_modes_words() -> None:
     strange = flying(heartbeat=Heartbeat(3, 77, True, 4), cause=Cause.FAILSAFE)
     finding = faults.left_mission(View(CONTEXT, SETUP, strange, False, NOW_S))
     assert finding.evidence == "number 77 by its own failsafe"
+
+
+LOW_TEXT = ("Battery Failsafe", NOW_S)
+
+
+@pytest.mark.parametrize(
+    ("state", "shows"),
+    [
+        (flying(alarm=LOW_TEXT), False),
+        (flying(alarm=LOW_TEXT, heartbeat=Heartbeat(3, RTL, True, 4)), True),
+        (flying(alarm=LOW_TEXT, heartbeat=Heartbeat(3, AUTO, True, 5)), True),
+        (flying(alarm=LOW_TEXT, battery=pack(90.0, charge_state=2)), True),
+        (flying(alarm=LOW_TEXT, battery_faults=4), True),
+        (flying(alarm=LOW_TEXT, unhealthy=0x2000000), True),
+        (flying(alarm=LOW_TEXT, battery=pack(30.0, 30.0)), True),
+        (flying(alarm=LOW_TEXT, battery=BatteryState()), True),
+        (flying(alarm=LOW_TEXT, volts=volts(low_since_s=NOW_S - 1.0)), True),
+    ],
+)
+def test_a_text_of_the_battery_alone_is_nobodys_fault(state: VehicleState, shows: bool) -> None:
+    """Anybody can send a text; a failsafe shows in the mode, the state or the battery as well."""
+    assert verdict("battery-failsafe", state) is (Verdict.FAIL if shows else Verdict.OK)
