@@ -18,12 +18,12 @@ from executor.core import fleet, passive
 from executor.core.commands import Command, Say
 from executor.core.context import Context
 from executor.core.events import Tick
-from executor.core.faults import View
 from executor.core.passive import Degraded
 from executor.core.recording import Skipped
 from executor.core.replayed import Declaration, Impaired, LogReplay, Trace, VehicleReplay
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
+from executor.core.watching import View
 from executor.replay import sampled
 
 

@@ -81,6 +81,13 @@ class Disarm:
 
 
 @dataclass(frozen=True, slots=True)
+class AskStreams:
+    """Ask the vehicle to send again what it should send: some of it does not come."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
 class HandsOff:
     """Say nothing more to the vehicle: a person has it. What is half on board is still made whole."""
 
@@ -146,6 +153,7 @@ Command = (
     | LandNow
     | Disarm
     | HandsOff
+    | AskStreams
     | Solve
     | Compose
     | CancelSolve

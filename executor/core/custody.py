@@ -78,7 +78,7 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
     if beat is None:
         return Cause.OURS
     mode = beat.custom_mode
-    if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not never_landed(context, vehicle):
         return Cause.PERSON  # it arms, and nobody here said so
     if is_manual_mode(dialect, mode):
         return Cause.PERSON
@@ -93,6 +93,14 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
     if _explained(context, absences, vehicle, now_s):
         return Cause.FAILSAFE
     return Cause.PERSON
+
+
+def never_landed(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that was taken to have landed is armed high in the air: nobody starts it there."""
+    fix = vehicle.fix
+    if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.took_off or fix is None:
+        return False
+    return fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
 
 
 def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
@@ -141,13 +149,16 @@ BEAT_S = 1.0
 
 
 def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle's GCS failsafe acts because the ground station was not there."""
-    failsafe_s = context.vehicles[vehicle.name].failsafe_s
-    if failsafe_s is None or not absences:
+    """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
+    if not absences:
         return False
     away = absences[-1]
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s
+    if failsafe_s is None and away.deaf and _unseen(vehicle):
+        failsafe_s = BEAT_S  # it did not say whether it has one, and it has
     began_s = away.until_s - away.pause_s
-    return away.pause_s >= failsafe_s - BEAT_S and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+    acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
+    return acted and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def in_other_hands(vehicle: VehicleState) -> bool:

@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executor.core import energy
-from executor.core.faults import View
+from executor.core import energy, streams
+from executor.core.faults import BATTERY_SENSOR, LOW
+from executor.core.places import where
 from executor.core.vehicle import FaultKind, Stage
+from executor.core.watching import View
 from missions import Phase
 
-BATTERY_SENSOR = 0x2000000
-"""MAV_SYS_STATUS_SENSOR_BATTERY."""
-LOW = 2
-"""MAV_BATTERY_CHARGE_STATE_LOW."""
 RADIO_S = 5.0
 AGAIN_S = 30.0
 
@@ -40,13 +38,24 @@ def silent(view: View) -> str:
 
 def heartbeat_missing(view: View) -> str:
     """Others of its messages come, its HEARTBEAT does not."""
-    state, limits = view.state, view.context.limits
-    if state.heartbeat_s is None or state.heard_s is None:
+    return streams.missing(view, streams.heartbeat(view))
+
+
+def position_missing(view: View) -> str:
+    """It speaks, and not of where it is."""
+    return streams.missing(view, streams.positions(view))
+
+
+def item_missing(view: View) -> str:
+    """It speaks, and not of where it flies to."""
+    return streams.missing(view, streams.items(view)) if view.state.stage is Stage.FLYING else ""
+
+
+def doubtful(view: View) -> str:
+    """A HEARTBEAT says what its positions refute."""
+    if view.state.doubted is None:
         return ""
-    age_s = view.now_s - max(state.heartbeat_s, state.excused_s)
-    if age_s >= limits.heartbeat_stale_s and view.now_s - state.heard_s < limits.link_stale_s:
-        return f"no HEARTBEAT for {age_s:.1f} s, while other messages come"
-    return ""
+    return "a HEARTBEAT says that it is disarmed, and it flies: does another station send it?"
 
 
 def lossy(view: View) -> str:
@@ -65,11 +74,7 @@ def radio_weak(view: View) -> str:
 
 def battery_silent(view: View) -> str:
     """It speaks, but not of its battery."""
-    known, limits = view.state.battery, view.context.limits
-    age_s = view.now_s - max(known.reported_s, view.state.excused_s)
-    if known.remaining_pct is None or age_s <= limits.battery_stale_s or silent(view):
-        return ""
-    return f"no report of its battery for {age_s:.0f} s"
+    return streams.missing(view, streams.battery(view))
 
 
 def battery_low(view: View) -> str:
@@ -99,15 +104,32 @@ def position_off(view: View) -> str:
     return ""
 
 
+def stands(view: View) -> str:
+    """It should be on its way home, and hangs in the air where it is."""
+    state = view.state
+    if state.stage is not Stage.RETURNING or state.fix is None or state.anchor is None or not state.armed:
+        return ""
+    if view.now_s - state.fix.at_s > view.context.limits.link_stale_s:
+        return ""
+    stood_s = state.fix.boot_s - state.anchor.boot_s
+    if stood_s < view.context.limits.hangs_s or state.fix.alt_rel_m < view.context.limits.airborne_m:
+        return ""
+    return f"has not moved for {stood_s:.0f} s on its way home, {where(view.context, state)}"
+
+
 TABLE: tuple[Doubt, ...] = (
     Doubt("silent", FaultKind.LINK, silent),
     Doubt("heartbeat", FaultKind.LINK, heartbeat_missing),
+    Doubt("disarmed", FaultKind.INTERRUPTION, doubtful),
+    Doubt("positions", FaultKind.INTERRUPTION, position_missing),
+    Doubt("items", FaultKind.INTERRUPTION, item_missing),
     Doubt("loss", FaultKind.LINK, lossy),
     Doubt("radio", FaultKind.LINK, radio_weak),
     Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
+    Doubt("stands", FaultKind.INTERRUPTION, stands),
 )
 
 

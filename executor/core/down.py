@@ -6,12 +6,14 @@ import math
 
 from executor.core.context import Context
 from executor.core.homeward import comes_home
-from executor.core.places import over_its_pad, place_words
+from executor.core.places import coordinates, over_its_pad, place_words
 from executor.core.vehicle import Stage, VehicleState
 
 _SEEN = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
+UNSAID_S = 10.0
+"""So long without HEARTBEAT the last one says nothing any more."""
 FLIES_UP_M = 5.0
-FLIES_M_S = 3.0
+FLIES_M_S = 1.5
 """What is this much higher, or this fast, after it was found down, flies."""
 
 
@@ -26,7 +28,15 @@ def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
         return f"leans by {angle_deg:.0f} degrees, {place_words(context, vehicle)}"
     if vehicle.stage is not Stage.RETURNING or not _still(context, vehicle, now_s):
         return ""
+    if _unsaid(vehicle, now_s):
+        place = coordinates(context, vehicle)
+        return f"does not move, down at {place}; no HEARTBEAT says that it is disarmed: keep away"
     return f"does not move, {place_words(context, vehicle)}"
+
+
+def _unsaid(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether nobody knows any more in which mode it is, and whether it is armed."""
+    return vehicle.heartbeat_s is None or now_s - max(vehicle.heartbeat_s, vehicle.excused_s) >= UNSAID_S
 
 
 def _still(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -35,12 +45,15 @@ def _still(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     if fix is None or anchor is None or vehicle.left_s is None or now_s - vehicle.left_s < limits.on_ground_s:
         return False
     low_over_pad = over_its_pad(context, vehicle) and fix.alt_rel_m > limits.airborne_m
-    if low_over_pad or not comes_home(context, vehicle):
+    if low_over_pad or not (comes_home(context, vehicle) or _unsaid(vehicle, now_s)):
         return False
     stood_s = fix.boot_s - anchor.boot_s
     # On its pad it lands, and disarms some seconds later.
-    quick = vehicle.on_ground and not over_its_pad(context, vehicle)
-    return stood_s >= (limits.on_ground_s if quick else limits.down_s)
+    if vehicle.on_ground and not over_its_pad(context, vehicle):
+        return stood_s >= limits.on_ground_s
+    # Who hangs in the air says so, and a wreck on a hill may say the same.
+    hangs = vehicle.on_ground is False and fix.alt_rel_m > limits.off_pad_up_m
+    return stood_s >= (limits.hangs_most_s if hangs else limits.down_s)
 
 
 def flies_again(vehicle: VehicleState) -> bool:

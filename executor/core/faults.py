@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
 
-from executor.core import battery, drift, energy
+from executor.core import battery, drift, energy, streams
 from executor.core.context import Scene, VehicleSetup
 from executor.core.limits import Limits
 from executor.core.modes import is_home_mode, is_mission_mode, mode_name
 from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
+from executor.core.watching import OK, STALE, Finding, Verdict, View, Watchpoint
 from missions import Phase
 
 _BATTERY_ALARM = re.compile(
@@ -32,50 +32,6 @@ _BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 1
 """MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
 
 
-class Verdict(Enum):
-    """What a watchpoint says of one moment."""
-
-    OK = "ok"
-    FAIL = "fail"
-    STALE = "stale"
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """What a watchpoint may look at."""
-
-    context: Scene
-    setup: VehicleSetup
-    state: VehicleState
-    failing: bool
-    """Whether it failed at the last look: the clear threshold may differ from the raise threshold."""
-    now_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """A verdict with its evidence in words."""
-
-    verdict: Verdict
-    evidence: str = ""
-
-
-OK = Finding(Verdict.OK)
-STALE = Finding(Verdict.STALE)
-
-
-@dataclass(frozen=True, slots=True)
-class Watchpoint:
-    """One row of the table; the first row that is raised gives the reason."""
-
-    name: str
-    kind: FaultKind
-    judge: Callable[[View], Finding]
-    raise_after_s: float
-    stages: frozenset[Stage]
-    """The stages in which it is looked at."""
-
-
 def link_silent(view: View) -> Finding:
     """Nothing was heard for the vehicle's time-out."""
     heard_s = view.state.heard_s
@@ -84,6 +40,9 @@ def link_silent(view: View) -> Finding:
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
         return Finding(Verdict.FAIL, f"silent for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
+    unseen_s = streams.unseen_s(view)
+    if view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s):
+        return Finding(Verdict.FAIL, f"neither HEARTBEAT nor position for {unseen_s:.0f} s")
     return OK
 
 
@@ -277,9 +236,22 @@ def reserve_broken(view: View) -> Finding:
 def battery_failsafe(view: View) -> Finding:
     """The autopilot itself says that it acts on its battery."""
     text, said_s = view.state.alarm
-    if view.now_s - said_s <= view.context.limits.alarm_s and _BATTERY_ALARM.search(text):
-        return Finding(Verdict.FAIL, f"it says: {text}")
-    return OK
+    if view.now_s - said_s > view.context.limits.alarm_s or not _BATTERY_ALARM.search(text):
+        return OK
+    # A text is the one thing that anybody can send: what it says must show somewhere else as well.
+    return Finding(Verdict.FAIL, f"it says: {text}") if not view.setup.planned or _shows(view) else OK
+
+
+def _shows(view: View) -> bool:
+    """Return whether an alarm of the battery shows in anything besides its text."""
+    state, beat, volts = view.state, view.state.heartbeat, view.state.volts
+    if beat is not None and (
+        beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
+    ):
+        return True
+    low = state.battery.remaining_pct is None or state.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
+    sick = state.battery.charge_state >= LOW or state.battery_faults or state.unhealthy & BATTERY_SENSOR
+    return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
 
 
 def battery_critical(view: View) -> Finding:
@@ -352,9 +324,19 @@ def _alarm(view: View) -> str:
 
 def _battery_fresh(view: View) -> bool:
     # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
-    return view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
+    fresh = view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
+    # Without positions nobody knows what the flight should have cost.
+    return fresh and (streams.position_fresh(view) or not view.setup.planned)
 
 
+CRITICAL = 5
+"""MAV_STATE_CRITICAL: both autopilots say it as long as a failsafe acts."""
+LOW = 2
+"""MAV_BATTERY_CHARGE_STATE_LOW."""
+BATTERY_SENSOR = 0x2000000
+"""MAV_SYS_STATUS_SENSOR_BATTERY."""
+NEAR_PCT = 15.0
+"""So near to its reserve a battery may well be low by its voltage."""
 PLUNGE = 1.7
 """Times the threshold of a drain."""
 UNKNOWN_TOTAL = 65535
@@ -367,6 +349,8 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR),
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR),
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE),
+    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION),
+    Watchpoint("positions", FaultKind.INTERRUPTION, streams.position_gone, 0.0, _ON_MISSION),
     Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION),
     Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION),
     Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION),
@@ -375,6 +359,8 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION),
     Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION),
     Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION),
+    Watchpoint("battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION),
+    Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION),
     Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION),
     Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION),
     Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION),

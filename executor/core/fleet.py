@@ -12,6 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core import (
+    blackout,
     custody,
     degraded,
     down,
@@ -22,12 +23,15 @@ from executor.core import (
     replanning,
     resuming,
     silence,
+    streams,
     takeover,
     texts,
 )
+from executor.core.carried import Carried
 from executor.core.changed import changed
-from executor.core.commands import Command, Finish, HandsOff, Level, Say, SendHome, Start
+from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
+from executor.core.coverage import GAP_S
 from executor.core.declare import declare
 from executor.core.degraded import Told
 from executor.core.events import (
@@ -48,7 +52,6 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )
-from executor.core.faults import View, Watchpoint
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import ComponentText, Heartbeat, Position
@@ -56,6 +59,7 @@ from executor.core.places import at_rest, last_heard, over_its_pad, place_words,
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_lines
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.watching import View, Watchpoint
 from missions import StartStep
 from planner import segment_of
 
@@ -166,7 +170,7 @@ def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
     vehicle = replace(
         vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
         began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None, away_once=False,
-        ordered_modes=frozenset(modes_on_the_way),
+        ordered_modes=frozenset(modes_on_the_way), carried=Carried(ours_s=now_s),
     )  # fmt: skip
     return state.put(vehicle), Start(vehicle.name)
 
@@ -288,9 +292,10 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = silence.of_all(context, state, now_s)
     commands.extend(more)
-    alone = state.silent_since_s is not None and now_s - state.silent_since_s < context.limits.all_silent_s
+    if state.silent_since_s is not None and now_s - state.silent_since_s >= GAP_S:
+        state = blackout.began(state, state.silent_since_s)
     for name in state.vehicles:
-        state, more = _look_at(context, state, name, now_s, alone=alone)
+        state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
@@ -303,8 +308,9 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     return state, (*commands, *more)
 
 
-def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, alone: bool) -> Stepped:
+def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = state.vehicles[name]
+    alone = state.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return _on_the_ground(context, state, vehicle, now_s)
     if vehicle.stage is Stage.LOST:
@@ -312,16 +318,29 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float, *, al
     commands: list[Command] = []
     state, more = silence.of_one(context, state, vehicle, now_s)
     commands.extend(more)
+    if vehicle.stale and not state.vehicles[name].stale:
+        state = replanning.heard_again(state, state.vehicles[name], now_s)
+    taken_up = blackout.taken_up(context, state, state.vehicles[name], now_s)
+    if taken_up is not None:
+        state, more = taken_up
+        commands.extend(more)
     vehicle = custody.looked_at_again(context, state.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
     told, lines = degraded.said(view, state.told.get(name, Told()))
     if told is not state.told.get(name):
         state = replace(state, told=MappingProxyType({**state.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)
+    if vehicle.stage is not Stage.PILOT and not custody.in_other_hands(vehicle) and streams.to_be_asked(view):
+        vehicle = changed(vehicle, streams_asked_s=now_s)
+        commands.append(AskStreams(name))
     judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
+    if taken_up is None:
+        raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
+        if not raised:
+            return state, tuple(commands)  # it has not said yet what it does
     state, more = _decided(context, state, vehicle, raised, now_s)
     commands.extend(more)
     state, more = _owed(context, state, name)
@@ -335,6 +354,8 @@ def _decided(
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and custody.takes_over(vehicle, now_s) and not lost:
+        return takeover.taken(context, state, vehicle)
+    if vehicle.stage is Stage.FLYING and vehicle.carried.sure(now_s) and not lost:
         return takeover.taken(context, state, vehicle)
     if raised and raised[0][0].name == "mode" and custody.missed_us(context, state.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
@@ -360,13 +381,20 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
             return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
         if not down.flies_again(vehicle):
             return state, ()
-        text = f"{vehicle.name}: was taken to be down and flies, {last_heard(context, vehicle)}"
-        back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
-        state, more = homeward.sent_home(context, state, back, now_s)
-        return state, (Say(Level.FAULT, text), *more)
+        return _flies_on(context, state, vehicle, "down", now_s)
     if vehicle.armed and custody.takes_over(vehicle, now_s):
         return takeover.taken(context, state, vehicle)
+    if custody.never_landed(context, vehicle):
+        return _flies_on(context, state, vehicle, "landed", now_s)
     return state, ()
+
+
+def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
+    """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
+    text = f"{vehicle.name}: was taken to be {taken_for} and flies, {last_heard(context, vehicle)}"
+    back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+    state, more = homeward.sent_home(context, state, back, now_s)
+    return state, (Say(Level.FAULT, text), *more)
 
 
 def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
@@ -453,10 +481,15 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-        state = state.put(replace(vehicle, board=board))
+        state = state.put(replace(vehicle, board=board, carried=Carried(ours_s=now_s)))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
+    elif state.silent_since_s is not None and not event.mixed:
+        # Nobody hears us, or we hear nobody: that is not its refusal.
+        plan = replace(plan, failed=(*plan.failed, vehicle.name))
+        state = state.put(vehicle)
+        state = replace(state, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(replace(vehicle, stubborn=True))

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 
-from executor.core import battery, linkquality
+from executor.core import battery, carried, linkquality
 from executor.core.battery import BatteryState
 from executor.core.changed import changed
 from executor.core.context import Scene
@@ -52,6 +52,8 @@ _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LO
 """Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
 NAMED_S = 5.0
 """So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
+_ABOUT = (Traffic, Radio, OrderSeen, StationHeard, DoubleHeard)
+"""What others say about a vehicle."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -71,26 +73,12 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
-    if state.heard_s is not None and now_s - state.heard_s >= context.limits.link_stale_s:
-        state = changed(state, regained_s=now_s)
+    if not isinstance(message, _ABOUT):
+        silent = state.spoke_s is not None and now_s - state.spoke_s >= context.limits.link_stale_s
+        state = changed(state, spoke_s=now_s, regained_s=now_s if silent else state.regained_s)
     match message:
         case Heartbeat():
-            other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
-            since = now_s if other else state.mode_since_s
-            armed_once = state.armed_once or message.armed
-            disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
-            unseen_s = state.unseen_until_s
-            if state.heartbeat is not None and _was_unseen(context, state, now_s):
-                unseen_s = now_s
-            flew = state.flew_mission
-            if not flew and state.took_off and message.armed and state.name in context.vehicles:
-                flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-            return Folded(
-                changed(
-                    state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since,
-                    armed_once=armed_once, flew_mission=flew, unseen_until_s=unseen_s, disarmed_s=disarmed_s,
-                )
-            )  # fmt: skip
+            return Folded(_beat(context, state, message, now_s))
         case Position():
             return _positioned(context, changed(state, heard_s=now_s), message, now_s)
         case Battery():
@@ -98,7 +86,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case SystemStatus():
             return Folded(_status(context, state, message, now_s))
         case MissionCurrent(seq, total):
-            return Folded(_at_item(changed(state, heard_s=now_s, item=(seq, total)), seq))
+            state = changed(state, heard_s=now_s, item=(seq, total), item_s=now_s)
+            return Folded(_at_item(_carries(context, state, message, now_s), seq))
         case LandedState(on_ground):
             return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
         case Gps():
@@ -113,11 +102,60 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(changed(state, heard_s=now_s, fence_breached=breached))
         case StatusText(_, said):
             alarm = (said, now_s) if _ALARM.search(said) and not _adds_nothing(state, said, now_s) else state.alarm
-            return Folded(changed(state, heard_s=now_s, alarm=alarm), text=message)
+            told = _carries(context, changed(state, heard_s=now_s, alarm=alarm), message, now_s)
+            return Folded(told, text=message)
         case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
             return Folded(_about(context, state, message, now_s))
         case _:
             return Folded(changed(state, heard_s=now_s))
+
+
+DOUBT_S = 0.8
+"""The next HEARTBEAT comes after a second: what it does not confirm was not so."""
+DOUBTED_FIX_S = 1.5
+
+
+def _beat(context: Scene, state: VehicleState, message: Heartbeat, now_s: float) -> VehicleState:
+    if not message.armed and _flies(context, state, now_s):
+        if state.doubted is None:
+            return changed(state, heard_s=now_s, doubted=(message, now_s))
+        if now_s - state.doubted[1] < DOUBT_S:
+            return changed(state, heard_s=now_s)
+    other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
+    since = now_s if other else state.mode_since_s
+    armed_once = state.armed_once or message.armed
+    disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
+    unseen_s = state.unseen_until_s
+    if state.heartbeat is not None and _was_unseen(context, state, now_s):
+        unseen_s = now_s
+    flew = state.flew_mission
+    if not flew and state.took_off and message.armed and state.name in context.vehicles:
+        flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
+    return changed(
+        state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since, armed_once=armed_once,
+        flew_mission=flew, unseen_until_s=unseen_s, disarmed_s=disarmed_s, doubted=None,
+    )  # fmt: skip
+
+
+def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that says that it is disarmed is seen to fly on."""
+    fix, setup = state.fix, context.vehicles.get(state.name)
+    if not state.armed or not state.took_off or fix is None or setup is None or not setup.planned:
+        return False
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.on_ground or _killed(state, now_s):
+        return False
+    if state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s:
+        return False  # that it is armed is from before a silence
+    return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
+
+
+_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
+
+
+def _killed(state: VehicleState, now_s: float) -> bool:
+    """Return whether it says why it disarms in the air."""
+    text, said_s = state.alarm
+    return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
 
 
 def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
@@ -222,7 +260,21 @@ def _charged(
     return battery.reported(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
 
 
+def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> VehicleState:
+    """Take what it says of the mission on board, unless it is being given one."""
+    if state.board is None or state.pending is not None or state.stubborn or state.stage not in _ON_ITS_MISSION:
+        return state
+    if isinstance(message, StatusText):
+        known = carried.texted(state.carried, message.text, now_s)
+    else:
+        expected = carried.items_expected(context, state.name, len(state.board.waypoint_of))
+        known = carried.reported(state.carried, message, expected, now_s)
+    return state if known is state.carried else changed(state, carried=known)
+
+
 def _at_item(state: VehicleState, seq: int) -> VehicleState:
+    if state.carried.foreign_s is not None:
+        return state  # an index into a list that we do not know
     if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
         return state
     waypoint = state.board.waypoint_of[seq]
@@ -298,6 +350,8 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
 
 def _may_count(context: Scene, state: VehicleState) -> bool:
     """Return whether it flies its mission; a pilot may have put it back on it."""
+    if state.carried.foreign_s is not None:
+        return False
     if state.stage is Stage.FLYING:
         return True
     beat = state.heartbeat

@@ -87,6 +87,10 @@ class Limits:
     limits are 45 and less; both call it a failure at 30 beyond what was asked for, and at 60."""
     tilt_s: float = 3.0
     """For so long no gust and no flip does."""
+    hangs_s: float = 20.0
+    """A vehicle that should be on its way home and hangs in the air for this long is worth a word."""
+    hangs_most_s: float = 150.0
+    """After this a vehicle that says that it flies is taken to lie there all the same."""
     down_s: float = 30.0
     """A vehicle that should be on its way home and does not move for this long is on the ground."""
     on_ground_s: float = 5.0

@@ -129,6 +129,8 @@ class MissionCurrent:
 
     seq: int
     total: int | None
+    mission_id: int | None = None
+    """A number that changes with the items; only PX4 sends it."""
 
 
 @dataclass(frozen=True, slots=True)

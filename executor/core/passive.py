@@ -15,12 +15,12 @@ from executor.core import degraded, faults, silence
 from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.events import Heard, Tick
-from executor.core.faults import View
 from executor.core.hearing import fold
 from executor.core.messages import Heartbeat
 from executor.core.modes import is_home_mode
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.watching import View
 
 WARN_S = 1.5
 """Warnings decide nothing: they are looked for less often than faults."""
@@ -137,7 +137,7 @@ def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
 
 def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
     fleet, _ = silence.own_sleep(state.fleet, now_s)
-    fleet, _ = silence.of_all(scene, fleet, now_s)
+    fleet, _ = silence.of_all(scene, fleet, now_s, least=silence.ALL)
     alone = fleet.silent_since_s is not None and now_s - fleet.silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)

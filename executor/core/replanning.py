@@ -41,8 +41,8 @@ def orphans(context: Context, state: FleetState) -> frozenset[int]:
 
 def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
     """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
-    setup = context.vehicles[state.name]
-    heard = state.heard_s is not None and now_s - state.heard_s < setup.link_timeout_s
+    # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
+    heard = state.heard_s is not None and not state.stale and now_s - state.heard_s < context.limits.link_stale_s
     out = state.fault is not None or state.stubborn or state.excluded or state.held_s is not None
     if out or not heard or state.battery.remaining_pct is None:
         return None
@@ -60,6 +60,16 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     else:
         start, spent = state.fix.place_m, 0.0
     return _offer(context, state, start, spent * battery.factor(state.battery), airborne=True, kept=kept)
+
+
+def heard_again(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+    """Plan anew for a vehicle that was silent at the last re-plan, if that left something over which it may reach."""
+    left = frozenset(state.records[-1].uncovered) & state.given_up if state.records else frozenset()
+    out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.considered
+    if out or not left or state.recalled:
+        return state
+    trigger = f"{vehicle.name}: is heard again"
+    return replace(state, given_up=state.given_up - left, urgent=True, trigger=trigger, trigger_s=now_s)
 
 
 def _cleared(state: VehicleState, now_s: float) -> bool:
@@ -112,7 +122,7 @@ def _offer(
 def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Begin a re-plan if there is a need for one and somebody to do it."""
     alone = orphans(context, state)
-    if state.replan is not None or state.recalled or state.launched_s is None:
+    if state.replan is not None or state.recalled or state.launched_s is None or state.silent_since_s is not None:
         return state, ()
     if not alone and not state.ordered:
         return replace(state, orphans_since_s=None, urgent=False), ()

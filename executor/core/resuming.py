@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from executor.core import replanning
+from executor.core.blackout import before_of, caught_up
 from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say, Start, Upload
 from executor.core.context import Context, FlyAgain
@@ -18,10 +18,9 @@ from executor.core.declare import left_plan, withdrawn
 from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.homeward import on_mission, sent_home
 from executor.core.linkquality import LinkQuality
-from executor.core.meanwhile import NOTHING, flown_meanwhile
 from executor.core.modes import is_mission_mode
 from executor.core.state import Absence, FleetState, NewMission, Replan
-from executor.core.vehicle import Before, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.vehicle import Stage, VehicleState, aboard, moved_to
 from executor.core.voltage import VoltageState
 from missions import MissionItem, alike, encode
 from planner import segment_of
@@ -50,7 +49,7 @@ def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
         state = state.put(
             changed(
                 vehicle,
-                before=vehicle.before or _before(vehicle),
+                before=vehicle.before or before_of(vehicle),
                 errand=None if vehicle.errand is None else replace(vehicle.errand, told=False),
                 heard_s=None if vehicle.heard_s is None else now_s,
                 heartbeat_s=None,
@@ -67,12 +66,6 @@ def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
     state = changed(state, tick_s=None, silent_since_s=None, absences=absences)
     said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
     return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
-
-
-def _before(vehicle: VehicleState) -> Before | None:
-    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.fix is None or vehicle.board is None:
-        return None
-    return Before(vehicle.fix, vehicle.waypoint, vehicle.run, vehicle.run_visit, vehicle.battery.remaining_pct)
 
 
 def found_on(
@@ -164,7 +157,7 @@ def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -
         return state.put(changed(vehicle, before=None)), _Taken(strange=((found.vehicle, why),))
     if vehicle.stage is Stage.STARTING:
         return _started(context, state, vehicle, now_s)
-    state, said = _caught_up(context, state, vehicle, vehicle.board, found.seq)
+    state, said = caught_up(context, state, vehicle, vehicle.board, found.seq)
     return state, _Taken(said)
 
 
@@ -185,11 +178,11 @@ def _half_uploaded(
         ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason=""),)
         if not mission.fresh:
             board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
-            state, said = _caught_up(context, state, vehicle, board, found.seq)
+            state, said = caught_up(context, state, vehicle, board, found.seq)
         return state, _Taken(said, ended)
     old = None if board is None else _match(found, board.revision)
     if not mission.fresh and board is not None and (old is None or old.whole):
-        state, said = _caught_up(context, state, vehicle, board, found.seq)
+        state, said = caught_up(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
         if not replanning.still_fits(state.vehicles[found.vehicle], offer):
             state, plan, let_go = replanning.let_go(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
@@ -222,7 +215,7 @@ def _stranded(
     """Bring a vehicle home whose mission was cut short by our death: it is well, and may fly again."""
     vehicle = state.vehicles[found.vehicle]
     board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
-    state, said = _caught_up(context, state, vehicle, board, found.seq)
+    state, said = caught_up(context, state, vehicle, board, found.seq)
     why = "reached the end of what was on board of its new mission"
     left = left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
     state, told = sent_home(context, state.put(left), left, now_s)
@@ -269,26 +262,3 @@ def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         return state, _Taken(strange=((name, why),))
     state = state.put(moved_to(vehicle, Stage.GROUND))
     return state, _Taken((Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground"),))
-
-
-def _caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
-    """Take a vehicle on its mission for where it is now, with what it flew on its way there."""
-    waypoint = vehicle.waypoint
-    if seq is not None and 0 <= seq < len(board.waypoint_of):
-        waypoint = board.waypoint_of[seq] or waypoint
-    found = NOTHING if vehicle.before is None else flown_meanwhile(context, vehicle, board, waypoint)
-    took_off = vehicle.took_off or not vehicle.armed
-    run, visit = (vehicle.run, vehicle.run_visit) if found.joins is None else (found.run, found.joins)
-    vehicle = changed(vehicle, before=None, waypoint=waypoint, took_off=took_off, run=run, run_visit=visit)
-    state = state.put(vehicle)
-    new = [segment for segment in found.segments if segment not in state.inspected]
-    inspected = {**state.inspected, **dict.fromkeys(new, vehicle.name)}
-    marked = set(new) if found.joins is None else {*new, board.tracks[found.joins].segment}
-    state = changed(state, inspected=MappingProxyType(inspected), inferred=state.inferred | marked)
-    if found.why_not:
-        text = f"{vehicle.name}: what it flew meanwhile does not count: {found.why_not}"
-        return state, (Say(Level.WARNING, text),)
-    if not new:
-        return state, ()
-    listed = replanning.listed(context, tuple(new))
-    return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)

@@ -13,7 +13,8 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 SLEPT_S = 2.0
 """A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
 ALL = 2
-"""Of fewer vehicles nobody can tell the silence of all from the silence of one."""
+"""Of fewer vehicles a log does not tell the silence of all from the silence of one."""
+TOLD_AGAIN_S = 300.0
 SWITCHED_OFF_S = 30.0
 """A vehicle on the ground that has been silent for longer is switched off."""
 NOTED_SLEEP_S = 5.0
@@ -33,26 +34,55 @@ def own_sleep(state: FleetState, now_s: float) -> Stepped:
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
 
 
-def of_all(context: Scene, state: FleetState, now_s: float) -> Stepped:
-    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one."""
-    if state.launched_s is None or (len(state.vehicles) < ALL and state.silent_since_s is None):
+def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
+    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one.
+
+    Args:
+        context: Of the flight.
+        state: Of it.
+        now_s: The time.
+        least: Of fewer vehicles that should be heard it is the silence of each.
+    """
+    if state.launched_s is None or (len(state.vehicles) < least and state.silent_since_s is None):
         return state, ()
     expected = _expected(state)
-    if len(expected) < ALL:
-        return (state if state.silent_since_s is None else changed(state, silent_since_s=None)), ()
+    if len(expected) < least:
+        return (state if state.silent_since_s is None else _over(state)), ()
     latest = max(expected)
     if now_s - latest < context.limits.link_stale_s:
         if state.silent_since_s is None:
             return state, ()
         # The first one is heard before the others, whose time begins anew.
-        state = _excused(state, latest - state.silent_since_s, now_s)
-        return changed(state, silent_since_s=None), (Say(Level.INFO, "vehicles are heard again"),)
+        pause_s = latest - state.silent_since_s
+        state = _over(_excused(state, pause_s, now_s))
+        if pause_s > NOTED_SLEEP_S:
+            state = changed(state, absences=(*state.absences, Absence(now_s, pause_s, restarted=False, deaf=True)))
+        return state, (Say(Level.INFO, "vehicles are heard again"),)
     if not state.flying():
-        return changed(state, silent_since_s=None), ()
+        return _over(state), ()
     if state.silent_since_s is not None:
-        return state, ()
-    text = "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"
+        return _lasting(context, state, now_s)
+    who = "all vehicles are silent at once" if len(expected) > 1 else "nobody is heard any more"
+    text = f"{who}: is it our own radio? Nothing is re-planned yet"
     return changed(state, silent_since_s=latest), (Say(Level.WARNING, text),)
+
+
+def _over(state: FleetState) -> FleetState:
+    return changed(state, silent_since_s=None, silence_told_s=None)
+
+
+def _lasting(context: Scene, state: FleetState, now_s: float) -> Stepped:
+    """Say again, now and then, that nobody is heard, and what that means."""
+    since_s = state.silent_since_s or now_s
+    told_s = since_s if state.silence_told_s is None else state.silence_told_s
+    if now_s - told_s < (context.limits.all_silent_s if state.silence_told_s is None else TOLD_AGAIN_S):
+        return state, ()
+    aloft = ", ".join(vehicle.name for vehicle in state.flying())
+    text = (
+        f"nobody was heard for {now_s - since_s:.0f} s; in the air when last heard: {aloft}. The flight stays open and "
+        "takes up whoever is heard again"
+    )
+    return changed(state, silence_told_s=now_s), (Say(Level.FAULT, text),)
 
 
 def _expected(state: FleetState) -> list[float]:
@@ -77,6 +107,9 @@ def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: floa
     """Say when a vehicle falls silent and when it is heard again, before and after that is a fault."""
     age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
     stale = age_s >= context.limits.link_stale_s
+    if vehicle.stale and vehicle.spoke_s is not None:
+        # What was not its own silence is not held against it, and does not make it heard.
+        stale = now_s - vehicle.spoke_s >= context.limits.link_stale_s
     if stale == vehicle.stale:
         return state, ()
     text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"

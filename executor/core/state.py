@@ -91,6 +91,8 @@ class Absence:
     pause_s: float
     """By its own clock, or by those of the vehicles where they say more."""
     restarted: bool
+    deaf: bool = False
+    """Whether it was there and heard nobody, as if its radio were gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +182,8 @@ class FleetState:
     """The survivors of the last re-plan."""
     silent_since_s: float | None = None
     """Since when nobody at all is heard."""
+    silence_told_s: float | None = None
+    """When that was said last."""
     recalled: bool = False
     """Everybody was sent home."""
     separation: Separation | None = None

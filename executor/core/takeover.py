@@ -42,6 +42,10 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         text = f"{vehicle.name}: was armed on the ground, not from here, mode {mode}: keep clear of it"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     kept = f"; its segments are kept for {context.pilot_grace_s:g} s" if not hold.given_away else ""
+    if vehicle.carried.foreign_s is not None:
+        what = f"{vehicle.name}: carries another mission than ours ({vehicle.carried.words})"
+        text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
+        return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     text = f"{vehicle.name}: with its pilot, mode {mode}; not commanded from here{kept}"
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
 
@@ -60,7 +64,8 @@ def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     hold = vehicle.taken or Taken(now_s)
     if not vehicle.armed:
         return _landed(context, state, vehicle)
-    returned = on_mission(context, vehicle) and now_s - vehicle.mode_since_s >= RETURNED_AFTER_S
+    ours = vehicle.carried.foreign_s is None
+    returned = ours and on_mission(context, vehicle) and now_s - vehicle.mode_since_s >= RETURNED_AFTER_S
     if returned is not (hold.returned_s is not None):
         return _returned(context, state, vehicle, hold, now_s, returned=returned)
     if hold.returned_s is None and not hold.given_away and now_s - hold.since_s >= context.pilot_grace_s:

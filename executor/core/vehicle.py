@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.core.battery import BatteryState
+from executor.core.carried import Carried
 from executor.core.changed import changed
 from executor.core.context import Context
 from executor.core.coverage import Run, Track
@@ -44,7 +45,7 @@ TRANSITIONS: dict[Stage, frozenset[Stage]] = {
     Stage.FLYING: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
     Stage.RETURNING: frozenset({Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
     Stage.PILOT: frozenset({Stage.FLYING, Stage.RETURNING, Stage.LANDED, Stage.DOWN, Stage.LOST}),
-    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.PILOT, Stage.LOST}),
+    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.RETURNING, Stage.PILOT, Stage.LOST}),
     Stage.DOWN: frozenset({Stage.RETURNING, Stage.PILOT, Stage.GROUND}),
     Stage.LOST: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN}),
 }  # fmt: skip
@@ -170,13 +171,15 @@ class OnBoard:
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """Where a vehicle on its mission was when it was last heard, before the ground station was away."""
+    """Where a vehicle on its mission was when it was last heard, before nobody listened or nobody was heard."""
 
     fix: Fix
     waypoint: int
     run: Run | None
     run_visit: int | None
     remaining_pct: float | None
+    until_s: float = float("-inf")
+    """What was said later than this is news."""
 
 
 @dataclass(frozen=True)  # without slots: `changed` copies it
@@ -186,6 +189,9 @@ class VehicleState:
     name: str
     stage: Stage = Stage.GROUND
     heard_s: float | None = None
+    """When it was heard last; later by what was not its own silence."""
+    spoke_s: float | None = None
+    """When it really said something last."""
     heartbeat: Heartbeat | None = None
     mode_since_s: float = 0.0
     ordered_mode_s: float = float("-inf")
@@ -234,6 +240,10 @@ class VehicleState:
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
     item: tuple[int, int | None] | None = None
     """The mission item it flies to by its own word, and how many there are."""
+    item_s: float | None = None
+    """When it said so last."""
+    streams_asked_s: float = float("-inf")
+    """When it was asked last to send again what does not come."""
     excused_s: float = float("-inf")
     """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
     flew_mission: bool = False
@@ -243,7 +253,7 @@ class VehicleState:
     strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
     """Other ground stations on its link, and other vehicles with its number."""
     before: Before | None = None
-    """Until it is known what it did while the ground station was away."""
+    """Until it is known what it did while nobody listened."""
     held_s: float | None = None
     """Since when it holds by the operator's order; None if it does not."""
     hold_asked_s: float = float("-inf")
@@ -281,6 +291,9 @@ class VehicleState:
     """Whether it was said where it is down."""
     left_s: float | None = None
     """When it left its mission to come home."""
+    doubted: tuple[Heartbeat, float] | None = None
+    """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
+    carried: Carried = field(default_factory=Carried)
     owed: tuple[int, str] | None = None
     """(visit, reason) of an inspection that broke, until it is known that it does not count."""
 

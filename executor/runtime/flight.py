@@ -16,7 +16,7 @@ from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.state import FleetState
-from executor.runtime import procedures, reunion
+from executor.runtime import procedures, reunion, streams
 from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
@@ -192,6 +192,8 @@ class Flight:
                 self._job(vehicle, partial(self._disarm, command))
             case commands.HandsOff(vehicle):
                 self._hands_off(vehicle)
+            case commands.AskStreams(vehicle):
+                self._aside(vehicle, partial(self._ask_streams, vehicle))
             case commands.Solve():
                 self._spawn(self._solve(command), f"solve {command.revision}")
             case commands.Compose(revision):
@@ -225,6 +227,12 @@ class Flight:
             self._whole.discard(vehicle)
             if whole:
                 self._whole.add(vehicle)
+
+    def _aside(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]]) -> None:
+        """Tell a vehicle something that can wait, unless it is being told something."""
+        job = self._jobs.get(vehicle)
+        if job is None or job.done():
+            self._job(vehicle, work)
 
     def _hands_off(self, vehicle: str) -> None:
         """Say nothing more to a vehicle that a person has."""
@@ -275,6 +283,9 @@ class Flight:
         self.apply(
             events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
         )
+
+    async def _ask_streams(self, vehicle: str) -> None:
+        await streams.asked_again(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
 
     async def _solve(self, command: commands.Solve) -> None:
         self.apply(await self._solver.solve(command))

@@ -25,25 +25,10 @@ from executor.core.strangers import Stranger, noted
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
-from executor.runtime import procedures
+from executor.runtime import procedures, streams
 from executor.runtime.parameters import read_parameters
-from missions import ARDUPILOT, PX4, Dialect, EncodedMission
+from missions import Dialect, EncodedMission
 
-STREAMS_HZ = {
-    orders.GLOBAL_POSITION_INT: 5.0,
-    orders.SYS_STATUS: 1.0,
-    orders.BATTERY_STATUS: 1.0,
-    orders.MISSION_CURRENT: 2.0,
-    orders.EXTENDED_SYS_STATE: 1.0,
-    orders.ATTITUDE: 1.0,
-    orders.GPS_RAW_INT: 1.0,
-}
-"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
-OWN_STREAMS_HZ = {
-    ARDUPILOT.name: {orders.WIND: 0.5, orders.FENCE_STATUS: 0.5},
-    PX4.name: {orders.WIND_COV: 0.5},
-}
-"""What only one of the dialects has; PX4 says of its fence in texts alone."""
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
 """How often a vehicle that cannot be armed is asked for its reasons."""
@@ -52,11 +37,6 @@ TELL_S = 1.0
 """How often it is said what is waited for: a vehicle may give another reason every time."""
 MOST_REASONS = 20
 """Of those why it cannot be armed the newest are kept."""
-
-
-def streams_hz(dialect: Dialect) -> dict[int, float]:
-    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
-    return STREAMS_HZ | OWN_STREAMS_HZ.get(dialect.name, {})
 
 
 @dataclass(slots=True)
@@ -170,8 +150,7 @@ async def interview(
     heard = _Heard(clock)
     stop_listening = link.listen(heard.take)
     try:
-        for message, rate_hz in streams_hz(dialect).items():
-            await procedures.order(link, clock, CommandDialogue(orders.message_interval(message, rate_hz), "stream"))
+        await streams.asked_for(link, clock, dialect)
         await procedures.order(
             link, clock, CommandDialogue(orders.request_message(orders.AUTOPILOT_VERSION), "version")
         )

@@ -15,13 +15,10 @@ from executor.core.resuming import found_on
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from executor.errors import ConnectionFailed
-from executor.protocols import orders
-from executor.protocols.command import CommandDialogue
 from executor.protocols.download import Download
 from executor.protocols.machine import Accepted
-from executor.runtime import procedures
+from executor.runtime import streams
 from executor.runtime.dialogue import converse
-from executor.runtime.preflight import streams_hz
 from missions import Dialect, MissionItem
 
 ONE_REAL_S = 5.0
@@ -116,6 +113,4 @@ async def _read(link: Link, clock: Clock, dialect: Dialect, answer: _Answer) -> 
         answer.items = download.items
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            for message, rate_hz in streams_hz(dialect).items():
-                order = CommandDialogue(orders.message_interval(message, rate_hz), "stream")
-                await procedures.order(link, clock, order)
+            await streams.asked_for(link, clock, dialect)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from executor.core import fleet
 from executor.core.commands import (
+    AskStreams,
     CancelSolve,
     Command,
     Compose,
@@ -44,7 +45,7 @@ from executor.core.events import (
     UploadEnded,
 )  # fmt: skip
 from executor.core.intents import Action, Intent, IntentRecord
-from executor.core.messages import Battery, Heartbeat, MissionCurrent, Position
+from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.ports import EventSink
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, Stage, VehicleState
@@ -80,6 +81,18 @@ class Craft:
     """The leg that it reported last: at every change, and once a second."""
     mute: bool = False
     """It is not heard, nor does it hear."""
+    stopped: set[type] = field(default_factory=set)
+    """Kinds of messages that do not come any more."""
+    counts: bool = False
+    """It says how many items it carries."""
+    total: int | None = None
+    foreign: int | None = None
+    """How many items another station has put on board."""
+    mission_id: int | None = None
+    stuck: bool = False
+    """It does not move any more, whatever it says."""
+    asked_again: int = 0
+    """How often it was asked for its streams again."""
     stubborn: bool = False
     """It acknowledges a return and goes on."""
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -93,6 +106,8 @@ class Craft:
         frame, mission = self.context.frame, encode(path, self.context.vehicles[self.name].dialect)
         self.path = path
         self.goals_m = [(*frame.to_local_m(at.lat_deg, at.lon_deg), at.alt_rel_m) for at in path.waypoints]
+        home = self.context.vehicles[self.name].dialect.current_counts_home
+        self.total = len(mission.items) - home if self.counts else None
         self.items = [mission.arrival_seq(index) for index in range(len(path.waypoints))]
 
     def begin(self) -> None:
@@ -111,7 +126,7 @@ class Craft:
     def advance(self, step_s: float) -> None:
         """Fly on."""
         self.velocity_m_s = (0.0, 0.0, 0.0)
-        if not self.armed:
+        if not self.armed or self.stuck:
             return
         modes = self.context.vehicles[self.name].dialect.modes
         if self.mode == modes.return_home.custom_mode:
@@ -174,7 +189,7 @@ class Craft:
 
     def current(self) -> MissionCurrent:
         """The item that it flies to."""
-        return MissionCurrent(self.items[self.leg], None)
+        return MissionCurrent(self.items[self.leg], self.foreign or self.total, self.mission_id)
 
 
 Later = Callable[[], Event | None]
@@ -324,13 +339,15 @@ class Story:
         for name, craft in self.crafts.items():
             if craft.mute:
                 continue
-            self.happen(Heard(name, craft.position(self.now_s)))
+            said: list[FlightMessage] = [craft.position(self.now_s)]
             if second:
-                self.happen(Heard(name, craft.heartbeat()))
-                self.happen(Heard(name, craft.battery()))
+                said += [craft.heartbeat(), craft.battery()]
             if craft.path is not None and craft.armed and (second or craft.leg != craft.said_leg):
                 craft.said_leg = craft.leg
-                self.happen(Heard(name, craft.current()))
+                said.append(craft.current())
+            for message in said:
+                if type(message) not in craft.stopped:
+                    self.happen(Heard(name, message))
 
     def _carry_out(self, command: Command) -> None:
         match command:
@@ -356,6 +373,8 @@ class Story:
                 self.later(0.4, lambda: self._disarmed(name, force=force))
             case HandsOff(name):
                 self._talks(name)
+            case AskStreams(name):
+                self.crafts[name].asked_again += 1
             case Say() | CancelSolve():
                 pass
 

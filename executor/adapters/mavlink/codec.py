@@ -371,7 +371,9 @@ _READERS: dict[str, Any] = {
     "WIND": _wind,
     "FENCE_STATUS": _fence,
     "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
-    "MISSION_CURRENT": lambda frame: MissionCurrent(frame.seq, getattr(frame, "total", 0) or None),
+    "MISSION_CURRENT": lambda frame: MissionCurrent(
+        frame.seq, getattr(frame, "total", 0) or None, getattr(frame, "mission_id", 0) or None
+    ),
     "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),
     "MISSION_REQUEST": _of_mission(MissionRequest, "seq"),
     "MISSION_REQUEST_INT": _of_mission(MissionRequest, "seq"),

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from executor.core import battery, faults
 from executor.core.battery import FACTOR_RANGE, BatteryState
-from executor.core.faults import Verdict, View
 from executor.core.hearing import fold
 from executor.core.messages import Battery, SystemStatus
 from executor.core.roundings import Roundings
 from executor.core.vehicle import Stage
+from executor.core.watching import Verdict, View
 from missions import dialect_for
 from tests.executor.builders import fleet_of, vehicle
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from executor.core import linkquality
 from executor.core.degraded import TABLE, warnings
-from executor.core.faults import View
 from executor.core.linkquality import LinkQuality
-from executor.core.messages import Radio, Traffic
+from executor.core.messages import Heartbeat, Radio, Traffic
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.core.test_faults import CONTEXT, NOW_S, SETUP, flying, pack
+from executor.core.watching import View
+from tests.executor.core.test_faults import CONTEXT, NOW_S, SETUP, at, flying, pack
 
 GOOD = Radio(120, 110, 40, 40, 90)
 
@@ -26,12 +28,16 @@ def lossy(*lost: int, of: int = 20) -> LinkQuality:
 ROWS: list[tuple[str, VehicleState]] = [
     ("silent", flying(heard_s=NOW_S - 4.0)),
     ("heartbeat", flying(heartbeat_s=NOW_S - 4.0)),
+    ("disarmed", flying(doubted=(Heartbeat(3, 3, False, 4), NOW_S - 0.5))),
+    ("positions", flying(fix=at(age_s=4.0))),
+    ("items", flying(item_s=NOW_S - 6.0)),
     ("loss", flying(quality=lossy(*[0] * 60, *[10] * 12))),
     ("radio", flying(quality=linkquality.heard_radio(LinkQuality(), Radio(45, 110, 40, 40, 90), NOW_S))),
     ("battery-silent", flying(battery=pack(90.0, 90.0, age_s=9.0))),
     ("battery-low", flying(battery=pack(20.0, charge_state=2))),
     ("reserve", flying(battery=pack(18.0, 18.0))),
     ("position", flying(jump=(33.0, NOW_S))),
+    ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),
 ]
 
 

@@ -9,10 +9,11 @@ import pytest
 
 from executor.core import battery, faults
 from executor.core.battery import BatteryState
-from executor.core.faults import TABLE, Verdict, View, Watchpoint, judge
+from executor.core.faults import TABLE, judge
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Cause, Fix, Stage, VehicleState
 from executor.core.voltage import VoltageState
+from executor.core.watching import Finding, Verdict, View, Watchpoint
 from missions import Phase
 from tests.executor.builders import fleet_of, vehicle
 
@@ -66,6 +67,8 @@ def flying(**changes: object) -> VehicleState:
         "stage": Stage.FLYING,
         "heard_s": NOW_S,
         "heartbeat": Heartbeat(3, AUTO, True, 4),
+        "heartbeat_s": NOW_S,
+        "item_s": NOW_S,
         "armed_once": True,
         "took_off": True,
         "fix": at(),
@@ -105,6 +108,18 @@ ROWS = [
     ),
     Row("link", flying(heard_s=NOW_S - 10.0), "silent for 10.0 s, time-out 10 s", flying(heard_s=None)),
     Row(
+        "heartbeat",
+        flying(heartbeat_s=NOW_S - 20.0),
+        "no HEARTBEAT for 20 s, while other messages come",
+        unknown=flying(heartbeat_s=NOW_S - 20.0, heard_s=NOW_S - 4.0),
+    ),
+    Row(
+        "positions",
+        flying(fix=at(age_s=20.0)),
+        "no position for 20 s, while other messages come",
+        unknown=flying(fix=None),
+    ),
+    Row(
         "battery-step",
         flying(battery=pack(90.0, 90.0, 60.0)),
         "lost 30 % at once where the flight costs 0.1 %",
@@ -131,7 +146,7 @@ ROWS = [
     ),
     Row(
         "battery-failsafe",
-        flying(alarm=("Battery 1 is low 10.22V used 1476 mAh", NOW_S)),
+        flying(alarm=("Battery 1 is low 10.22V used 1476 mAh", NOW_S), heartbeat=Heartbeat(3, AUTO, True, 5)),
         "it says: Battery 1 is low 10.22V used 1476 mAh",
     ),
     Row(
@@ -154,6 +169,18 @@ ROWS = [
         "would land with 10 % of its battery, give or take 1.7, reserve 15 %: below it by 99 % probability",
         unknown=flying(battery=pack(14.0, age_s=7.5)),
         hangs=flying(battery=pack(16.5, 16.5)),
+    ),
+    Row(
+        "battery-reports",
+        flying(battery=pack(90.0, 90.0, age_s=60.0)),
+        "no report of its battery for 60 s, while other messages come",
+        unknown=flying(battery=BatteryState()),
+    ),
+    Row(
+        "items",
+        flying(item_s=NOW_S - 20.0),
+        "no word of the waypoint it flies to for 20 s, while other messages come",
+        unknown=flying(item_s=None),
     ),
     Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
     Row(
@@ -224,6 +251,9 @@ def later(state: VehicleState, by_s: float) -> VehicleState:
     moved = replace(state.battery, history=history, reported_s=state.battery.reported_s + by_s)
     pack_v = replace(state.volts, reported_s=state.volts.reported_s + by_s)
     alarm, jump = (state.alarm[0], state.alarm[1] + by_s), (state.jump[0], state.jump[1] + by_s)
+    beat_s = None if state.heartbeat_s is None else state.heartbeat_s + by_s
+    item_s = None if state.item_s is None else state.item_s + by_s
+    fresh = replace(fresh, heartbeat_s=beat_s, item_s=item_s)
     return replace(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
 
 
@@ -298,7 +328,7 @@ def landing(state: VehicleState) -> VehicleState:
 DISARMED = Heartbeat(3, AUTO, False, 3)
 
 
-def off_pad(state: VehicleState) -> faults.Finding:
+def off_pad(state: VehicleState) -> Finding:
     return point("off-pad").judge(View(CONTEXT, SETUP, state, False, NOW_S))
 
 
@@ -387,3 +417,25 @@ def test_the_modes_words() -> None:
     strange = flying(heartbeat=Heartbeat(3, 77, True, 4), cause=Cause.FAILSAFE)
     finding = faults.left_mission(View(CONTEXT, SETUP, strange, False, NOW_S))
     assert finding.evidence == "number 77 by its own failsafe"
+
+
+LOW_TEXT = ("Battery Failsafe", NOW_S)
+
+
+@pytest.mark.parametrize(
+    ("state", "shows"),
+    [
+        (flying(alarm=LOW_TEXT), False),
+        (flying(alarm=LOW_TEXT, heartbeat=Heartbeat(3, RTL, True, 4)), True),
+        (flying(alarm=LOW_TEXT, heartbeat=Heartbeat(3, AUTO, True, 5)), True),
+        (flying(alarm=LOW_TEXT, battery=pack(90.0, charge_state=2)), True),
+        (flying(alarm=LOW_TEXT, battery_faults=4), True),
+        (flying(alarm=LOW_TEXT, unhealthy=0x2000000), True),
+        (flying(alarm=LOW_TEXT, battery=pack(30.0, 30.0)), True),
+        (flying(alarm=LOW_TEXT, battery=BatteryState()), True),
+        (flying(alarm=LOW_TEXT, volts=volts(low_since_s=NOW_S - 1.0)), True),
+    ],
+)
+def test_a_text_of_the_battery_alone_is_nobodys_fault(state: VehicleState, shows: bool) -> None:
+    """Anybody can send a text; a failsafe shows in the mode, the state or the battery as well."""
+    assert verdict("battery-failsafe", state) is (Verdict.FAIL if shows else Verdict.OK)

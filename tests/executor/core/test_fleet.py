@@ -77,28 +77,6 @@ def test_all_silent_at_once_is_our_own_fault_first() -> None:
     assert flight.solves() == []
 
 
-def test_all_silent_for_too_long_are_lost() -> None:
-    flight = under_way()
-    for craft in flight.crafts.values():
-        craft.mute = True
-    silent_s = flight.now_s
-    found_s = flight.run(lambda: flight.stage("uav1") is Stage.LOST)
-    assert found_s - silent_s == pytest.approx(FLEET.context.limits.all_silent_s, abs=0.5)
-    flight.finish()
-    assert {flight.stage(name) for name in THREE} == {Stage.LOST}
-    assert flight.given(Finish) == [Finish("5 segments are not inspected")]
-    assert flight.said(Level.WARNING)[-1] == "nobody is left to inspect segments 1, 2, 3, 4, 5"
-
-
-def test_a_spare_that_is_not_heard_either_saves_nobody() -> None:
-    flight = under_way(fleet_of({**THREE, "uav4": ()}))
-    for craft in flight.crafts.values():
-        craft.mute = True
-    flight.finish()
-    assert flight.solves() == []
-    assert "vehicles are heard again" not in flight.said()
-
-
 def test_a_radio_that_comes_back_loses_nobody() -> None:
     """The first vehicle that is heard again must not make the others, a moment later, look lost."""
     flight = under_way()

@@ -21,7 +21,7 @@ from executor.core.preflight import Facts
 from executor.core.strangers import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
-from executor.runtime import preflight
+from executor.runtime import preflight, streams
 from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
 from tests.fakes.clock import LoopClock
 from tests.fakes.flyer import Flyer
@@ -66,7 +66,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
     assert facts.parameters == {rule.action: 1.0, rule.timeout: 5.0}
     assert facts.words == f"quadrotor, {'ArduPilot' if dialect is ARDUPILOT else 'PX4'} 4.7.2"
     assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
-    assert ready.vehicle.commands.count(511) == len(preflight.streams_hz(dialect))
+    assert ready.vehicle.commands.count(511) == len(streams.streams_hz(dialect))
 
 
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:

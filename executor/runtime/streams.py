@@ -1,0 +1,48 @@
+"""What vehicles are asked to send, and how often."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from executor.core.ports import Clock, Link
+from executor.protocols import orders
+from executor.protocols.command import CommandDialogue
+from executor.runtime import procedures
+from missions import ARDUPILOT, PX4, Dialect
+
+STREAMS_HZ = {
+    orders.GLOBAL_POSITION_INT: 5.0,
+    orders.SYS_STATUS: 1.0,
+    orders.BATTERY_STATUS: 1.0,
+    orders.MISSION_CURRENT: 2.0,
+    orders.EXTENDED_SYS_STATE: 1.0,
+    orders.ATTITUDE: 1.0,
+    orders.GPS_RAW_INT: 1.0,
+}
+"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
+HEARTBEAT_HZ = 1.0
+OWN_STREAMS_HZ = {
+    ARDUPILOT.name: {orders.WIND: 0.5, orders.FENCE_STATUS: 0.5},
+    PX4.name: {orders.WIND_COV: 0.5},
+}
+"""What only one of the dialects has; PX4 says of its fence in texts alone."""
+
+
+def streams_hz(dialect: Dialect) -> dict[int, float]:
+    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
+    return STREAMS_HZ | OWN_STREAMS_HZ.get(dialect.name, {})
+
+
+async def asked_for(link: Link, clock: Clock, dialect: Dialect) -> None:
+    """Ask a vehicle for everything that we follow."""
+    await _asked(link, clock, streams_hz(dialect))
+
+
+async def asked_again(link: Link, clock: Clock, dialect: Dialect) -> None:
+    """Ask a vehicle of which something does not come any more; HEARTBEAT comes unasked, until it does not."""
+    await _asked(link, clock, {orders.HEARTBEAT: HEARTBEAT_HZ} | streams_hz(dialect))
+
+
+async def _asked(link: Link, clock: Clock, rates_hz: Mapping[int, float]) -> None:
+    for message, rate_hz in rates_hz.items():
+        await procedures.order(link, clock, CommandDialogue(orders.message_interval(message, rate_hz), "stream"))

@@ -1,0 +1,117 @@
+"""Another station's mission on board is noticed by what the vehicle says of it, within a second."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core import carried
+from executor.core.carried import Carried
+from executor.core.commands import HandsOff, Level
+from executor.core.events import Heard
+from executor.core.intents import Action, Outcome
+from executor.core.messages import MissionCurrent, StatusText
+from executor.core.vehicle import Stage
+from tests.executor.builders import fleet_of
+from tests.executor.core.stories import EVERYTHING, under_way
+from tests.fakes.flight import Story
+
+DIALECTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+def honest(autopilot: str = "ardupilot") -> Story:
+    """Return a flight whose vehicles say how many items they carry, as those on board."""
+    flight = under_way(fleet_of(autopilot=autopilot))
+    for name, craft in flight.crafts.items():
+        board = flight.vehicle(name).board
+        assert board is not None
+        craft.counts, leg = True, craft.leg
+        craft.load(board.path)
+        assert (craft.leg, craft.total) == (leg, carried.items_expected(flight.context, name, len(board.waypoint_of)))
+        craft.mission_id = 4711 if autopilot == "px4" else None
+    flight.pass_s(8.0)
+    return flight
+
+
+@DIALECTS
+def test_our_own_mission_is_ours(autopilot: str) -> None:
+    flight = honest(autopilot)
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+    assert flight.said(Level.FAULT) == []
+
+
+@DIALECTS
+def test_a_mission_of_another_length_is_another_stations(autopilot: str) -> None:
+    flight = honest(autopilot)
+    craft = flight.crafts["uav2"]
+    craft.foreign = 4
+    since_s = flight.now_s
+    found_s = flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    assert found_s - since_s < 2.5, "two reports, a second apart"
+    assert HandsOff("uav2") in flight.given(HandsOff)
+    [line] = flight.said(Level.FAULT)
+    assert line.startswith("uav2: carries another mission than ours (4 items where ours has ")
+    flight.pass_s(60.0)
+    assert flight.sent_home() == []
+    assert 2 not in flight.state.inspected or flight.state.inspected[2] != "uav2"
+
+
+def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
+    flight = honest("px4")
+    flight.crafts["uav2"].mission_id = 815
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
+    assert "(as many items as ours, and others)" in flight.said(Level.FAULT)[0]
+
+
+def test_a_received_flight_plan_that_nobody_here_sent_is_another_stations_on_ardupilot() -> None:
+    flight = honest()
+    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
+    assert "(it says that it has received one)" in flight.said(Level.FAULT)[0]
+
+
+def test_one_report_alone_says_nothing() -> None:
+    flight = honest()
+    flight.happen(Heard("uav2", MissionCurrent(3, 4)))
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+    assert flight.said(Level.FAULT) == []
+
+
+def test_our_own_upload_is_nobody_elses() -> None:
+    """What it reports while it is given a mission, and the text about it, is of that."""
+    flight = honest()
+    flight.crafts["uav1"].mute = True
+    flight.run(lambda: bool(flight.uploads()))
+    name = flight.uploads()[0].vehicle
+    flight.happen(Heard(name, MissionCurrent(3, 2)))
+    flight.run(lambda: flight.vehicle(name).pending is None)
+    flight.happen(Heard(name, StatusText(6, "Flight plan received")))
+    flight.pass_s(3.0)
+    assert flight.stage(name) is Stage.FLYING
+
+
+def test_it_is_back_once_it_carries_ours_and_the_operator_says_so() -> None:
+    flight = honest()
+    craft = flight.crafts["uav2"]
+    craft.foreign = 4
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    flight.pass_s(5.0)
+    assert flight.ask(Action.INCLUDE, "uav2", "early").outcome is Outcome.REFUSED
+    craft.foreign = None
+    flight.pass_s(5.0)
+    assert flight.ask(Action.INCLUDE, "uav2", "then").outcome is Outcome.DONE
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_no_mission_at_all_is_not_ours_either() -> None:
+    known = carried.reported(Carried(), MissionCurrent(0, carried.NONE), 12, 100.0)
+    assert known.words == "none at all"
+    assert not known.sure(100.5)
+    assert known.sure(101.0)
+
+
+@pytest.mark.parametrize("total", [None, 0])
+def test_who_does_not_say_how_many_says_nothing(total: int | None) -> None:
+    assert carried.reported(Carried(), MissionCurrent(3, total), 12, 100.0) == Carried()
