@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 from executor.core.context import Scene
 from executor.core.messages import MissionCurrent
+from executor.core.plausible import NO_ITEM
 
-NONE = 65535
-"""PX4's total without a mission."""
 SURE_S = 0.9
 """Two reports must agree; they come twice a second."""
 SETTLES_S = 5.0
@@ -47,7 +46,7 @@ def items_expected(context: Scene, name: str, items: int) -> int:
 def reported(carried: Carried, message: MissionCurrent, expected: int, now_s: float) -> Carried:
     """Take what a vehicle says of its mission, where that should be `expected` items of ours."""
     total, number = message.total, message.mission_id
-    if total == NONE:
+    if total == NO_ITEM:  # PX4 without a mission
         return _foreign(carried, "none at all", now_s)
     if total and total != expected:
         return _foreign(carried, f"{total} items where ours has {expected}", now_s)

@@ -118,7 +118,7 @@ def _wind(said: Wind) -> Wind | None:
 def _current(said: MissionCurrent) -> MissionCurrent | None:
     if not 0 <= said.seq < NO_ITEM:
         return None
-    known = said.total is None or said.seq <= said.total < NO_ITEM
+    known = said.total in {None, NO_ITEM} or said.seq <= (said.total or 0)
     return said if known else replace(said, total=None)
 
 

@@ -10,6 +10,7 @@ from executor.core.commands import HandsOff, Level
 from executor.core.events import Heard
 from executor.core.intents import Action, Outcome
 from executor.core.messages import MissionCurrent, StatusText
+from executor.core.plausible import NO_ITEM
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import EVERYTHING, under_way
@@ -106,7 +107,7 @@ def test_it_is_back_once_it_carries_ours_and_the_operator_says_so() -> None:
 
 
 def test_no_mission_at_all_is_not_ours_either() -> None:
-    known = carried.reported(Carried(), MissionCurrent(0, carried.NONE), 12, 100.0)
+    known = carried.reported(Carried(), MissionCurrent(0, NO_ITEM), 12, 100.0)
     assert known.words == "none at all"
     assert not known.sure(100.5)
     assert known.sure(101.0)
