@@ -92,7 +92,7 @@ def test_cells_that_are_none(cell: float) -> None:
         (Wind(3.0, math.inf), None),
         (Wind(151.0, 0.0), None),
         (MissionCurrent(65535, 4), None),
-        (MissionCurrent(4, 65535), MissionCurrent(4, None)),
+        (MissionCurrent(0, 65535), MissionCurrent(0, 65535)),
         (MissionCurrent(12, 11), MissionCurrent(12, None)),
         (MissionReached(65535), None),
         (ParamValue("RTL_ALT", math.nan, 9), None),
