@@ -138,9 +138,7 @@ def test_ctrl_c_is_no(tmp_path: Path) -> None:
     """In a process of its own, on a terminal of its own: no traceback, and the line is ended."""
     script = tmp_path / "ask.py"
     text = "print(TerminalConsole(quiet=False, yes=False).confirm('Take off?'))"
-    # Whoever runs the tests in the background may have it ignored, which a process inherits.
-    heed = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)"
-    script.write_text(f"{heed}\nfrom executor.console import TerminalConsole\n{text}\n", encoding="utf-8")
+    script.write_text(f"from executor.console import TerminalConsole\n{text}\n", encoding="utf-8")
     typed, read = os.openpty()
     command = [sys.executable, str(script)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
