@@ -187,6 +187,7 @@ class Flight:
             await asyncio.sleep(period_s)
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901 - one case for each command
+        failed: Failed
         match command:
             case commands.Say():
                 self._observer.said(command, now_s)
@@ -297,9 +298,7 @@ class Flight:
 
     async def _disarm(self, command: commands.Disarm) -> Event:
         done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
-        return events.OrderEnded(
-            command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused
-        )
+        return events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
 
 
 async def keep_heartbeat(links: Mapping[str, Link], clock: Clock) -> None:

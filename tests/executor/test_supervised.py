@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import itertools
 import threading
 from pathlib import Path
 
@@ -28,7 +29,7 @@ async def test_what_dies_is_begun_again_with_longer_waits_and_said_once(tmp_path
     with hear(said.append, tmp_path):
         async with beside("the page's stream", dies):
             await asyncio.sleep(sum(WAITS_S) + WAITS_S[-1] + 0.1)
-    gaps = [round(after - before, 3) for before, after in zip(began, began[1:], strict=False)]
+    gaps = [round(after - before, 3) for before, after in itertools.pairwise(began)]
     assert gaps == [*WAITS_S, WAITS_S[-1]]
     assert said == ["internal mistake in the page's stream: ValueError: number 1"]
     trace = (tmp_path / FILE).read_text(encoding="utf-8")
@@ -60,7 +61,7 @@ async def test_what_the_flight_stands_on_is_there_again_at_once(tmp_path: Path) 
     with hear(lambda _: None, tmp_path):
         async with beside("the tick", dies, at_once=True):
             await asyncio.sleep(1.0)
-    assert max(after - before for before, after in zip(began, began[1:], strict=False)) == pytest.approx(AT_ONCE_S)
+    assert max(after - before for before, after in itertools.pairwise(began)) == pytest.approx(AT_ONCE_S)
 
 
 async def test_what_ends_by_itself_is_not_begun_again() -> None:

@@ -284,7 +284,12 @@ async def test_who_shows_the_flight_cannot_keep_a_decision_from_being_carried_ou
         raise OSError(5, "input/output error")
 
     async with flying(fleet_of()) as (sky, _):
-        sky.flight._observer = Observer(gone, lambda *told: (sky._applied(*told), gone()) and None, gone)
+
+        def seen(event: Event, state: FleetState, now_s: float) -> None:
+            sky._applied(event, state, now_s)
+            gone()
+
+        sky.flight._observer = Observer(gone, seen, gone)
     assert set(sky.state.inspected) == set(range(6))
 
 
