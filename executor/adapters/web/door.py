@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import socket
+import struct
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, TypeVar
 
@@ -22,6 +25,8 @@ FULL = (
     b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\nconnection: close\r\n"
     b"content-length: 28\r\n\r\ntoo many connections at once"
 )
+AT_ONCE = struct.pack("ii", 1, 0)
+"""Lingers for no time."""
 WAITING = frozenset({h11.IDLE, h11.SEND_BODY})
 """States of one whose request is not whole."""
 
@@ -115,6 +120,8 @@ class Door:
 
     def _dismiss(self, caller: Caller) -> None:
         self.leave(caller)
+        with suppress(OSError):  # without waiting for what the other end does not take
+            caller.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
         caller.transport.abort()
 
 

@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal, Self
 import uvicorn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
@@ -275,6 +275,8 @@ class WebServer:
             return PlainTextResponse("expected content-type application/json", 415)
         try:
             wish = _Wish.model_validate_json(await request.body())
+        except ClientDisconnect:
+            return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             key = ".".join(str(part) for part in first["loc"]) or "body"
