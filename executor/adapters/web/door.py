@@ -13,7 +13,7 @@ import struct
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar, TypeVar, cast
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -130,9 +130,9 @@ class Caller(H11Protocol):
 
     door: ClassVar[Door]
 
-    def connection_made(self, transport: asyncio.Transport) -> None:
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Ask for a place."""
-        super().connection_made(transport)
+        super().connection_made(cast("asyncio.Transport", transport))
         self.silent_s: float | None = self.loop.time()
         """Since when the rest of a request is waited for."""
         self.stuck_s: float | None = None
@@ -142,8 +142,8 @@ class Caller(H11Protocol):
         """Whether a part of a request has come."""
         peer, own = (str((transport.get_extra_info(name) or ("",))[0]) for name in ("peername", "sockname"))
         if not self.door.enter(self, origin_of(peer, own)):
-            transport.write(FULL)
-            transport.close()
+            self.transport.write(FULL)
+            self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Give the place back."""
