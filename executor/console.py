@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, TextIO, cast
@@ -211,14 +212,19 @@ class TerminalConsole:
         self._terminal.print(self._asked, end="")
 
     def _drawn(self) -> Group:
-        """Draw the newest view; called by the terminal's own thread."""
+        """Draw the newest view; called by the terminal's own thread, which must outlive a mistake in it."""
         if self._view is None:
             return Group(Table(*COLUMNS))
-        view = fleet_view(*self._view)
-        offer = "" if view.offer is None else view.offer.text
-        if offer != self._offer:
-            self._offer, self._rings = offer, bool(offer)
-        return drawn(view)
+        try:
+            view = fleet_view(*self._view)
+            offer = "" if view.offer is None else view.offer.text
+            if offer != self._offer:
+                self._offer, self._rings = offer, bool(offer)
+            return drawn(view)
+        except Exception as error:  # noqa: BLE001 - the boundary of that thread
+            died = (type(error), error, error.__traceback__, threading.current_thread())
+            threading.excepthook(threading.ExceptHookArgs(died))
+            return Group(Text("the fleet cannot be shown; what is decided is"))
 
 
 def drawn(view: FleetView) -> Group:

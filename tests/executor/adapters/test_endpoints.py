@@ -318,14 +318,18 @@ async def test_datagrams_from_ever_new_addresses_fill_no_memory() -> None:
 
 @pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
 async def test_a_mistake_in_reading_closes_no_port(scheme: str) -> None:
-    port, said = free_port(socket.SOCK_STREAM if scheme == "tcpin" else socket.SOCK_DGRAM), list[str]()
     kind = socket.SOCK_STREAM if scheme == "tcpin" else socket.SOCK_DGRAM
-    vehicle = Vehicle()
+    port, vehicle, said = free_port(kind), Vehicle(), list[str]()
+    was_said = asyncio.Event()
+
+    def say(text: str) -> None:
+        said.append(text)
+        was_said.set()
 
     def mistaken(_: Message) -> None:
         raise KeyError("speed")
 
-    with hear(said.append, None):
+    with hear(say, None):
         async with opened(f"{scheme}://127.0.0.1:{port}") as link:
             stop = link.listen(mistaken)
             with socket.socket(socket.AF_INET, kind) as plug:
@@ -334,8 +338,7 @@ async def test_a_mistake_in_reading_closes_no_port(scheme: str) -> None:
                 await loop.sock_connect(plug, ("127.0.0.1", port))
                 await loop.sock_sendall(plug, vehicle.pack(BEAT))
                 async with asyncio.timeout(PATIENCE_S):
-                    while not said:
-                        await asyncio.sleep(0)
+                    await was_said.wait()
                 stop()
                 heard = inbox(link)
                 await loop.sock_sendall(plug, vehicle.pack(BEAT))
