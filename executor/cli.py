@@ -10,14 +10,21 @@ import io
 import os
 import signal
 import sys
+import threading
+import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NoReturn
+
+from executor.interrupts import end_children, ended_like_ctrl_c, nobody_reads
 
 INTERRUPTED = 128 + signal.SIGINT
 NO_READER = 1
 """As typer has it."""
 INTERNAL = 70
 """EX_SOFTWARE: a mistake of ours, not of the input."""
+ENDS_S = 10.0
+"""Real seconds for what is left to do when a command has ended: threads, and what Python does at its end."""
 LONGEST = 1000
 """Letters of the line that says why; files are named at its begin."""
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE})
@@ -28,6 +35,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; the one place where whatever is left over is caught."""
     given = list(arguments) if arguments is not None else sys.argv[1:]
     sys.unraisablehook = _unraisable
+    code: str | int | None = INTERNAL
+    try:
+        with ended_like_ctrl_c():
+            code = _ended(given)
+    except SystemExit as end:
+        code = end.code
+    if arguments is None:  # the program itself; whoever else calls has an end of its own
+        _insist(code)
+    raise SystemExit(code)
+
+
+def _ended(given: Sequence[str]) -> int:
+    """Run the command line; returns, or ends with, its exit code."""
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
@@ -40,7 +60,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _interrupted()
     except OSError as error:
         _no_output(error)
-    raise SystemExit(code)
+    return code
+
+
+def _insist(code: str | int | None) -> None:
+    """See to it that the program ends in bounded time: Python waits for threads, and those may wait for anything."""
+
+    def ends() -> None:
+        time.sleep(ENDS_S)
+        with suppress(OSError, ValueError):
+            print(f"faultline: ended; it still waited for {_waited_for()}", file=sys.stderr, flush=True)
+        os._exit(code if isinstance(code, int) else int(code is not None))
+
+    threading.Thread(target=ends, name="the end", daemon=True).start()
+
+
+def _waited_for() -> str:
+    mine = {threading.main_thread(), threading.current_thread()}
+    return (
+        ", ".join(sorted(one.name for one in threading.enumerate() if one not in mine and not one.daemon)) or "itself"
+    )
 
 
 def _unraisable(what: sys.UnraisableHookArgs) -> None:
@@ -60,7 +99,7 @@ def _run(given: Sequence[str]) -> int:
     try:
         return int(cli(args=list(given), standalone_mode=False) or 0)
     except OUR_ERRORS as error:
-        _fail(str(error), 2)
+        _fail(str(error), _code(error))
     except BaseExceptionGroup as group:
         _several(group, OUR_ERRORS)
     except TyperException as error:
@@ -85,25 +124,31 @@ def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Excepti
         raise KeyboardInterrupt
     ours, rest = group.split(known)
     if rest is None and ours is not None:
-        _fail(str(_first(ours)), 2)
+        first = _first(ours)
+        _fail(str(first), _code(first))
     _internal(group)
+
+
+def _code(error: BaseException) -> int:
+    """Return 2 for bad input, and 1 where nothing was wrong with it and a vehicle said no."""
+    from executor.errors import VehicleRefused
+
+    return 1 if isinstance(error, VehicleRefused) else 2
 
 
 def _fail(text: str, code: int) -> NoReturn:
     line = " ".join(text.split())
     if len(line) > LONGEST:
         line = f"{line[:LONGEST]}..."
-    print(f"faultline: {line}".encode(errors="backslashreplace").decode(), file=sys.stderr)
+    with suppress(OSError):  # a terminal that is closed
+        print(f"faultline: {line}".encode(errors="backslashreplace").decode(), file=sys.stderr)
     raise SystemExit(code)
 
 
 def _interrupted() -> NoReturn:
     # Threads end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if "multiprocessing" in sys.modules:
-        from executor.interrupts import end_children
-
-        end_children()
+    end_children()
     _fail("interrupted", INTERRUPTED)
 
 
@@ -111,8 +156,7 @@ def _no_output(error: OSError) -> NoReturn:
     """End without a word if nobody reads any more, as `| head` does; else say what there is no room for."""
     if not isinstance(error, BrokenPipeError):
         _fail(f"cannot write: {error.strerror}", 2)
-    # What is still buffered must not be tried again when Python ends.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    nobody_reads(sys.stdout)
     raise SystemExit(NO_READER)
 
 
@@ -120,7 +164,6 @@ def _internal(error: BaseException) -> NoReturn:
     """Keep a mistake of ours where it can be reported, and say one line."""
     import tempfile
     import traceback
-    from contextlib import suppress
     from pathlib import Path
 
     path = Path(tempfile.gettempdir()) / "faultline-error.txt"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import IO, TextIO, cast
 
 from rich.console import Console as Terminal
 from rich.console import Group
@@ -19,6 +21,7 @@ from executor.core.context import Context
 from executor.core.preflight import Check, Severity
 from executor.core.state import FleetState
 from executor.core.view import FleetView, VehicleView, fleet_view
+from executor.interrupts import nobody_reads
 
 DRAWS_PER_S = 4.0
 LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
@@ -35,6 +38,42 @@ _CHECK_MARKS = {
 }
 
 
+PROXIED = "rich_proxied_file"
+"""What rich asks a stream for that may be one of its own stand-ins."""
+
+
+class _Screen:
+    """Standard error for as long as somebody reads it: a terminal that is closed must not end a flight."""
+
+    @property
+    def _stream(self) -> TextIO:
+        """Standard error itself, also while rich stands before it to draw."""
+        return cast("TextIO", getattr(sys.stderr, PROXIED, sys.stderr))
+
+    def write(self, text: str) -> int:
+        with self._while_it_lasts():
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with self._while_it_lasts():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> object:
+        if name == PROXIED:
+            raise AttributeError(name)
+        return getattr(self._stream, name)
+
+    @contextmanager
+    def _while_it_lasts(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            if isinstance(error, UnicodeError):
+                raise  # rich has an answer to that
+            nobody_reads(self._stream)
+
+
 class TerminalConsole:
     """Draws with rich on a terminal; plain lines where the output is a file or a pipe."""
 
@@ -45,7 +84,7 @@ class TerminalConsole:
             quiet: show nothing but questions; `--json` wants the output for itself.
             yes: take every question as answered.
         """
-        self._terminal = Terminal(stderr=True, highlight=False, soft_wrap=True)
+        self._terminal = Terminal(file=cast("IO[str]", _Screen()), highlight=False, soft_wrap=True)
         self._quiet = quiet
         self._yes = yes
         self._live: Live | None = None
@@ -112,7 +151,10 @@ class TerminalConsole:
 
         def typed() -> None:
             if not line.done():
-                line.set_result(sys.stdin.readline())
+                try:
+                    line.set_result(sys.stdin.readline())
+                except (OSError, ValueError):
+                    line.set_result("")  # the terminal is closed: nobody is there to say yes
 
         with self._asking(question):
             loop.add_reader(sys.stdin.fileno(), typed)
@@ -170,14 +212,19 @@ class TerminalConsole:
         self._terminal.print(self._asked, end="")
 
     def _drawn(self) -> Group:
-        """Draw the newest view; called by the terminal's own thread."""
+        """Draw the newest view; called by the terminal's own thread, which must outlive a mistake in it."""
         if self._view is None:
             return Group(Table(*COLUMNS))
-        view = fleet_view(*self._view)
-        offer = "" if view.offer is None else view.offer.text
-        if offer != self._offer:
-            self._offer, self._rings = offer, bool(offer)
-        return drawn(view)
+        try:
+            view = fleet_view(*self._view)
+            offer = "" if view.offer is None else view.offer.text
+            if offer != self._offer:
+                self._offer, self._rings = offer, bool(offer)
+            return drawn(view)
+        except Exception as error:  # noqa: BLE001 - the boundary of that thread
+            died = (type(error), error, error.__traceback__, threading.current_thread())
+            threading.excepthook(threading.ExceptHookArgs(died))
+            return Group(Text("the fleet cannot be shown; what is decided is"))
 
 
 def drawn(view: FleetView) -> Group:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import socket
 import subprocess
 import sys
@@ -21,7 +20,8 @@ TRUTHS = "truth.jsonl"
 USUAL_VEHICLES = 4
 """With these the whole of the default network is flown below the ceiling of a site."""
 SIMULATED_CEILING_M = 1000.0
-TERMINATED = 128 + signal.SIGTERM
+ENDS_S = 10.0
+"""Real seconds that the simulated fleet may take to end."""
 KINDS = {
     "silent": "link",
     "battery-step": "battery",
@@ -101,14 +101,15 @@ def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[Non
         command += ["--fault", fault]
     with (run / "simulator.log").open("wb") as output:
         process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
-        # A polite end of this process must end the other one too.
-        before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
         try:
             yield
         finally:
-            signal.signal(signal.SIGTERM, before)
             process.terminate()
-            process.wait()
+            try:
+                process.wait(ENDS_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
 
 def happenings(run: Path, clock: SystemClock) -> list[Happening]:

@@ -4,6 +4,7 @@ ExecutorError
 ├── SiteError          a site file that cannot be used: file, key and what was expected
 ├── ConnectionFailed   an endpoint that cannot be opened, or a vehicle that never answered
 ├── PreflightFailed    a check before take-off that says no
+│   └── VehicleRefused a vehicle that does not take its mission
 └── LogError           an event log that cannot be written or read
 """
 
@@ -22,6 +23,10 @@ class ConnectionFailed(ExecutorError):
 
 class PreflightFailed(ExecutorError):
     """A check before take-off says no."""
+
+
+class VehicleRefused(PreflightFailed):
+    """A vehicle does not take what it is given: what was asked for is no bad input, the answer is no."""
 
 
 class LogError(ExecutorError):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 
-from executor import app
+from executor import linking, preparing, supervised
 from executor.adapters.clock import SystemClock
 from executor.changes import read_changes
 from executor.config import VehicleTable
 from executor.core import preflight
+from executor.core.commands import Level
 from executor.core.ports import OpenLink
 from executor.core.preflight import Check, Facts, Severity
 from executor.errors import ExecutorError
@@ -25,20 +26,25 @@ async def examine(order: Order, console: Console) -> list[Check]:
     Raises:
         ConnectionFailed: a connection cannot be opened.
     """
+    with supervised.hear(lambda text: console.say(Level.FAULT, text), None):
+        return await _examined(order, console)
+
+
+async def _examined(order: Order, console: Console) -> list[Check]:
     clock = SystemClock(order.site.flight.speedup)
 
     async def one(table: VehicleTable, link: OpenLink) -> Facts | Check:
         try:
-            return await app.interview(order.site, table, link, clock, console)
+            return await preparing.interview(order.site, table, link, clock, console)
         except ExecutorError as error:
             return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "))
 
-    async with app.open_links(order, clock, recorded=False) as links:
+    async with linking.open_links(order, clock, recorded=False) as links:
         answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))
         facts = {answer.name: answer for answer in answers if isinstance(answer, Facts)}
         found = [answer for answer in answers if isinstance(answer, Check)]
         if not found:
-            context, _, checks = app.examined(order, facts)
+            context, _, checks = preparing.examined(order, facts)
             return [*checks, *(await read_changes(context, links, clock)).checks]
     found += plan_checks(order.plan, len(order.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.

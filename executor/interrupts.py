@@ -1,12 +1,29 @@
-"""Ctrl-C reaches every process of a program at once; those that only work for another leave it to that one."""
+"""How a program is told to end: by Ctrl-C, by SIGTERM, or by a terminal that closes; and how it ends what it started.
+
+Ctrl-C reaches every process of a program at once; those that only work for another leave it to that one.
+"""
 
 from __future__ import annotations
 
-import multiprocessing
+import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:  # loading it takes a while, and most commands start no process
+    from multiprocessing.process import BaseProcess
+
+ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""What ends a program like Ctrl-C; not every system has both."""
+TOGETHER_S = 2.0
+"""A terminal that closes is told of several times, by the system and by its shell; within this it counts once."""
+ENDS_S = 1.0
+"""Real seconds that a process may take to end, each time that it is told more firmly."""
 
 
 @contextmanager
@@ -29,7 +46,107 @@ def held_back() -> Iterator[None]:
             signal.raise_signal(signal.SIGINT)
 
 
+@contextmanager
+def ended_like_ctrl_c() -> Iterator[None]:
+    """Have SIGTERM, and a terminal that closes, end the program like one Ctrl-C; what is ignored stays so (nohup)."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    once = Once()
+
+    def ends(_: int, __: FrameType | None) -> None:
+        forget_terminal()
+        if once.first():
+            signal.raise_signal(signal.SIGINT)
+
+    ours = [number for number in ENDS if signal.getsignal(number) == signal.SIG_DFL]
+    for number in ours:
+        signal.signal(number, ends)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
+
+
+class Once:
+    """Takes signals that come together for one."""
+
+    def __init__(self) -> None:
+        self._last_s = float("-inf")
+
+    def first(self) -> bool:
+        """Return whether the last one was some time ago."""
+        before_s, self._last_s = self._last_s, time.monotonic()
+        return self._last_s - before_s > TOGETHER_S
+
+
+def forget_terminal() -> None:
+    """Stop writing to a terminal that is there no more: every line to it would be an error."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None and _hung_up(stream):
+            nobody_reads(stream)
+
+
+def nobody_reads(stream: TextIO) -> None:
+    """Throw away what is written to a stream from now on, and what is still buffered."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def _hung_up(stream: TextIO) -> bool:
+    """Return whether a stream led to a terminal that is closed now: it takes nothing, not even nothing."""
+    try:
+        os.write(stream.fileno(), b"")
+    except OSError:
+        return True
+    except ValueError:
+        return False
+    return False
+
+
 def end_children() -> None:
     """End the processes that work for this one: nobody waits for their answers any more."""
-    for child in multiprocessing.active_children():
-        child.terminate()
+    if "multiprocessing" not in sys.modules:
+        return
+    import multiprocessing
+
+    end_processes(multiprocessing.active_children(), patience_s=0.0)
+
+
+def end_processes(processes: Collection[BaseProcess], *, patience_s: float = ENDS_S) -> int:
+    """End processes, as politely as they allow; blocks for three times `ENDS_S` at most.
+
+    Args:
+        processes: Which.
+        patience_s: How long they may take to end by themselves.
+
+    Returns:
+        How many had to be killed.
+    """
+    left = _left(processes, patience_s)
+    for process in left:
+        process.terminate()
+    left = _left(left, ENDS_S)
+    for process in left:
+        process.kill()
+    _left(left, ENDS_S)
+    return len(left)
+
+
+def _left(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
+    """Return those that still run after a while."""
+    from multiprocessing import connection
+
+    until_s = time.monotonic() + within_s
+    waited = {process.sentinel: process for process in processes}
+    while waited:
+        ended = connection.wait(list(waited), max(0.0, until_s - time.monotonic()))
+        if not ended:
+            break
+        for one in ended:
+            if isinstance(one, int):
+                waited.pop(one).join(0.0)
+    return list(waited.values())

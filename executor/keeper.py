@@ -18,11 +18,15 @@ from executor.core.state import FleetState
 from executor.order import Console, Order
 from executor.publishing import Publication
 from executor.runtime.flight import Observer
+from executor.supervised import report
 from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
 from planner import Plan, Route, Vehicle
 
 CLOCK_SET_S = 2.0
 """Less than this a clock drifts, or is corrected, without that anybody set it."""
+
+SETTLE_S = 60.0
+"""Real seconds that the plans may take to be kept at the end of a flight."""
 
 Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
@@ -122,16 +126,24 @@ class Keeper:
         self._unkept.clear()
 
     async def _keep(self, planned: Planned) -> None:
-        content = await asyncio.to_thread(_plan_file, self._order, planned)
+        try:
+            content = await asyncio.to_thread(_plan_file, self._order, planned)
+        except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
+            text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
+            self.told(Say(Level.WARNING, text), self._clock.now_s())
+            report("keeping a plan", error, said=True)
+            return
         if self._publication is not None:
             self._publication.plan(planned[1].revision, content)
 
     async def settle(self) -> None:
-        """Wait until everything is kept."""
+        """Wait until everything is kept, but not for a disk that never answers."""
         self._keep_plans()
-        for mistake in await asyncio.gather(*self._keeping, return_exceptions=True):
-            if isinstance(mistake, Exception):
-                self._console.say(Level.WARNING, f"a plan could not be kept: {type(mistake).__name__}: {mistake}")
+        if self._keeping:
+            _, waiting = await asyncio.wait(self._keeping, timeout=SETTLE_S)
+            if waiting:
+                text = f"{len(waiting)} plans are not on the disk after {SETTLE_S:g} s; they are in the event log"
+                self.told(Say(Level.WARNING, text), self._clock.now_s())
 
 
 def plan_path(run: Path, planned: Planned) -> Path:

@@ -24,6 +24,7 @@ from executor.core.intents import Intent
 from executor.core.state import FleetState
 from executor.core.view import FleetView
 from executor.errors import SiteError
+from executor.supervised import kept, report
 from missions import PlanFile, plan_document
 
 Tell = Callable[[Level, str], None]
@@ -88,8 +89,8 @@ class Publication:
             tell(
                 Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
             )
-        views = asyncio.create_task(self._views(view), name="mqtt views")
-        carrier = asyncio.create_task(client.run(), name="mqtt")
+        views = asyncio.create_task(kept("mqtt's views", lambda: self._views(view)), name="mqtt views")
+        carrier = asyncio.create_task(kept("mqtt's connection", client.run), name="mqtt")
         try:
             yield
         finally:
@@ -98,7 +99,9 @@ class Publication:
             client.close()
             await asyncio.wait({carrier}, timeout=FLUSH_S)
             carrier.cancel()
-            await asyncio.gather(views, carrier, return_exceptions=True)
+            _, left = await asyncio.wait({views, carrier}, timeout=FLUSH_S)
+            if left:
+                tell(Level.WARNING, f"mqtt: the connection to {self._settings.broker} does not end, and is left")
             if len(self._outbox):
                 tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {self._settings.broker}")
 
@@ -115,6 +118,7 @@ class Publication:
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 self._tell(Level.FAULT, text)
+                report("mqtt", error, said=True)
 
 
 def settings_of(

@@ -10,11 +10,10 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor import app, serving
+from executor import app, serving, supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
 from executor.adapters.rundir import locked, write_json
-from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.app import Cockpit, Flown
 from executor.begun import Beginning, beginning
 from executor.build import Ground, ground_of
@@ -27,6 +26,7 @@ from executor.demo import happenings
 from executor.errors import LogError
 from executor.keeper import Planned, plan_path
 from executor.kept import read_kept, reported
+from executor.linking import open_links
 from executor.order import Console, Order
 from executor.planning import belongs
 from executor.publishing import settings_of
@@ -169,7 +169,7 @@ async def take_up(run: Path, console: Console) -> Flown:
     Raises:
         ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
     """
-    with locked(run):
+    with locked(run), supervised.hear(lambda text: console.say(Level.FAULT, text), run):
         left = read_left(run)  # now that nobody else writes to it
         if isinstance(left, Ready):
             raise LogError(f"{run}: expected a flight that was launched")
@@ -181,16 +181,10 @@ async def take_up(run: Path, console: Console) -> Flown:
             _note(log, command, left.last_s)
         away_s = max(0.0, clock.now_s() - left.last_s)
         reopened = Reopened(time.time(), away_s, left.notes)
-        setup = SolverSetup(
-            left.begun.ground.network,
-            left.begun.ground.travel,
-            order.site.flight.solve_s,
-            order.plan.solved.seed,
-        )
         async with AsyncExitStack() as stack:
-            links = await stack.enter_async_context(app.open_links(order, clock))
+            links = await stack.enter_async_context(open_links(order, clock))
             # The planner's process starts while the vehicles are asked: they fly meanwhile.
-            solver = SolverProcess(setup)
+            solver = app.solver_of(order, left.begun.ground, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said, unkept = _said(run), tuple(one for one in left.planned if not plan_path(run, one).exists())

@@ -7,6 +7,7 @@ import os
 from collections.abc import AsyncIterator
 from concurrent.futures import Future
 from contextlib import ExitStack, asynccontextmanager
+from functools import partial
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
@@ -16,6 +17,7 @@ from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, SiteError
 from executor.runtime.flight import Flight
+from executor.supervised import hand_over
 
 LEAST_TOKEN = 16
 """Characters: shorter ones can be guessed."""
@@ -81,7 +83,7 @@ async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Con
 
     token = _token(table)
     settings = WebSettings(table.host, table.port, token, frozenset(table.names), clock.speedup)
-    server = WebServer(settings, flight.context, now, submit)
+    server = WebServer(settings, flight.context, now, submit, mistake=partial(hand_over, loop))
     stack = ExitStack()
     try:
         await asyncio.to_thread(stack.enter_context, server)

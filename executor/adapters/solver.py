@@ -9,14 +9,15 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from ctypes import c_longlong
 from dataclasses import dataclass
-from multiprocessing.sharedctypes import Synchronized
+from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Self
+from typing import ParamSpec, Self, TypeVar
 
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
-from executor.interrupts import held_back
+from executor.interrupts import end_processes, held_back
 from missions import Network, open_task
 from planner import (
     Cancelled,
@@ -31,6 +32,9 @@ from planner import (
     warm_start,
     warm_up,
 )
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 GIVE_UP_S = 10.0
 """Real seconds beyond its deadline after which a solver that says nothing is taken for dead."""
@@ -60,10 +64,10 @@ class SolverSetup:
     seed: int
 
 
-_worker: tuple[SolverSetup, Synchronized[int], Synchronized[int]] | None = None
+_worker: tuple[SolverSetup, c_longlong, c_longlong] | None = None
 
 
-def _prepare(setup: SolverSetup, cancelled: Synchronized[int], wanted: Synchronized[int]) -> None:
+def _prepare(setup: SolverSetup, cancelled: c_longlong, wanted: c_longlong) -> None:
     global _worker  # noqa: PLW0603 - a worker process holds exactly one setup, given when it starts
     _worker = (setup, cancelled, wanted)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -137,13 +141,22 @@ def solve(
 class SolverProcess:
     """One worker; it is made anew if it dies."""
 
-    def __init__(self, setup: SolverSetup) -> None:
-        """Describe the worker; `start` makes it."""
+    def __init__(self, setup: SolverSetup, tell: Callable[[str], None] = lambda _: None) -> None:
+        """Describe the worker; entering makes it.
+
+        Args:
+            setup: What it knows.
+            tell: Called with a line for the crew when a worker had to be killed.
+        """
         self._setup = setup
+        self._tell = tell
         self._context = multiprocessing.get_context("spawn")
-        self._cancelled: Synchronized[int] = self._context.Value("q", -1)
-        self._wanted: Synchronized[int] = self._context.Value("q", 0)
+        # Without locks: a worker that is killed while it holds one would keep it, and the flight would wait for it.
+        self._cancelled: c_longlong = self._context.RawValue("q", -1)
+        self._wanted: c_longlong = self._context.RawValue("q", 0)
         """How many re-plans are asked for: a judgement gives way to them."""
+        self._workers: set[BaseProcess] = set()
+        """Those of the present pool."""
         self._pool: ProcessPoolExecutor | None = None
         self._warm = False
         """Whether the worker has answered; one that was made anew must load the kernels first."""
@@ -156,10 +169,11 @@ class SolverProcess:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop the worker."""
+        """End the worker, and see that it has ended: what hangs is killed."""
         self._cancelled.value = 2**62
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
+        workers = self._let_go()
+        if await asyncio.to_thread(end_processes, workers):
+            self._tell("the solver did not end when it was told to, and was killed")
 
     async def solve(self, problem: Solve) -> SolveEnded:
         """Return the best routes found within the limit; without routes if the worker died or was cancelled."""
@@ -171,10 +185,10 @@ class SolverProcess:
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
                 return await asyncio.wrap_future(self._submitted(_work, problem))
         except BrokenProcessPool:
-            self._discard()
+            self._kill()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver's process died")
         except TimeoutError:
-            self._discard()
+            self._kill()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver did not answer")
         finally:
             self._wanted.value -= 1
@@ -196,16 +210,18 @@ class SolverProcess:
 
     async def _warm_up(self) -> None:
         """Wait until the worker has loaded everything; compiling may take as long as it takes."""
-        with held_back():
-            ready = self._running().submit(_ready)
+        ready = self._submitted(_ready)
         # A worker on its way takes what is shared from here: it must be there until then, whoever gives up before.
         ready.add_done_callback(lambda _: self._cancelled)
         await asyncio.wrap_future(ready)
         self._warm = True
 
-    def _submitted(self, work: Callable[[Solve], SolveEnded], problem: Solve) -> Future[SolveEnded]:
+    def _submitted(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
         with held_back():  # the first task of a pool starts its process
-            return self._running().submit(work, problem)
+            before = set(multiprocessing.active_children())
+            submitted = self._running().submit(work, *arguments, **named)
+            self._workers |= set(multiprocessing.active_children()) - before
+            return submitted
 
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -214,8 +230,16 @@ class SolverProcess:
             )
         return self._pool
 
-    def _discard(self) -> None:
+    def _let_go(self) -> set[BaseProcess]:
+        """Have the next problem solved by a new worker; returns those there were, which end when they have time."""
+        workers, self._workers = self._workers, set()
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
             self._warm = False
+        return workers
+
+    def _kill(self) -> None:
+        """End a worker that is of no use any more, at once: it may hang, and would keep the program from ending."""
+        for worker in self._let_go():
+            worker.kill()

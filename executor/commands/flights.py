@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, TextIO, cast
 
 import typer
 
@@ -45,6 +46,7 @@ from executor.core.parameters import number
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
 from executor.errors import PreflightFailed
+from executor.interrupts import nobody_reads
 from executor.order import Order, keep
 from executor.planning import DEFAULT
 from executor.publishing import settings_of
@@ -230,15 +232,26 @@ def resume(
 def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
-        print(json.dumps(report))
+        _told(json.dumps(report))
     else:
-        print(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
+        _told(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
         if report["segments_uncovered"]:
-            print(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
+            _told(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report["finished"]:
         raise typer.Exit(1)
+
+
+def _told(text: str, *, to: TextIO | None = None) -> None:
+    """Print a line; nobody may read it any more, and what is left to do is done all the same."""
+    stream = sys.stdout if to is None else to
+    try:
+        print(text, file=stream, flush=True)
+    except OSError as error:
+        if error.errno not in {errno.EPIPE, errno.EIO}:
+            raise
+        nobody_reads(stream)
 
 
 def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool) -> None:
@@ -249,10 +262,10 @@ def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool
             return
         write_plan(path, plan)
     except (OSError, *OUR_ERRORS) as error:
-        print(f"faultline: the next sortie could not be planned: {error}", file=sys.stderr)
+        _told(f"faultline: the next sortie could not be planned: {error}", to=sys.stderr)
         return
     if not quiet:
-        print(sortie_words(plan, path))
+        _told(sortie_words(plan, path))
 
 
 def _show_flight(run: Path, report: Mapping[str, object]) -> None:
@@ -266,4 +279,4 @@ def _show_flight(run: Path, report: Mapping[str, object]) -> None:
         draw_battery(record, run / "battery.png")
         write_page(record, report, run / "report.html")
     except (OSError, *OUR_ERRORS) as error:
-        print(f"faultline: the pictures could not be made: {error}", file=sys.stderr)
+        _told(f"faultline: the pictures could not be made: {error}", to=sys.stderr)

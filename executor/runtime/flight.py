@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
+from executor import supervised
 from executor.core import commands, events, fleet
 from executor.core.commands import Command
 from executor.core.context import Context
@@ -22,6 +23,12 @@ from missions import EncodeError, encode, flag_current
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
 HEARTBEAT_S = 1.0
+ORDERS = {commands.Hold: Action.HOLD, commands.Resume: Action.RESUME, commands.LandNow: Action.LAND}
+
+Work = Callable[[], Awaitable[Event]]
+"""Returns what it came to."""
+Failed = Callable[[str], Event]
+"""Returns what it comes to for a reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +86,9 @@ class Flight:
             text = f"internal mistake at {type(event).__name__}: {type(error).__name__}: {error}"
             if text not in self._mistakes:
                 self._mistakes.add(text)
-                self._observer.said(commands.Say(commands.Level.FAULT, text), now_s)
+                line = commands.Say(commands.Level.FAULT, text)
+                supervised.safely("what tells the crew", self._observer.said, line, now_s)
+                supervised.report(f"deciding at {type(event).__name__}", error, said=True)
 
     def now_s(self) -> float:
         """Return the time on the flight's clock."""
@@ -102,10 +111,11 @@ class Flight:
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
         if self.state.briefing.answered:
             self._answer.set()
-        self._observer.applied(event, self.state, now_s)
+        # Whoever looks on, and one command, must not keep the others from being carried out.
+        supervised.safely("what shows the flight", self._observer.applied, event, self.state, now_s)
         for command in decided:
-            self._observer.decided(command, now_s)
-            self._carry_out(command, now_s)
+            supervised.safely("what keeps the decisions", self._observer.decided, command, now_s)
+            supervised.safely(f"carrying out {type(command).__name__}", self._carry_out, command, now_s)
 
     async def run(self, reopened: events.Reopened | None = None, patience_real_s: float = 0.0) -> None:
         """Fly until nothing is left to supervise; the missions are on board already.
@@ -125,7 +135,7 @@ class Flight:
                 with self.listening():
                     if reopened is not None:
                         self.apply(await self._reunion(patience_real_s))
-                    tick = tasks.create_task(self._tick(), name="tick")
+                    tick = tasks.create_task(supervised.kept("the tick", self._tick, at_once=True), name="tick")
                     if reopened is None:
                         self.apply(events.LaunchOrdered())
                     await self._over.wait()
@@ -177,25 +187,31 @@ class Flight:
             await asyncio.sleep(period_s)
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901 - one case for each command
+        failed: Failed
         match command:
             case commands.Say():
                 self._observer.said(command, now_s)
-            case commands.Upload():
-                self._job(command.vehicle, partial(self._upload, command), whole=True)
+            case commands.Upload(vehicle, revision):
+                # How far it came is not known then: a part of it may be on board.
+                failed = partial(events.UploadEnded, vehicle, revision, False, True)
+                self._job(vehicle, partial(self._upload, command), failed, whole=True)
             case commands.Start(vehicle):
-                self._job(vehicle, partial(self._start, vehicle))
+                self._job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
             case commands.SendHome(vehicle):
-                self._job(vehicle, partial(self._send_home, vehicle))
+                self._job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
             case commands.Hold(vehicle) | commands.Resume(vehicle) | commands.LandNow(vehicle):
-                self._job(vehicle, partial(self._order, command))
+                failed = partial(events.OrderEnded, vehicle, ORDERS[type(command)], False)
+                self._job(vehicle, partial(self._order, command), failed)
             case commands.Disarm(vehicle):
-                self._job(vehicle, partial(self._disarm, command))
+                failed = partial(events.OrderEnded, vehicle, Action.DISARM, False)
+                self._job(vehicle, partial(self._disarm, command), failed)
             case commands.HandsOff(vehicle):
                 self._hands_off(vehicle)
             case commands.AskStreams(vehicle):
-                self._aside(vehicle, partial(self._ask_streams, vehicle))
+                self._ask_aside(vehicle)
             case commands.Solve():
-                self._spawn(self._solve(command), f"solve {command.revision}")
+                nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
+                self._spawn(self._ended("the solver", partial(self._solver.solve, command), nothing), "solver")
             case commands.Compose(revision):
                 asyncio.get_running_loop().call_soon(self.apply, events.MissionsWanted(revision))
             case commands.CancelSolve(revision):
@@ -209,30 +225,44 @@ class Flight:
             return None
         return self._tasks.create_task(work, name=name)
 
-    def _job(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]], *, whole: bool = False) -> None:
+    def _job(self, vehicle: str, work: Work, failed: Failed, *, whole: bool = False) -> None:
         """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time.
 
         Args:
             vehicle: Who.
             work: What.
+            failed: What a mistake of ours in it comes to.
             whole: Whether it is brought to its end even when a person takes the vehicle: half a mission on board is
                 worse for its pilot than a whole one, and neither moves it.
         """
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
-        task = self._spawn(self._settled(work), vehicle)
+        task = self._spawn(self._ended(f"an order to {vehicle}", partial(self._settled, work), failed), vehicle)
         if task is not None:
             self._jobs[vehicle] = task
             self._whole.discard(vehicle)
             if whole:
                 self._whole.add(vehicle)
 
-    def _aside(self, vehicle: str, work: Callable[[], Coroutine[None, None, None]]) -> None:
-        """Tell a vehicle something that can wait, unless it is being told something."""
+    def _ask_aside(self, vehicle: str) -> None:
+        """Ask a vehicle for its streams again, unless it is being told something: that can wait, and is asked again."""
         job = self._jobs.get(vehicle)
-        if job is None or job.done():
-            self._job(vehicle, work)
+        if job is not None and not job.done():
+            return
+        task = self._spawn(self._ask_streams(vehicle), vehicle)
+        if task is not None:
+            self._jobs[vehicle] = task
+            self._whole.discard(vehicle)
+
+    async def _ended(self, what: str, work: Work, failed: Failed) -> None:
+        """Apply what something comes to; a mistake of ours in it ends it like a refusal, and nobody else's work."""
+        try:
+            event = await work()
+        except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
+            supervised.report(what, error)
+            event = failed(f"internal mistake: {type(error).__name__}: {error}")
+        self.apply(event)
 
     def _hands_off(self, vehicle: str) -> None:
         """Say nothing more to a vehicle that a person has."""
@@ -240,60 +270,58 @@ class Flight:
         if job is not None and vehicle not in self._whole:
             job.cancel()
 
-    async def _settled(self, work: Callable[[], Coroutine[None, None, None]]) -> None:
+    async def _settled(self, work: Work) -> Event:
         """Tell a vehicle something once the decision is on record and outlives a power loss."""
         await self._sink.settle()
-        await work()
+        return await work()
 
-    async def _upload(self, command: commands.Upload) -> None:
+    async def _upload(self, command: commands.Upload) -> Event:
         dialect = self.context.vehicles[command.vehicle].dialect
         try:
             mission = encode(command.path, dialect)
         except EncodeError as error:
             why = str(error)
-            self.apply(events.UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason=why))
-            return
+            return events.UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason=why)
         if command.airborne:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
             mission = flag_current(mission, None)
         done = await procedures.put_on_board(self._links[command.vehicle], self._clock, dialect, mission.items)
-        self.apply(events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason))
+        return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason)
 
-    async def _start(self, vehicle: str) -> None:
+    async def _start(self, vehicle: str) -> Event:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        self.apply(events.StartEnded(vehicle, done.accepted, done.reason, done.armed))
+        return events.StartEnded(vehicle, done.accepted, done.reason, done.armed)
 
-    async def _send_home(self, vehicle: str) -> None:
+    async def _send_home(self, vehicle: str) -> Event:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        self.apply(events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused))
+        return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused)
 
-    async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> None:
+    async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
         match command:
             case commands.Hold():
-                action, done = Action.HOLD, await procedures.hold(link, self._clock, dialect)
+                done = await procedures.hold(link, self._clock, dialect)
             case commands.Resume(_, speed_m_s):
-                action, done = Action.RESUME, await procedures.resume(link, self._clock, dialect, speed_m_s)
+                done = await procedures.resume(link, self._clock, dialect, speed_m_s)
             case commands.LandNow():
-                action, done = Action.LAND, await procedures.land(link, self._clock, dialect)
-        self.apply(events.OrderEnded(command.vehicle, action, done.accepted, done.reason, done.lost, done.refused))
+                done = await procedures.land(link, self._clock, dialect)
+        action = ORDERS[type(command)]
+        return events.OrderEnded(command.vehicle, action, done.accepted, done.reason, done.lost, done.refused)
 
-    async def _disarm(self, command: commands.Disarm) -> None:
+    async def _disarm(self, command: commands.Disarm) -> Event:
         done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
-        self.apply(
-            events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
-        )
+        return events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
 
     async def _ask_streams(self, vehicle: str) -> None:
-        await streams.asked_again(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-
-    async def _solve(self, command: commands.Solve) -> None:
-        self.apply(await self._solver.solve(command))
+        try:
+            await streams.asked_again(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
+            supervised.report(f"an order to {vehicle}", error)
 
 
 async def keep_heartbeat(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time."""
     while True:
-        for link in links.values():
-            link.send(SendHeartbeat())
+        for name, link in links.items():
+            supervised.safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         await asyncio.sleep(HEARTBEAT_S / clock.speedup)

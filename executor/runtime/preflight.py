@@ -22,7 +22,7 @@ from executor.core.messages import (
 from executor.core.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import Facts
 from executor.core.strangers import Stranger, noted
-from executor.errors import ConnectionFailed, PreflightFailed
+from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
 from executor.runtime import procedures, streams
@@ -221,8 +221,8 @@ async def load(name: str, link: Link, clock: Clock, dialect: Dialect, mission: E
     """Put the first mission on board.
 
     Raises:
-        PreflightFailed: what is on board is not what was sent.
+        VehicleRefused: what is on board is not what was sent.
     """
     done = await procedures.put_on_board(link, clock, dialect, mission.items)
     if not done.accepted:
-        raise PreflightFailed(f"{name}: the mission is not on board: {done.reason}")
+        raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")

@@ -4,15 +4,46 @@ from __future__ import annotations
 
 import asyncio
 import selectors
-from collections.abc import Coroutine
-from typing import TypeVar
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import Any, ParamSpec, TypeVar
 
 T = TypeVar("T")
+P = ParamSpec("P")
 Ready = list[tuple[selectors.SelectorKey, int]]
 
 AT_ONCE = 8
 """Files that are ready and taken in one round of the loop: some 5 ms, each with a few messages. Fifty vehicles that
 speak at the same moment would otherwise keep deadlines, heartbeats and the page waiting for all fifty."""
+
+THREADS = 16
+THREADS_END_S = 5.0
+"""Real seconds that the threads beside a flight may take to end: a disk or a name server may never answer."""
+
+
+class Threads(ThreadPoolExecutor):
+    """The threads beside an event loop, whose end is not waited for longer than `THREADS_END_S`."""
+
+    def __init__(self) -> None:
+        super().__init__(THREADS, thread_name_prefix="beside")
+        self._begun: set[Future[Any]] = set()
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Do something in a thread."""
+        future = super().submit(fn, *args, **kwargs)
+        self._begun.add(future)
+        future.add_done_callback(self._begun.discard)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more, and wait a while for what was begun."""
+        super().shutdown(wait=False, cancel_futures=cancel_futures)
+        if wait:
+            _waited(tuple(self._begun))
+
+
+def _waited(begun: tuple[Future[Any], ...]) -> None:
+    wait(begun, THREADS_END_S)
 
 
 class InTurns(selectors.DefaultSelector):
@@ -40,6 +71,7 @@ class InTurns(selectors.DefaultSelector):
 
 
 def run(work: Coroutine[None, None, T]) -> T:
-    """Do what `asyncio.run` does, on a loop that takes turns."""
+    """Do what `asyncio.run` does, on a loop that takes turns and whose end is bounded."""
     with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(InTurns())) as runner:
+        runner.get_loop().set_default_executor(Threads())
         return runner.run(work)

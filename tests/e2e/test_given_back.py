@@ -187,7 +187,7 @@ async def test_a_preflight_that_says_no_leaves_nothing_changed(tmp_path: Path) -
     async with on_pads(site, "px4", "uav2:refuse-upload@0s") as fleet:
         async with called("fly", str(site), "--yes", "--run", str(tmp_path / "run")) as flight:
             _, err = await ended(flight)
-        assert flight.returncode == 2
+        assert flight.returncode == 1
         assert "uav2: the mission is not on board" in err
         assert "uav1: RTL_RETURN_ALT 33.25, RTL_CONE_ANG 25, RTL_DESCEND_ALT 12.5 restored" in err
         assert fleet.as_before

@@ -15,12 +15,13 @@ from pathlib import Path
 from subprocess import PIPE
 
 import pytest
-from rich.console import Console
+from rich.console import Console, Group
 
 from executor.console import TerminalConsole, drawn
 from executor.core.commands import Level
 from executor.core.preflight import Check, Severity
 from executor.core.view import OfferView, TakenView, fleet_view
+from executor.supervised import hear
 from tests.executor.core.stories import under_way
 
 BELL = "\a"
@@ -181,3 +182,26 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     assert "uav2: hands off; its segments are kept for it for 0:24" in rows
     assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
     assert rows[-1] == "? uav4 can take over 1 span: is its pad clear?"
+
+
+@pytest.mark.asyncio
+async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    said, flight = list[str](), under_way()
+    console = TerminalConsole(quiet=False, yes=True)
+    console._view = (flight.context, flight.state, flight.now_s)
+    with hear(said.append, None):
+        monkeypatch.setattr("executor.console.drawn", lambda _: 1 // 0)
+        broken = console._drawn()
+        monkeypatch.undo()
+        await asyncio.sleep(0)
+    assert shown(broken) == "the fleet cannot be shown; what is decided is\n"
+    assert [line.partition(": ")[2] for line in said] == [
+        "ZeroDivisionError: integer division or modulo by zero",
+    ]
+    assert "uav1" in shown(console._drawn())
+
+
+def shown(group: Group) -> str:
+    out = StringIO()
+    Console(file=out, width=200).print(group)
+    return out.getvalue()

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -91,3 +92,48 @@ def test_ctrl_c_waits_until_processes_are_started() -> None:
         start()
     assert reached
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def ended_with(script: str, tmp_path: Path) -> tuple[int, str, float]:
+    """Run a program; returns its exit code, its standard error, and how many seconds it took."""
+    path = tmp_path / "program.py"
+    path.write_text(script, encoding="utf-8")
+    began_s = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, path, "window", "nowhere.json"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    return done.returncode, done.stderr, time.monotonic() - began_s
+
+
+HANGING_THREAD = """
+import threading, time
+from executor import cli
+cli.ENDS_S = 0.5
+threading.Thread(target=time.sleep, args=(3600,), name="a disk that never answers").start()
+cli.main()
+"""
+
+
+def test_a_thread_that_hangs_does_not_keep_the_program_from_ending_with_its_exit_code(tmp_path: Path) -> None:
+    code, err, _ = ended_with(HANGING_THREAD, tmp_path)
+    assert code == 2
+    assert "nowhere.json" in err
+    assert err.endswith("faultline: ended; it still waited for a disk that never answers\n")
+
+
+HANGING_WORK = """
+import asyncio, os, time
+from executor.runtime import turns
+turns.THREADS_END_S = 0.5
+
+async def fly():
+    asyncio.get_running_loop().run_in_executor(None, time.sleep, 3600)
+    return 7
+
+os._exit(turns.run(fly()))
+"""
+
+
+def test_work_in_a_thread_that_hangs_does_not_keep_a_flight_from_ending(tmp_path: Path) -> None:
+    assert ended_with(HANGING_WORK, tmp_path)[0] == 7

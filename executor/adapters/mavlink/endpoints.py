@@ -21,6 +21,7 @@ from executor.adapters.mavlink.signing import Signing
 from executor.core.connection import Connection, Scheme
 from executor.core.ports import Keyring, LinkOrder
 from executor.errors import ConnectionFailed
+from executor.supervised import beside, safely
 
 MOST_PEERS = 1000
 """Addresses that are kept: anybody can send from any number of them."""
@@ -90,7 +91,11 @@ class _Datagrams(asyncio.DatagramProtocol):
         if len(self._peers) > MOST_PEERS:
             self._peers.clear()  # who still sends is there again with the next datagram
         write = self._peers.setdefault(addr, partial(self._write, addr))
-        self._router.take(self._router.codec.decode(data), write, f"{addr[0]}:{addr[1]}")
+        # asyncio would close the port for good at a mistake of ours.
+        safely("reading a datagram", self._take, data, write, f"{addr[0]}:{addr[1]}")
+
+    def _take(self, data: bytes, write: Write, source: str) -> None:
+        self._router.take(self._router.codec.decode(data), write, source)
 
     def error_received(self, exc: Exception) -> None:
         """A port where nobody listens yet answers with an error; the link-loss watchpoint covers it."""
@@ -121,6 +126,9 @@ class _TcpPeer(asyncio.Protocol):
             self._router.opened(self._write)
 
     def data_received(self, data: bytes) -> None:
+        safely("reading a connection", self._take, data)
+
+    def _take(self, data: bytes) -> None:
         self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
@@ -178,9 +186,12 @@ class _SerialPort:
         except OSError:
             data = b""
         if data:
-            self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
+            safely("reading a serial port", self._take, data)
         else:
             self.close()  # the device was unplugged
+
+    def _take(self, data: bytes) -> None:
+        self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
 
     def _write(self, frame: bytes) -> bool:
         if not self._port.is_open:
@@ -246,21 +257,16 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
         case Scheme.TCP_OUT:
             # Whether the vehicle is there yet does not matter, whether its name is known does.
             await loop.getaddrinfo(*address, type=socket.SOCK_STREAM)
-            stack.push_async_callback(_cancel, asyncio.create_task(_keep_calling(address, router)))
+            await stack.enter_async_context(beside(f"calling {connection}", partial(_keep_calling, address, router)))
         case Scheme.SERIAL:
-            port = _SerialPort(router, connection)
-            stack.push_async_callback(_cancel, asyncio.create_task(_keep_plugged(port, router, connection)))
+            plug = _Plug(router, connection)
+            await stack.enter_async_context(beside(f"keeping {connection} open", plug.keep))
 
 
 def _hang_up(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
     server.close()
     for peer in tuple(peers):
         peer.abort()
-
-
-async def _cancel(task: asyncio.Task[None]) -> None:
-    task.cancel()
-    await asyncio.wait([task])
 
 
 async def _keep_calling(address: tuple[str, int], router: Router) -> None:
@@ -276,17 +282,30 @@ async def _keep_calling(address: tuple[str, int], router: Router) -> None:
         await asyncio.sleep(AGAIN_S)
 
 
-async def _keep_plugged(port: _SerialPort | None, router: Router, connection: Connection) -> None:
-    """Wait until the device is unplugged, and open it again when it is back."""
-    while True:
-        with suppress(OSError):  # pyserial's errors are
-            port = port or _SerialPort(router, connection)
-            try:
-                await port.lost.wait()
-            finally:
-                port.close()
-        port = None
-        await asyncio.sleep(AGAIN_S)
+class _Plug:
+    """A serial device that may be unplugged."""
+
+    def __init__(self, router: Router, connection: Connection) -> None:
+        """Open it.
+
+        Raises:
+            OSError: it is not there.
+        """
+        self._router = router
+        self._connection = connection
+        self._port: _SerialPort | None = _SerialPort(router, connection)
+
+    async def keep(self) -> None:
+        """Wait until the device is unplugged, and open it again when it is back."""
+        while True:
+            with suppress(OSError):  # pyserial's errors are
+                port = self._port or _SerialPort(self._router, self._connection)
+                self._port = None
+                try:
+                    await port.lost.wait()
+                finally:
+                    port.close()
+            await asyncio.sleep(AGAIN_S)
 
 
 def _reason(error: Exception) -> str:

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
     from mavsdk.system import System
 
+ENDS_S = 10.0
+"""Real seconds that MAVSDK may take to end; a thread of it that hangs is left behind."""
+
 Fields = Mapping[str, object]
 """A message's fields by their MAVLink names, as JSON has them: null for what is no finite number."""
 
@@ -208,8 +211,9 @@ async def open_links(
     finally:
         kept = systems.detach()
         # It waits for its threads, which may be about to hand a message to the loop.
-        await asyncio.to_thread(mavsdk.destroy)
-        kept.clear()
+        ending = asyncio.ensure_future(asyncio.to_thread(mavsdk.destroy))
+        ending.add_done_callback(lambda _: kept.clear())
+        await asyncio.wait({ending}, timeout=ENDS_S)
 
 
 def _expect_free(connection: Connection) -> None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import itertools
+import logging
 import socket
 import threading
 from collections.abc import Callable, Mapping
@@ -16,23 +18,25 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib import resources
 from types import TracebackType
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import uvicorn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from executor.adapters.web.door import Caller, Door, Limits
 from executor.adapters.web.guard import Guard
 from executor.adapters.web.present import Describe, Now, Present
-from executor.adapters.web.stream import MOST_CLIENTS, EventStream, Newest
+from executor.adapters.web.stream import EventStream, Newest
 from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
+from executor.supervised import WAITS_S, beside
 
 PERIOD_S = 0.4
 """Real seconds between two states: at most half of the second that a state may be old."""
@@ -55,6 +59,8 @@ FILES: Mapping[str, str] = {
 }
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
 
+Mistake = Callable[[str, BaseException], None]
+"""Called with what died, and of what; from another thread."""
 Submit = Callable[[Intent], "Future[IntentRecord]"]
 """Hands an intent to the flight; called from another thread."""
 
@@ -86,23 +92,51 @@ class _Wish(BaseModel):
     confirmed: bool = False
 
 
+_uvicorn_log = logging.getLogger("uvicorn.error")
+# It would go to the crew's terminal, tracebacks and all; what matters of it goes to `Mistake`.
+_uvicorn_log.propagate = False
+
+
+class _Log(logging.Handler):
+    """Hands on what a request died of; the rest, such as that somebody sent nonsense, is nobody's concern."""
+
+    def __init__(self, mistake: Mistake) -> None:
+        super().__init__()
+        self._mistake = mistake
+
+    def emit(self, record: logging.LogRecord) -> None:
+        error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, Exception):
+            self._mistake("a request to the page", error)
+
+
 class WebServer:
     """Serves one flight; a context manager."""
 
     def __init__(
-        self, settings: WebSettings, context: Context, now: Now, submit: Submit, describe: Describe = fleet_view
+        self,
+        settings: WebSettings,
+        context: Context,
+        now: Now,
+        submit: Submit,
+        describe: Describe = fleet_view,
+        mistake: Mistake = lambda *_: None,
+        limits: Limits | None = None,
     ) -> None:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
         self._present = Present(context, now, settings.speedup, describe)
         self._submit = submit
+        self._mistake = mistake
+        self._limits = limits or Limits()
         self._newest = Newest()
-        self._started = threading.Event()
+        self._started, self._ended = threading.Event(), threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._server: uvicorn.Server | None = None
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._socket: socket.socket | None = None
         self._ending: asyncio.Future[None] | None = None
+        self._log = _Log(mistake)
         self.address = ""
         """Where the page is, once it listens."""
 
@@ -137,6 +171,7 @@ class WebServer:
         port = self._socket.getsockname()[1]
         shown = _own_address() if ipaddress.ip_address(host).is_unspecified else host
         self.address = f"http://[{shown}]:{port}/" if ":" in shown else f"http://{shown}:{port}/"
+        _uvicorn_log.addHandler(self._log)
         self._thread.start()
         self._started.wait(START_S)
         return self
@@ -145,11 +180,15 @@ class WebServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Stop; browsers that still look are let go."""
+        self._ended.set()
         loop, server = self._loop, self._server
         if loop is not None and server is not None:
             with suppress(RuntimeError):  # it has ended by itself
                 loop.call_soon_threadsafe(self._end, server)
         self._thread.join(ANSWER_S)
+        if self._thread.is_alive():
+            self._mistake("the page", TimeoutError(f"it has not ended after {ANSWER_S:g} s"))
+        _uvicorn_log.removeHandler(self._log)
         if self._socket is not None:
             self._socket.close()
 
@@ -157,28 +196,51 @@ class WebServer:
         """Show everybody how it ended, and stop."""
 
         async def end() -> None:
-            await self._newest.put(self._present.state())
-            await self._newest.close()
-            server.should_exit = True
+            try:
+                await self._newest.put(self._present.state())
+            finally:
+                await self._newest.close()
+                server.should_exit = True
 
         self._ending = asyncio.ensure_future(end())
 
     def _run(self) -> None:
-        asyncio.run(self._serve())
+        """Serve, and again whenever that dies, until the end."""
+        for attempt in itertools.count():
+            try:
+                asyncio.run(self._serve())
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - the boundary of the thread; uvicorn exits
+                self._mistake("the page", error)
+            if self._ended.wait(WAITS_S[min(attempt, len(WAITS_S) - 1)]):
+                return
 
     async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
+        if self._socket is None:
+            return
+        loop = self._loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._complained)
+        door = Door(self._limits)
+        self._newest = Newest()
+
+        class AtThisDoor(Caller):
+            """What uvicorn makes of every connection."""
+
+        AtThisDoor.door = door
         config = uvicorn.Config(
             self.app(), log_config=None, access_log=False, server_header=False, ws="none", lifespan="off",
-            limit_concurrency=4 * MOST_CLIENTS, timeout_keep_alive=5, timeout_graceful_shutdown=1, http="h11",
+            proxy_headers=False, timeout_keep_alive=5, timeout_graceful_shutdown=1, http=AtThisDoor,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
-        telling = asyncio.create_task(self._tell())
-        self._started.set()
-        try:
-            await self._server.serve(sockets=[self._socket] if self._socket is not None else None)
-        finally:
-            telling.cancel()
+        # uvicorn closes what it listens on when it ends; ours is listened on again.
+        with self._socket.dup() as plug:
+            async with beside("the page's stream", self._tell), beside("the page's door", door.watch):
+                self._started.set()
+                await self._server.serve(sockets=[plug])
+
+    def _complained(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        if isinstance(error, Exception):
+            self._mistake(str(context.get("message", "the page")), error)
 
     async def _tell(self) -> None:
         """Make one state for everybody, a few times a second."""
@@ -204,10 +266,8 @@ class WebServer:
     async def _clock(self, request: Request) -> Response:  # noqa: ARG002
         return Response(self._present.clock(), media_type="application/json")
 
-    async def _events(self, request: Request) -> ASGIApp | Response:  # noqa: ARG002
-        if self._newest.clients >= MOST_CLIENTS:
-            return PlainTextResponse(f"{MOST_CLIENTS} browsers look already", 503)
-        return EventStream(self._newest)
+    async def _events(self, request: Request) -> ASGIApp:  # noqa: ARG002
+        return EventStream(self._newest, self._limits)
 
     async def _intents(self, request: Request) -> Response:
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
@@ -215,6 +275,8 @@ class WebServer:
             return PlainTextResponse("expected content-type application/json", 415)
         try:
             wish = _Wish.model_validate_json(await request.body())
+        except ClientDisconnect:
+            return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             key = ".".join(str(part) for part in first["loc"]) or "body"

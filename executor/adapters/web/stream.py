@@ -7,10 +7,10 @@ from collections.abc import AsyncIterator
 
 from starlette.types import Receive, Scope, Send
 
+from executor.adapters.web.door import Limits, origin_of
+
 SLOW_S = 10.0
 """A browser that takes longer than this for one state is let go; it comes back by itself."""
-MOST_CLIENTS = 24
-"""Browsers at once."""
 RETRY_MS = 1000
 
 
@@ -21,7 +21,8 @@ class Newest:
         """Hold nothing."""
         self.value = b""
         self.count = 0
-        self.clients = 0
+        self.streams: dict[EventStream, str] = {}
+        """Who follows, from where; the oldest first."""
         self.dropped = 0
         """Clients that were let go."""
         self._news = asyncio.Condition()
@@ -54,24 +55,48 @@ class Newest:
 
 
 class EventStream:
-    """An ASGI answer that lasts until the browser goes."""
+    """An ASGI answer that lasts until the browser goes, or must make room for another one."""
 
-    def __init__(self, newest: Newest) -> None:
+    def __init__(self, newest: Newest, limits: Limits | None = None) -> None:
         """Follow a value."""
         self._newest = newest
+        self._places = (limits or Limits()).streams
+        self._replaced = asyncio.Event()
+        self.sends_s: float | None = None
+        """Since when a value is on its way."""
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: ARG002
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send what is newest, for as long as it is taken."""
-        self._newest.clients += 1
+        peer, own = (scope.get(name) or ("", 0) for name in ("client", "server"))
+        self._enter(origin_of(peer[0], own[0]))
         gone = asyncio.ensure_future(_left(receive))
         sending = asyncio.ensure_future(self._send(send))
+        replaced = asyncio.ensure_future(self._replaced.wait())
         try:
-            await asyncio.wait({gone, sending}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({gone, sending, replaced}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            self._newest.clients -= 1
-            for task in (gone, sending):
+            del self._newest.streams[self]
+            for task in (gone, sending, replaced):
                 task.cancel()
-            await asyncio.gather(gone, sending, return_exceptions=True)
+            ended = await asyncio.gather(sending, gone, replaced, return_exceptions=True)
+        if isinstance(ended[0], Exception):
+            raise ended[0]
+
+    def _enter(self, origin: str) -> None:
+        """Take a place; where there is none, who takes nothing goes first, then who has looked longest.
+
+        A browser that must go comes back by itself.
+        """
+        rivals = self._places.rivals(self._newest.streams, origin)
+        if rivals:
+            stuck = [one for one in rivals if one.sends_s is not None]
+            min(stuck, key=lambda one: one.sends_s or 0.0, default=rivals[0]).make_room()
+        self._newest.streams[self] = origin
+
+    def make_room(self) -> None:
+        """End it."""
+        self._newest.dropped += 1
+        self._replaced.set()
 
     async def _send(self, send: Send) -> None:
         headers = [(b"content-type", b"text/event-stream; charset=utf-8")]
@@ -79,9 +104,11 @@ class EventStream:
         await send({"type": "http.response.body", "body": f"retry: {RETRY_MS}\n\n".encode(), "more_body": True})
         try:
             async for value in self._newest.values():
+                self.sends_s = asyncio.get_running_loop().time()
                 async with asyncio.timeout(SLOW_S):
                     body = b"data: " + value + b"\n\n"
                     await send({"type": "http.response.body", "body": body, "more_body": True})
+                self.sends_s = None
             await send({"type": "http.response.body", "body": b"", "more_body": False})
         except TimeoutError:
             self._newest.dropped += 1

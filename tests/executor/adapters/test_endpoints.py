@@ -21,6 +21,7 @@ from executor.core.connection import parse_connection
 from executor.core.messages import Heartbeat, Message, MissionAck, SendHeartbeat
 from executor.core.ports import LinkOrder
 from executor.errors import ConnectionFailed
+from executor.supervised import hear
 from tests.executor.adapters.test_codec import ARDUPILOT, Vehicle
 from tests.executor.adapters.test_link import Frames
 
@@ -313,3 +314,33 @@ async def test_datagrams_from_ever_new_addresses_fill_no_memory() -> None:
         port.datagram_received(beat, (f"10.0.{number % 7}.1", number))
         assert len(port._peers) <= MOST_PEERS + 1
     assert link.counts.received == 3 * MOST_PEERS
+
+
+@pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
+async def test_a_mistake_in_reading_closes_no_port(scheme: str) -> None:
+    kind = socket.SOCK_STREAM if scheme == "tcpin" else socket.SOCK_DGRAM
+    port, vehicle, said = free_port(kind), Vehicle(), list[str]()
+    was_said = asyncio.Event()
+
+    def say(text: str) -> None:
+        said.append(text)
+        was_said.set()
+
+    def mistaken(_: Message) -> None:
+        raise KeyError("speed")
+
+    with hear(say, None):
+        async with opened(f"{scheme}://127.0.0.1:{port}") as link:
+            stop = link.listen(mistaken)
+            with socket.socket(socket.AF_INET, kind) as plug:
+                plug.setblocking(False)
+                loop = asyncio.get_running_loop()
+                await loop.sock_connect(plug, ("127.0.0.1", port))
+                await loop.sock_sendall(plug, vehicle.pack(BEAT))
+                async with asyncio.timeout(PATIENCE_S):
+                    await was_said.wait()
+                stop()
+                heard = inbox(link)
+                await loop.sock_sendall(plug, vehicle.pack(BEAT))
+                assert isinstance(await next_of(heard), Heartbeat)
+    assert [line.partition(": ")[2] for line in said] == ["KeyError: 'speed'"]

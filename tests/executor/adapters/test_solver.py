@@ -7,6 +7,7 @@ import itertools
 import os
 import signal
 import sys
+import time
 from collections.abc import AsyncIterator
 from multiprocessing import active_children
 from pathlib import Path
@@ -97,6 +98,79 @@ async def test_the_worker_solves_is_cancelled_and_is_replaced_when_it_dies(proce
     assert segments(await asked(process, problem(5))) == [1, 2, 3, 4, 5]
     [other] = active_children()
     assert other.pid != worker.pid
+
+
+def stubborn(_: Solve) -> SolveEnded:
+    """Never answer, and ignore a polite end."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    print(os.getpid(), flush=True)
+    while True:
+        time.sleep(3600.0)
+
+
+STUBBORN = """
+import asyncio, sys
+from tests.executor.adapters import test_solver as tests
+from executor.adapters import solver
+
+async def main():
+    solver._work, solver._judge = tests.stubborn, tests.stubborn
+    solver.GIVE_UP_S, solver.JUDGE_S = {give_up_s}, 0.1
+    async with solver.SolverProcess(tests.SETUP, lambda text: print("told:", text, flush=True)) as process:
+        try:
+            async with asyncio.timeout(3.0):
+                print((await process.{asked}(tests.problem())), flush=True)
+        except TimeoutError:
+            print("left", flush=True)
+
+if __name__ == "__main__":
+    asyncio.run(main())
+    sys.exit(7)
+"""
+
+
+async def stubbornly(tmp_path: Path, *, give_up_s: float, asked: str) -> tuple[list[str], int | None]:
+    """Run a program whose solver hangs; returns what it printed, and how it ended.
+
+    Worker and program share the standard output, which therefore ends only with both.
+    """
+    script = tmp_path / "stubborn.py"
+    script.write_text(STUBBORN.format(give_up_s=give_up_s, asked=asked), encoding="utf-8")
+    program = await asyncio.create_subprocess_exec(
+        sys.executable, script, stdout=asyncio.subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(SOURCE)}
+    )
+    try:
+        async with asyncio.timeout(2 * PATIENCE_S):
+            out, _ = await program.communicate()
+    finally:
+        if program.returncode is None:
+            program.kill()
+            await program.wait()
+    return out.decode().splitlines(), program.returncode
+
+
+def gone(pid: str) -> bool:
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+@pytest.mark.asyncio
+async def test_a_solver_that_hangs_is_given_up_and_does_not_outlive_the_program(tmp_path: Path) -> None:
+    [worker, answer], code = await stubbornly(tmp_path, give_up_s=0.2, asked="solve")
+    assert "the solver did not answer" in answer
+    assert code == 7
+    assert gone(worker)
+
+
+@pytest.mark.asyncio
+async def test_a_solver_that_hangs_when_the_program_ends_is_killed_and_it_is_said(tmp_path: Path) -> None:
+    [worker, *lines], code = await stubbornly(tmp_path, give_up_s=60.0, asked="solve")
+    assert lines == ["left", "told: the solver did not end when it was told to, and was killed"]
+    assert code == 7
+    assert gone(worker)
 
 
 ABANDONED = """

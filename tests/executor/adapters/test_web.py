@@ -9,17 +9,23 @@ import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
+from typing import Any
 
 import httpx
 import pytest
+import uvicorn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.adapters.web import WebServer, WebSettings
+from executor.adapters.web.door import Limits
+from executor.adapters.web.guard import cookie_name
+from executor.adapters.web.present import Describe
 from executor.adapters.web.server import FILES, _read
 from executor.adapters.web.stream import EventStream, Newest
 from executor.core.events import IntentReceived
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.view import FleetView, fleet_view
 from executor.errors import ConnectionFailed
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
@@ -31,14 +37,24 @@ HOLD = {"id": "wish-1", "action": "hold", "vehicle": "uav2"}
 class Beside:
     """A flight with its server."""
 
-    def __init__(self, token: str | None = None, *, port: int = 0, decides: bool = True) -> None:
+    def __init__(
+        self,
+        token: str | None = None,
+        *,
+        port: int = 0,
+        decides: bool = True,
+        describe: Describe = fleet_view,
+        limits: Limits | None = None,
+    ) -> None:
+        self.mistakes: list[str] = []
         self.flight: Story = under_way()
         self.asked: list[Intent] = []
         self.decides = decides
         settings = WebSettings("127.0.0.1", port, token)
         self.server = WebServer(
-            settings, self.flight.context, lambda: (self.flight.state, self.flight.now_s), self.submit
-        )
+            settings, self.flight.context, lambda: (self.flight.state, self.flight.now_s), self.submit, describe,
+            lambda what, error: self.mistakes.append(f"{what}: {type(error).__name__}: {error}"), limits,
+        )  # fmt: skip
 
     def submit(self, intent: Intent) -> Future[IntentRecord]:
         done: Future[IntentRecord] = Future()
@@ -115,7 +131,7 @@ def test_states_follow_each_other_within_a_second(open_one: Beside) -> None:
     assert later["now_s"] == pytest.approx(first["now_s"] + 1.2, abs=0.01)
 
 
-def test_who_looks_sees_the_end_and_is_let_go(caplog: pytest.LogCaptureFixture) -> None:
+def test_who_looks_sees_the_end_and_is_let_go() -> None:
     with serving() as beside, beside.client() as client, client.stream("GET", "/events") as stream:
         lines = (line for line in stream.iter_lines() if line.startswith("data: "))
         next(lines)
@@ -123,7 +139,7 @@ def test_who_looks_sees_the_end_and_is_let_go(caplog: pytest.LogCaptureFixture) 
         beside.server.__exit__(None, None, None)
         *_, last = lines
     assert json.loads(last.removeprefix("data: "))["finished"]
-    assert caplog.records == []
+    assert beside.mistakes == []
 
 
 def test_the_clock_and_the_names_of_the_spans(open_one: Beside) -> None:
@@ -225,7 +241,7 @@ def test_without_the_token_nothing_is_shown(guarded: Beside, path: str) -> None:
         for answer in (
             client.get(path),
             client.get(path, headers={"authorization": "Bearer wrong"}),
-            client.get(path, headers={"cookie": "faultline_token=wrong"}),
+            client.get(path, headers={"cookie": f"{cookie_name(TOKEN)}=wrong"}),
             client.get(f"{path}?token=wrong"),
         ):
             assert answer.status_code == 401
@@ -300,7 +316,7 @@ async def test_who_does_not_follow_gets_the_newest_and_then_is_let_go() -> None:
         await asyncio.sleep(0.5)
     await following
     assert [int(body[6:]) for body in taken] == [0, 9, 19]
-    assert (newest.clients, newest.dropped) == (0, 1)
+    assert (newest.streams, newest.dropped) == ({}, 1)
 
 
 def test_the_last_state_is_read_while_the_flight_goes_on() -> None:
@@ -310,3 +326,64 @@ def test_the_last_state_is_read_while_the_flight_goes_on() -> None:
         while time.monotonic() < until_s:
             beside.flight.pass_s(0.4)
         assert client.get("/state").json()["now_s"] == pytest.approx(beside.flight.now_s, abs=0.01)
+
+
+def test_two_flights_on_one_computer_in_one_browser() -> None:
+    """Cookies are kept by host, whatever the port."""
+    other = f"{TOKEN}-2"
+    with serving(TOKEN) as first, serving(other) as second, httpx.Client() as browser:
+        for beside, token in ((first, TOKEN), (second, other)):
+            assert browser.get(beside.server.address, params={"token": token}).status_code == 303
+        for beside in (first, second):
+            assert browser.get(f"{beside.server.address}state").status_code == 200
+
+
+def test_other_programs_cookies_on_this_computer_do_not_matter(guarded: Beside) -> None:
+    with guarded.client(cookie=f'a={{"b":1}}; =; c; {cookie_name(TOKEN)}={TOKEN}; d="') as client:
+        assert client.get("/state").status_code == 200
+
+
+def test_a_stream_that_dies_is_begun_again_and_no_trace_is_shown(capfd: pytest.CaptureFixture[str]) -> None:
+    looks = iter(range(1, 100))
+
+    def mistaken(*what: Any) -> FleetView:
+        if next(looks) in {2, 4}:
+            raise ZeroDivisionError("a mistake")
+        return fleet_view(*what)
+
+    beside = Beside(describe=mistaken)
+    with beside.server, beside.client() as client, client.stream("GET", "/events") as stream:
+        lines = (line for line in stream.iter_lines() if line.startswith("data: "))
+        assert [json.loads(next(lines)[6:])["segments_total"] for _ in range(3)] == [6, 6, 6]
+    assert beside.mistakes == ["the page's stream: ZeroDivisionError: a mistake"] * 2
+    assert capfd.readouterr().err == ""
+
+
+def test_a_request_that_dies_is_said_and_no_trace_is_shown(capfd: pytest.CaptureFixture[str]) -> None:
+    class Wrong(Exception):
+        pass
+
+    def mistaken(*_: object) -> FleetView:
+        raise Wrong
+
+    beside = Beside(describe=mistaken)
+    with beside.server, beside.client() as client:
+        assert client.get("/state").status_code == 500
+        assert client.get("/").status_code == 200
+    assert "a request to the page: Wrong: " in beside.mistakes
+    assert capfd.readouterr().err == ""
+
+
+def test_a_server_that_dies_listens_again_at_the_same_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, tries = uvicorn.Server.serve, iter(range(10))
+
+    async def mistaken(server: uvicorn.Server, sockets: list[socket.socket] | None = None) -> None:
+        if next(tries) < 2:
+            raise RuntimeError("no more memory")
+        await whole(server, sockets)
+
+    monkeypatch.setattr(uvicorn.Server, "serve", mistaken)
+    beside = Beside()
+    with beside.server, beside.client() as client:
+        assert client.get("/state").status_code == 200
+    assert beside.mistakes == ["the page: RuntimeError: no more memory"] * 2

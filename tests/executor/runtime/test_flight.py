@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 
 import pytest
 
+from executor import supervised
 from executor.core import fleet
-from executor.core.commands import Level, Say
-from executor.core.events import Event, Heard, IntentReceived, ReturnAllOrdered
+from executor.core.commands import Level, Say, Solve
+from executor.core.events import Event, Heard, IntentReceived, ReturnAllOrdered, SolveEnded, Tick
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.messages import Heartbeat, SendHeartbeat, SendMissionCount
+from executor.core.messages import Heartbeat, Outgoing, SendHeartbeat, SendMissionCount
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.runtime import procedures
@@ -205,6 +207,89 @@ async def test_a_mistake_in_one_decision_ends_nobodys_supervision() -> None:
         sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
         sky.applied += 1
     assert sky.faults() == ["internal mistake at Heard: KeyError: 'nobody'"]
+    assert set(sky.state.inspected) == set(range(6))
+
+
+async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its vehicle is not waited for for ever, and nobody else notices."""
+    said = list[str]()
+
+    async def mistaken(*_: object, **__: object) -> None:
+        raise KeyError("speed")
+
+    async with flying(fleet_of()) as (sky, _):
+        with supervised.hear(said.append, None):
+            await sky.until(lambda: len(sky.state.inspected) == 1)
+            monkeypatch.setattr(procedures, "hold", mistaken)
+            sky.flight.apply(IntentReceived(Intent("w1", Action.HOLD, "uav2", "terminal")))
+            await sky.until(lambda: sky.state.intents["w1"].outcome is Outcome.FAILED)
+    assert said == ["internal mistake in an order to uav2: KeyError: 'speed'"]
+    assert set(sky.state.inspected) == set(range(6))
+
+
+async def test_a_solver_that_dies_of_our_mistake_is_asked_again_and_ends_nobodys_supervision() -> None:
+    class Mistaken(FakeSolver):
+        async def solve(self, problem: Solve) -> SolveEnded:
+            if not self.asked:
+                self.asked.append(problem)
+                raise ValueError("no such vehicle")
+            return await super().solve(problem)
+
+    async with flying(fleet_of()) as (sky, _):
+        sky.solver = sky.flight._solver = Mistaken()
+        await sky.until(lambda: len(sky.state.inspected) == 1)
+        sky.links["uav2"].cut = True
+    assert len(sky.solver.asked) > 1
+    assert set(sky.state.inspected) == set(range(6))
+
+
+async def test_a_tick_that_dies_is_there_again_at_once() -> None:
+    class Wrong(LoopClock):
+        def now_s(self) -> float:
+            task = asyncio.current_task()
+            if task is not None and task.get_name() == "tick" and next(looks) == 100:
+                raise ZeroDivisionError
+            return super().now_s()
+
+    looks, said = itertools.count(), list[str]()
+    async with flying(fleet_of()) as (sky, _):
+        with supervised.hear(said.append, None):
+            sky.flight._clock = Wrong()
+            await sky.until(lambda: bool(said))
+            ticks = sum(isinstance(event, Tick) for event in sky.written)
+            await sky.until(lambda: sum(isinstance(event, Tick) for event in sky.written) > ticks + 10)
+    assert [line.partition(": ")[0] for line in said] == ["internal mistake in the tick"]
+    assert set(sky.state.inspected) == set(range(6))
+
+
+async def test_one_link_that_fails_keeps_no_heartbeat_from_the_others() -> None:
+    class Broken(FakeLink):
+        def send(self, message: Outgoing) -> None:
+            raise RuntimeError("no such port")
+
+    ready, clock, said = fleet_of(), LoopClock(), list[str]()
+    flyer = Flyer(ready.context.vehicles["uav1"].dialect, ready.context.frame, (0, 0), 0.0)
+    broken, whole = Broken(flyer, clock), FakeLink(flyer, clock)
+    with supervised.hear(said.append, None), pytest.raises(TimeoutError):
+        async with asyncio.timeout(10.5):
+            await keep_heartbeat({"uav1": broken, "uav2": whole}, clock)
+    for link in (broken, whole):
+        link.close()
+    assert len(whole.of_kind(SendHeartbeat)) == 11
+    assert said == ["internal mistake in our heartbeat to uav1: RuntimeError: no such port"]
+
+
+async def test_who_shows_the_flight_cannot_keep_a_decision_from_being_carried_out() -> None:
+    def gone(*_: object) -> None:
+        raise OSError(5, "input/output error")
+
+    async with flying(fleet_of()) as (sky, _):
+
+        def seen(event: Event, state: FleetState, now_s: float) -> None:
+            sky._applied(event, state, now_s)
+            gone()
+
+        sky.flight._observer = Observer(gone, seen, gone)
     assert set(sky.state.inspected) == set(range(6))
 
 
