@@ -42,7 +42,7 @@ from executor.core.state import CheckLine, FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
-from executor.keeper import Keeper, Planned, in_force
+from executor.keeper import Keeper, Legacy, in_force
 from executor.kept import reported
 from executor.order import Console, Order
 from executor.planwords import route_words, summary
@@ -187,8 +187,8 @@ class Cockpit:
     log: EventLog
     solver: SolverProcess
     said: Said
-    unkept: tuple[Planned, ...] = ()
-    """Plans that were found before the ground station went away, and are in no file."""
+    legacy: Legacy = Legacy()
+    """What the process before this one left."""
 
 
 async def supervise(order: Order, console: Console, seat: Cockpit, begins: Beginning | Reopened) -> Flown:
@@ -200,7 +200,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Begin
     """
     context, clock, links = seat.context, seat.clock, seat.links
     publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
-    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.unkept)
+    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.legacy)
     if publication is not None:
         publication.plan(seat.state.revision, in_force(order, seat.state.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())

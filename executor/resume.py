@@ -13,19 +13,21 @@ from pathlib import Path
 from executor import app, serving
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
+from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
 from executor.adapters.rundir import locked, write_json
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.app import Cockpit, Flown
 from executor.begun import Beginning, beginning
 from executor.build import Ground, ground_of
+from executor.checkpoints import Found, Planned, newest
 from executor.config import read_site
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
-from executor.core.events import LaunchOrdered, Reopened, SolveEnded
+from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.demo import happenings
-from executor.errors import LogError
-from executor.keeper import Planned, plan_path
+from executor.errors import LogError, PreflightFailed
+from executor.keeper import Legacy, plan_path
 from executor.kept import read_kept, reported
 from executor.order import Console, Order
 from executor.planning import belongs
@@ -38,6 +40,7 @@ LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", 
 
 HEAD = b'{"format":"faultline-'
 """What the first line of a log begins with."""
+LAUNCH = b'"event":{"kind":"LaunchOrdered"'
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,36 +60,82 @@ class Left:
     state: FleetState
     last_s: float
     """The last time that is on record."""
+    lines: int
+    """Of the log, as far as they are whole."""
     notes: tuple[str, ...]
-    """What is wrong with the log."""
+    """What is wrong with the log, or with its checkpoints."""
     undone: tuple[Command, ...]
     """What was decided last, and is not on record as carried out."""
-    planned: tuple[Planned, ...] = ()
-    """Every plan that was found."""
-    set_s: float = 0.0
+    legacy: Legacy
+
+
+@dataclass(frozen=True, slots=True)
+class Outset:
+    """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
+
+    order: Order
+    head: Head
+    found: Found
+    """Its checkpoint, if there is a good one."""
+    last_s: float
+    """The last time that is on record."""
+    set_s: float
     """By how much the computer's time of day was set in the flight."""
+
+
+def outset(run: Path) -> Ready | Outset:
+    """Return what is known of a flight without reading its log, as far as there is a checkpoint.
+
+    Raises:
+        LogError: the directory holds no flight, or one of a newer version.
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan, or the network, cannot be used.
+    """
+    if not (run / "site.toml").exists() or not (run / PLAN).exists():
+        raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
+    path = run / LOG
+    found = newest(run, path)
+    launched = found.checkpoint is not None or _launched(run)
+    ground, plan = ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN)
+    belongs(plan, ground, str(run / PLAN))
+    if not launched:
+        return Ready(ground, plan)
+    known = found.checkpoint
+    set_s = clock_set_s(path) if known is None else known.set_s + clock_set_s(path, known.place)
+    last_s = last_event_s(path) or 0.0
+    return Outset(order_of(run, ground, plan), read_head(path), found, last_s, set_s)
 
 
 def read_left(run: Path) -> Ready | Left:
     """Return how a flight was left.
 
     Raises:
-        LogError: the directory holds no flight, or one of a newer version, or what it holds cannot be used.
+        LogError: as `outset`, or what the directory holds cannot be used.
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    if not (run / "site.toml").exists() or not (run / PLAN).exists():
-        raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
-    if not _launched(run):
-        ground, plan = ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN)
-        belongs(plan, ground, str(run / PLAN))
-        return Ready(ground, plan)
-    path, begun, notes = run / LOG, beginning(run), list[str]()
-    state, last_s, replayed = begun.state, 0.0, 0
-    latest: tuple[Command, ...] = ()
+    known = outset(run)
+    return known if isinstance(known, Ready) else read_rest(run, known)
+
+
+def read_rest(run: Path, known: Outset) -> Left:
+    """Return how a flight was left, by its checkpoint and what its log holds since; else by the whole log.
+
+    Raises:
+        LogError: as `read_left`.
+    """
+    path, begun, checkpoint = run / LOG, beginning(run), known.found.checkpoint
+    notes = list(known.found.notes)
+    state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
     planned: list[Planned] = []
-    for last_s, event in read_events(path, notes.append):
+    if checkpoint is not None:
+        state, place, last_s = checkpoint.state, checkpoint.place, checkpoint.place.at_s
+        solves = {} if checkpoint.solve is None else {checkpoint.solve.revision: checkpoint.solve}
+        planned = list(checkpoint.unkept)
+    replayed = 0
+    latest: tuple[Command, ...] = ()
+    for last_s, event in read_events(path, notes.append, place):
         latest = ()
         if isinstance(event, SolveEnded) and event.routes is not None and event.revision in solves:
             planned.append((solves[event.revision], event))
@@ -95,9 +144,25 @@ def read_left(run: Path) -> Ready | Left:
             state, latest = fleet.step(begun.context, state, event, last_s)
             replayed += len(latest)
             solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
-    missing = replayed - sum(1 for _ in read_decisions(path))
+    missing = replayed - sum(1 for _ in read_decisions(path, place))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
-    return Left(begun, read_head(path), state, last_s, tuple(notes), undone, tuple(planned), clock_set_s(path))
+    unkept = tuple(one for one in planned if not plan_path(run, one).exists())
+    solve = solves[max(solves)] if solves else None
+    legacy = Legacy(unkept, solve, known.set_s, known.found.name)
+    lines = (0 if place is None else place.lines) + lines_after(path, place)
+    return Left(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
+
+
+def ended(run: Path) -> Left | None:
+    """Return a flight whose log says that nothing is left to supervise; None if it does not, or there is none.
+
+    Raises:
+        LogError: as `read_left`.
+    """
+    if not (run / LOG).exists() or not says_it_is_over(run / LOG):
+        return None
+    left = read_left(run)
+    return left if isinstance(left, Left) and left.state.finished else None
 
 
 def _launched(run: Path) -> bool:
@@ -107,7 +172,8 @@ def _launched(run: Path) -> bool:
         return False
     with suppress(LogError):
         read_head(path)
-        return any(isinstance(event, LaunchOrdered) for _, event in read_events(path, lambda _: None))
+        with path.open("rb") as file:
+            return any(LAUNCH in line[:100] and line.endswith(b"\n") for line in file)
     with path.open("rb") as file:
         line = file.readline()
     # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
@@ -166,35 +232,43 @@ async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
 async def take_up(run: Path, console: Console) -> Flown:
     """Supervise a flight again that was left in the midst, to its end.
 
+    The links are opened first, and our heartbeat goes out: what the vehicles do without it is their own failsafe's. The
+    log is read meanwhile, in a thread.
+
     Raises:
-        ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
+        ExecutorError: another process flies it, nobody answers, the operator does not say yes, or the directory cannot
+            be used.
     """
     with locked(run):
-        left = read_left(run)  # now that nobody else writes to it
-        if isinstance(left, Ready):
+        known = outset(run)  # now that nobody else writes to it
+        if isinstance(known, Ready):
             raise LogError(f"{run}: expected a flight that was launched")
-        order = order_of(run, left.begun.ground, left.begun.plan)
-        serving.check(order.site.web)
-        clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s, left.set_s)
-        log = EventLog(run / LOG, told=app.telling(console))
-        for command in left.undone:
-            _note(log, command, left.last_s)
-        away_s = max(0.0, clock.now_s() - left.last_s)
-        reopened = Reopened(time.time(), away_s, left.notes)
-        setup = SolverSetup(
-            left.begun.ground.network,
-            left.begun.ground.travel,
-            order.site.flight.solve_s,
-            order.plan.solved.seed,
-        )
+        order = known.order
+        clock = SystemClock.again(known.head.speedup, known.head.began_unix_s, known.last_s, known.set_s)
         async with AsyncExitStack() as stack:
             links = await stack.enter_async_context(app.open_links(order, clock))
+            console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {run / LOG}")
+            await asyncio.to_thread(serving.check, order.site.web)
+            left = await asyncio.to_thread(read_rest, run, known)
+            report = over(run, left)
+            if report is not None:
+                return Flown(report, left.begun.context, left=False)
+            for line in words(left):
+                console.say(Level.INFO, line)
+            if not await console.ask("Take this flight up again?"):
+                raise PreflightFailed("the operator did not say yes; the vehicles heard our heartbeat and nothing else")
+            log = EventLog(run / LOG, told=app.telling(console), lines=left.lines)
+            for command in left.undone:
+                _note(log, command, left.last_s)
+            ground, away_s = left.begun.ground, max(0.0, clock.now_s() - left.last_s)
+            reopened = Reopened(time.time(), away_s, left.notes)
             # The planner's process starts while the vehicles are asked: they fly meanwhile.
-            solver = SolverProcess(setup)
+            solver = SolverProcess(
+                SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
+            )
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                said, unkept = _said(run), tuple(one for one in left.planned if not plan_path(run, one).exists())
-                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, said, unkept)
+                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run), left.legacy)
                 return await app.supervise(order, console, seat, reopened)
             finally:
                 await starting
