@@ -73,7 +73,7 @@ class Checkpointer:
         except OSError as error:
             self._say(f"no checkpoint can be written: {error.strerror}; resume would take longer", failing=True)
         except Exception as error:  # noqa: BLE001 - a mistake of ours here must not cost anything but time
-            text = f"{type(error).__name__}: {str(error):.200}"
+            text = f"{type(error).__name__}: {error!s:.200}"
             self._say(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
         finally:
             self._writing = None

@@ -98,13 +98,23 @@ def program() -> str:
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write one, whole or not at all.
-
-    It is called in a thread. No step of it takes longer than a vehicle's state does, so that the event loop, which has
-    to share the interpreter with it, waits for a few milliseconds at most.
+    """Write one, whole or not at all; called in a thread.
 
     Raises:
         OSError: it cannot be written.
+    """
+    write_whole(path, encoded(checkpoint, (path.parent / PLAN).read_bytes()))
+
+
+def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
+    """Return what the file of a checkpoint holds.
+
+    No step of this takes longer than one vehicle's state does, so that the event loop, which has to share the
+    interpreter with it, waits for some milliseconds at most.
+
+    Args:
+        checkpoint: What to write.
+        plan: The file of the flight's first plan.
     """
     state = checkpoint.state
     plain = replace(_thawed(state), vehicles={}, replan=None if state.replan is None else _thawed(state.replan))
@@ -113,10 +123,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     )
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
     body = b"".join(part.model_dump_json().encode() + b"\n" for part in parts)
-    head = _Head(
-        format=FORMAT, program=program(), plan=_plan_of(path.parent), place=checkpoint.place, body=_digest(body)
-    )
-    write_whole(path, head.model_dump_json().encode() + b"\n" + body)
+    head = _Head(format=FORMAT, program=program(), plan=_digest(plan), place=checkpoint.place, body=_digest(body))
+    return head.model_dump_json().encode() + b"\n" + body
 
 
 def newest(run: Path, log: Path) -> Found:
@@ -145,7 +153,7 @@ def _opened(content: bytes) -> tuple[_Head, bytes]:
     found = json.loads(head)
     known = found.get("format") if isinstance(found, dict) else None
     if known != FORMAT:
-        raise ValueError(f"expected format {FORMAT}, got {str(known):.40}")
+        raise ValueError(f"expected format {FORMAT}, got {known!s:.40}")
     return _Head.model_validate_json(head), body
 
 
@@ -157,7 +165,7 @@ def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
     """
     if head.program != program():
         raise ValueError("another version of the program wrote it")
-    if head.plan != _plan_of(run):
+    if head.plan != _digest((run / PLAN).read_bytes()):
         raise ValueError("it is of a flight with another plan")
     if head.body != _digest(body):
         raise ValueError("it is torn or damaged")
@@ -185,10 +193,6 @@ def _frozen(value: T) -> T:
     """Return a state whose mappings cannot be changed."""
     pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
     return replace(value, **{name: MappingProxyType(held) for name, held in pairs if isinstance(held, dict)})
-
-
-def _plan_of(run: Path) -> str:
-    return _digest((run / PLAN).read_bytes())
 
 
 def _digest(content: bytes) -> str:

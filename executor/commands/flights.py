@@ -44,7 +44,6 @@ from executor.core.commands import Level
 from executor.core.parameters import number
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
-from executor.errors import PreflightFailed
 from executor.order import Order, keep
 from executor.planning import DEFAULT
 from executor.publishing import settings_of

@@ -177,7 +177,7 @@ def test_without_a_yes_nobody_is_told_anything(tmp_path: Path, capsys: pytest.Ca
     flight.pass_s(5.0)
     diary.note()
     size = (run / "events.jsonl").stat().st_size
-    assert "nothing was told to any vehicle" in refused(capsys, "resume", str(run), "--json")
+    assert "the vehicles heard our heartbeat and nothing else" in refused(capsys, "resume", str(run), "--json")
     assert (run / "events.jsonl").stat().st_size == size
 
 
@@ -207,6 +207,6 @@ def test_a_clock_that_was_set_in_the_flight_is_reckoned_with(tmp_path: Path) -> 
     _, diary = launched(run)
     diary.log.note(5.0, clock_set_s=-3600.0)
     found = left(run)
-    assert found.set_s == -3600.0
-    clock = SystemClock.again(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.set_s)
+    assert found.legacy.set_s == -3600.0
+    clock = SystemClock.again(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.legacy.set_s)
     assert clock.now_s() == pytest.approx(600.0, abs=20.0)
