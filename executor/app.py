@@ -42,7 +42,7 @@ from executor.core.state import CheckLine, FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
-from executor.keeper import Keeper, Legacy, in_force
+from executor.keeper import NOTHING_LEFT, Keeper, Legacy, in_force
 from executor.kept import reported
 from executor.order import Console, Order
 from executor.planwords import route_words, summary
@@ -187,7 +187,7 @@ class Cockpit:
     log: EventLog
     solver: SolverProcess
     said: Said
-    legacy: Legacy = Legacy()
+    legacy: Legacy = NOTHING_LEFT
     """What the process before this one left."""
 
 

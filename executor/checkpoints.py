@@ -1,8 +1,9 @@
 """Checkpoints beside the event log: the whole state at one place of it, so that nobody reads ten hours of log.
 
-The log stays the only truth. A checkpoint saves reading what is before its place, and whatever makes it doubtful (another
-program, another plan, another log, damage) makes it nothing: the one before it is taken, or the whole log is read. It is
-JSON, checked against the types of the state; a run directory may come from anybody, so nothing is ever unpickled.
+The log stays the only truth. A checkpoint saves reading what is before its place, and whatever makes it doubtful
+(another program, another plan, another log, damage) makes it nothing: the one before it is taken, or the whole log is
+read. It is JSON, checked against the types of the state; a run directory may come from anybody, so nothing is ever
+unpickled.
 """
 
 from __future__ import annotations

@@ -42,6 +42,10 @@ class Legacy:
     """The file that the flight was taken up from."""
 
 
+NOTHING_LEFT = Legacy()
+"""Of a flight that begins."""
+
+
 class Keeper:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
@@ -53,7 +57,7 @@ class Keeper:
         log: EventLog,
         clock: SystemClock,
         publication: Publication | None,
-        legacy: Legacy = Legacy(),
+        legacy: Legacy = NOTHING_LEFT,
     ) -> None:
         """Name who is told."""
         self._order = order
