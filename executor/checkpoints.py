@@ -16,7 +16,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -186,14 +186,14 @@ def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
 
 def _thawed(value: T) -> T:
     """Return a state whose mappings can be written."""
-    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
-    return replace(value, **{name: dict(held) for name, held in pairs if isinstance(held, Mapping)})
+    held: dict[str, Any] = {field.name: getattr(value, field.name) for field in fields(value)}
+    return replace(value, **{name: dict(one) for name, one in held.items() if isinstance(one, Mapping)})
 
 
 def _frozen(value: T) -> T:
     """Return a state whose mappings cannot be changed."""
-    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
-    return replace(value, **{name: MappingProxyType(held) for name, held in pairs if isinstance(held, dict)})
+    held: dict[str, Any] = {field.name: getattr(value, field.name) for field in fields(value)}
+    return replace(value, **{name: MappingProxyType(one) for name, one in held.items() if isinstance(one, dict)})
 
 
 def _digest(content: bytes) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,7 @@ from executor.core.commands import Command, Level, Say, Solve
 from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.demo import happenings
-from executor.errors import LogError, PreflightFailed
+from executor.errors import LogError
 from executor.keeper import Legacy, plan_path
 from executor.kept import read_kept, reported
 from executor.order import Console, Order
@@ -118,11 +119,16 @@ def read_left(run: Path) -> Ready | Left:
     return known if isinstance(known, Ready) else read_rest(run, known)
 
 
-def read_rest(run: Path, known: Outset) -> Left:
+def read_rest(run: Path, known: Outset, stopped: Callable[[], bool] = lambda: False) -> Left:
     """Return how a flight was left, by its checkpoint and what its log holds since; else by the whole log.
 
+    Args:
+        run: The run directory.
+        known: Its outset.
+        stopped: Asked again and again: whether nobody waits for it any more.
+
     Raises:
-        LogError: as `read_left`.
+        LogError: as `read_left`, or it was stopped.
     """
     path, begun, checkpoint = run / LOG, beginning(run), known.found.checkpoint
     notes = list(known.found.notes)
@@ -136,6 +142,8 @@ def read_rest(run: Path, known: Outset) -> Left:
     replayed = 0
     latest: tuple[Command, ...] = ()
     for last_s, event in read_events(path, notes.append, place):
+        if stopped():
+            raise LogError(f"{path}: was not read to its end")
         latest = ()
         if isinstance(event, SolveEnded) and event.routes is not None and event.revision in solves:
             planned.append((solves[event.revision], event))
@@ -229,15 +237,32 @@ async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
     return await app.fly(order_of(run, ready.ground, ready.plan), console)
 
 
-async def take_up(run: Path, console: Console) -> Flown:
-    """Supervise a flight again that was left in the midst, to its end.
-
-    The links are opened first, and our heartbeat goes out: what the vehicles do without it is their own failsafe's. The
-    log is read meanwhile, in a thread.
+def beforehand(run: Path, known: Outset) -> list[str]:
+    """Return what there is to say of a flight before anybody is told anything: the less, the longer its log is.
 
     Raises:
-        ExecutorError: another process flies it, nobody answers, the operator does not say yes, or the directory cannot
-            be used.
+        LogError: as `read_left`.
+    """
+    if known.found.checkpoint is not None:
+        return words(read_rest(run, known))
+    size_mb = 1e-6 * (run / LOG).stat().st_size
+    text = f"left at {known.last_s:.0f} s; its log of {size_mb:.0f} MB is read while the vehicles hear our heartbeat"
+    return [*known.found.notes, text]
+
+
+async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flown:
+    """Supervise a flight again that was left in the midst, to its end.
+
+    The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
+    meanwhile, in a thread.
+
+    Args:
+        run: The run directory.
+        console: Where the operator looks, who has said yes.
+        told: What was said already.
+
+    Raises:
+        ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
     """
     with locked(run):
         known = outset(run)  # now that nobody else writes to it
@@ -249,14 +274,13 @@ async def take_up(run: Path, console: Console) -> Flown:
             links = await stack.enter_async_context(app.open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {run / LOG}")
             await asyncio.to_thread(serving.check, order.site.web)
-            left = await asyncio.to_thread(read_rest, run, known)
+            left = await _read(run, known)
             report = over(run, left)
             if report is not None:
                 return Flown(report, left.begun.context, left=False)
             for line in words(left):
-                console.say(Level.INFO, line)
-            if not await console.ask("Take this flight up again?"):
-                raise PreflightFailed("the operator did not say yes; the vehicles heard our heartbeat and nothing else")
+                if line not in told:
+                    console.say(Level.INFO, line)
             log = EventLog(run / LOG, told=app.telling(console), lines=left.lines)
             for command in left.undone:
                 _note(log, command, left.last_s)
@@ -272,6 +296,15 @@ async def take_up(run: Path, console: Console) -> Flown:
                 return await app.supervise(order, console, seat, reopened)
             finally:
                 await starting
+
+
+async def _read(run: Path, known: Outset) -> Left:
+    """Read the log in a thread, which ends with whoever waits for it."""
+    over = threading.Event()
+    try:
+        return await asyncio.to_thread(read_rest, run, known, over.is_set)
+    finally:
+        over.set()
 
 
 def _note(log: EventLog, command: Command, at_s: float) -> None:

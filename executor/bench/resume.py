@@ -35,9 +35,11 @@ from executor.order import Order, keep
 from executor.planning import DEFAULT, first_plan
 
 PLAN_S = 2.0
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 LOOK_S = 0.002
-"""How often the log and what is said are looked at."""
+"""How often the log and the loop are looked at."""
+SELDOM_S = 0.2
+"""How often it is looked whether the flight is old enough: a checkpoint is read for that."""
 WRITES = 20
 """Checkpoints that are made to see how late the event loop is meanwhile."""
 LOG, PLAN = "events.jsonl", "plan-000.json"
@@ -88,7 +90,12 @@ def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed
         keep(Order(ground.site, base, ground, plan, run, lambda _: ()))
         with simulated_fleet(run, (), seed):
             with _called(run):
-                _wait_for(lambda: _is_old(run, 60.0 * minutes), 60.0 * minutes / speedup + PATIENCE_S, "a checkpoint")
+                _wait_for(
+                    lambda: _is_old(run, 60.0 * minutes),
+                    60.0 * minutes / speedup + PATIENCE_S,
+                    "a flight with a checkpoint",
+                    SELDOM_S,
+                )
             per_line_ms = _per_line_ms(run)
             _put_before(run, hours)
             found = newest(run, run / LOG).checkpoint
@@ -130,12 +137,12 @@ def _said(process: subprocess.Popen[bytes], words: str) -> float:
     raise BenchError(f"resume: expected it to say '{words}'")
 
 
-def _wait_for(happened: Callable[[], bool], patience_s: float, what: str) -> None:
+def _wait_for(happened: Callable[[], bool], patience_s: float, what: str, every_s: float = LOOK_S) -> None:
     ends_s = time.perf_counter() + patience_s
     while not happened():
         if time.perf_counter() > ends_s:
             raise BenchError(f"resume: waited {patience_s:.0f} s for {what}")
-        time.sleep(LOOK_S)
+        time.sleep(every_s)
 
 
 def _is_old(run: Path, least_s: float) -> bool:
@@ -145,7 +152,7 @@ def _is_old(run: Path, least_s: float) -> bool:
     last_s, found = last_event_s(run / LOG), newest(run, run / LOG).checkpoint
     if last_s is None or found is None or found.state.launched_s is None:
         return False
-    return last_s - found.state.launched_s > least_s and last_s - found.place.at_s > 0.95 * EVERY_S
+    return last_s - found.state.launched_s > least_s and last_s - found.place.at_s > 0.9 * EVERY_S
 
 
 def _follows(run: Path, size: int, words: bytes) -> bool:

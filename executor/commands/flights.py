@@ -44,6 +44,7 @@ from executor.core.commands import Level
 from executor.core.parameters import number
 from executor.core.preflight import Severity
 from executor.demo import check_faults, demo_site, happenings, simulated_fleet
+from executor.errors import PreflightFailed
 from executor.order import Order, keep
 from executor.planning import DEFAULT
 from executor.publishing import settings_of
@@ -213,7 +214,13 @@ def resume(
     left = resuming.ended(directory)
     report = None if left is None else resuming.over(directory, left)
     if left is None or report is None:
-        _finish_flight(known.order, turns.run(resuming.take_up(directory, console)), as_json=as_json)
+        # A heartbeat that begins and ends is a lost ground station to a vehicle: it begins after the yes.
+        told = [] if yes else resuming.beforehand(directory, known)
+        for line in told:
+            console.say(Level.INFO, line)
+        if not console.confirm("Take this flight up again?"):
+            raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+        _finish_flight(known.order, turns.run(resuming.take_up(directory, console, told)), as_json=as_json)
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
     for one in still_open(directory):
