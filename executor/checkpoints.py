@@ -11,9 +11,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -95,7 +96,10 @@ class _Vehicle(_Part):
 def program() -> str:
     """Return the version of this program, and the shape of the state that it knows."""
     shape = json.dumps([model.model_json_schema() for model in (_Fleet, _Vehicle)], sort_keys=True)
-    return f"{version('faultline')} {_digest(shape.encode())[:16]}"
+    release = ""
+    with suppress(PackageNotFoundError):  # run from its sources
+        release = version("faultline")
+    return f"{release} {_digest(shape.encode())[:16]}"
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:

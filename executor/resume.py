@@ -20,7 +20,7 @@ from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.app import Cockpit, Flown
 from executor.begun import Beginning, beginning
 from executor.build import Ground, ground_of
-from executor.checkpoints import Found, Planned, newest
+from executor.checkpoints import FILES, Found, Planned, newest
 from executor.config import read_site
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
@@ -41,7 +41,8 @@ LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", 
 
 HEAD = b'{"format":"faultline-'
 """What the first line of a log begins with."""
-LAUNCH = b'"event":{"kind":"LaunchOrdered"'
+LAUNCH = b'"LaunchOrdered"'
+"""What stands in the line of a launch; within a text the quotation marks would be escaped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +182,7 @@ def _launched(run: Path) -> bool:
     with suppress(LogError):
         read_head(path)
         with path.open("rb") as file:
-            return any(LAUNCH in line[:100] and line.endswith(b"\n") for line in file)
+            return any(LAUNCH in line[:200] and line.endswith(b"\n") for line in file)
     with path.open("rb") as file:
         line = file.readline()
     # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
@@ -232,7 +233,8 @@ async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
     Raises:
         ExecutorError: as `app.fly`.
     """
-    (run / LOG).unlink(missing_ok=True)  # its head at most
+    for name in (LOG, *FILES):  # the log holds its head at most; checkpoints would be another flight's
+        (run / name).unlink(missing_ok=True)
     console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
     return await app.fly(order_of(run, ready.ground, ready.plan), console)
 
@@ -277,6 +279,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flow
             left = await _read(run, known)
             report = over(run, left)
             if report is not None:
+                console.say(Level.INFO, f"{run}: this flight is over")
                 return Flown(report, left.begun.context, left=False)
             for line in words(left):
                 if line not in told:

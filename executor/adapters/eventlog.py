@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import json
-import mmap
 import os
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -305,18 +304,14 @@ def read_head(path: Path) -> Head:
 
 
 def clock_set_s(path: Path, since: Place | None = None) -> float:
-    """Return by how many seconds the time of day was set while a log was written, as far as its notes say.
-
-    A large log is searched, not read: before that is done nobody may date a signature.
-    """
-    total_s, at = 0.0, 0 if since is None else since.size
-    with path.open("rb") as file, suppress(ValueError), mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as log:
-        while (at := log.find(CLOCK_SET.encode(), at)) >= 0:
-            log.seek(log.rfind(b"\n", 0, at) + 1)
-            line = log.readline()
-            at = log.tell()
-            with suppress(ValueError, TypeError, AttributeError, OverflowError, RecursionError):
-                total_s += float(json.loads(line).get(CLOCK_SET, 0.0))
+    """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
+    total_s = 0.0
+    with path.open("rb") as file:
+        file.seek(0 if since is None else since.size)
+        for line in file:
+            if CLOCK_SET.encode() in line:
+                with suppress(ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+                    total_s += float(json.loads(line).get(CLOCK_SET, 0.0))
     return total_s
 
 
