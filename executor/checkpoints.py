@@ -190,14 +190,16 @@ def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
 
 def _thawed(value: T) -> T:
     """Return a state whose mappings can be written."""
-    held: dict[str, Any] = {field.name: getattr(value, field.name) for field in fields(value)}
-    return replace(value, **{name: dict(one) for name, one in held.items() if isinstance(one, Mapping)})
+    held = {field.name: getattr(value, field.name) for field in fields(value)}
+    changes: dict[str, Any] = {name: dict(one) for name, one in held.items() if isinstance(one, Mapping)}
+    return replace(value, **changes)
 
 
 def _frozen(value: T) -> T:
     """Return a state whose mappings cannot be changed."""
-    held: dict[str, Any] = {field.name: getattr(value, field.name) for field in fields(value)}
-    return replace(value, **{name: MappingProxyType(one) for name, one in held.items() if isinstance(one, dict)})
+    held = {field.name: getattr(value, field.name) for field in fields(value)}
+    changes: dict[str, Any] = {name: MappingProxyType(one) for name, one in held.items() if isinstance(one, dict)}
+    return replace(value, **changes)
 
 
 def _digest(content: bytes) -> str:

@@ -10,12 +10,13 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -64,6 +65,8 @@ class Taken:
     """From the call until the links are open and our heartbeat goes out."""
     charge_s: float
     """Until the state is there and supervision goes on."""
+    cpu_s: float
+    """Processor time of the process until then, loading the program included."""
     asked_s: float
     """Until every vehicle was asked what it carries."""
     ms_per_line: float
@@ -108,12 +111,12 @@ def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed
             with _called(run) as process:
                 heartbeat_s = _said(process, "hear our heartbeat") - began_s
                 _wait_for(lambda: _follows(run, size, b'"Reopened"'), PATIENCE_S, "supervision")
-                charge_s = time.perf_counter() - began_s
+                charge_s, cpu_s = time.perf_counter() - began_s, _cpu_s(process.pid)
                 _wait_for(lambda: _follows(run, size, b'"Resumed"'), PATIENCE_S, "the vehicles' answers")
                 asked_s = time.perf_counter() - began_s
     return Taken(
         vehicles, hours, 1e-6 * size, lines, rest, 1e-3 * len(content), write_ms, late_ms, heartbeat_s, charge_s,
-        asked_s, per_line_ms,
+        cpu_s, asked_s, per_line_ms,
     )  # fmt: skip
 
 
@@ -153,6 +156,14 @@ def _is_old(run: Path, least_s: float) -> bool:
     if last_s is None or found is None or found.state.launched_s is None:
         return False
     return last_s - found.state.launched_s > least_s and last_s - found.place.at_s > 0.9 * EVERY_S
+
+
+def _cpu_s(pid: int) -> float:
+    """Return the processor time that a process has had, as Linux tells it; 0 where it is not told."""
+    with suppress(OSError):
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(") ")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # user and system
+    return 0.0
 
 
 def _follows(run: Path, size: int, words: bytes) -> bool:
@@ -225,7 +236,8 @@ async def _written(checkpoint: Checkpoint, plan: bytes) -> tuple[bytes, float, f
 
 COLUMNS = (
     "vehicles", "log, h", "log, MB", "lines", "lines behind the checkpoint", "checkpoint, kB", "written in, ms",
-    "loop late at most, ms", "heartbeat, s", "in charge, s", "all asked, s", "reading it whole, s",
+    "loop late at most, ms", "heartbeat, s", "in charge, s",
+    "processor until then, s", "all asked, s", "reading it whole, s",
 )  # fmt: skip
 
 
@@ -234,7 +246,8 @@ def report_of(rows: list[Taken], content: dict[str, object]) -> str:
     said = (
         "Seconds from the call of `faultline resume DIR --yes` until its heartbeat goes out, until the state is there "
         "and supervision goes on, and until every simulated vehicle was asked what it carries (which takes at least "
-        "one heartbeat of theirs). The ground station was killed when its last checkpoint was oldest. `Written in` is "
+        "one heartbeat of theirs). The ground station was killed when its last checkpoint was oldest; the "
+        "simulation goes on beside all of it. `Written in` is "
         "the processor time of the thread that makes a checkpoint, without the disk's; meanwhile a task slept for "
         f"{1e3 * LOOK_S:g} ms at a time. `Reading it whole` is processor time without a checkpoint, reckoned from a "
         "line's share of the minutes that were flown. The hours are the flight's own messages, repeated before it."
@@ -243,7 +256,7 @@ def report_of(rows: list[Taken], content: dict[str, object]) -> str:
         (
             one.vehicles, number(one.hours), number(one.log_mb, 0), one.lines, one.lines_after,
             number(one.checkpoint_kb, 0), number(one.write_ms), number(one.late_ms), number(one.heartbeat_s, 2),
-            number(one.charge_s, 2), number(one.asked_s, 2), number(one.whole_s, 0),
+            number(one.charge_s, 2), number(one.cpu_s, 2), number(one.asked_s, 2), number(one.whole_s, 0),
         )
         for one in rows
     ]  # fmt: skip
