@@ -27,7 +27,7 @@ from executor.core.state import CheckLine, FleetState
 from executor.core.vehicle import OnBoard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
-from executor.keeper import Keeper, Planned, in_force
+from executor.keeper import NOTHING_LEFT, Keeper, Legacy, in_force
 from executor.kept import reported
 from executor.leaving import Interrupts
 from executor.linking import open_links
@@ -164,8 +164,8 @@ class Cockpit:
     log: EventLog
     solver: SolverProcess
     said: Said
-    unkept: tuple[Planned, ...] = ()
-    """Plans that were found before the ground station went away, and are in no file."""
+    legacy: Legacy = NOTHING_LEFT
+    """What the process before this one left."""
 
 
 async def supervise(order: Order, console: Console, seat: Cockpit, begins: Beginning | Reopened) -> Flown:
@@ -177,7 +177,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Begin
     """
     context, clock, links = seat.context, seat.clock, seat.links
     publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
-    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.unkept)
+    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.legacy)
     if publication is not None:
         publication.plan(seat.state.revision, in_force(order, seat.state.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
+from executor.adapters.logend import Place
 from executor.adapters.solver import REPLAN_COST
 from executor.build import Ground
+from executor.checkpointing import Checkpointer
+from executor.checkpoints import Checkpoint, Planned
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, SolveEnded, Tick
@@ -28,8 +31,23 @@ CLOCK_SET_S = 2.0
 SETTLE_S = 60.0
 """Real seconds that the plans may take to be kept at the end of a flight."""
 
-Planned = tuple[Solve, SolveEnded]
-"""A problem and its answer."""
+
+@dataclass(frozen=True, slots=True)
+class Legacy:
+    """What an earlier process leaves to the one that takes its flight up."""
+
+    unkept: tuple[Planned, ...] = ()
+    """Plans that it found, and did not keep in a file."""
+    solve: Solve | None = None
+    """The last that was to be solved."""
+    set_s: float = 0.0
+    """By how much the computer's time of day was set in the flight so far."""
+    checkpoint: str = ""
+    """The file that the flight was taken up from."""
+
+
+NOTHING_LEFT = Legacy()
+"""Of a flight that begins."""
 
 
 class Keeper:
@@ -43,21 +61,27 @@ class Keeper:
         log: EventLog,
         clock: SystemClock,
         publication: Publication | None,
-        unkept: Sequence[Planned] = (),
+        legacy: Legacy = NOTHING_LEFT,
     ) -> None:
-        """Name who is told; `unkept` are plans that an earlier process found and did not keep."""
+        """Name who is told."""
         self._order = order
         self._publication = publication
         self._context = context
         self._console = console
         self._log = log
         self._clock = clock
-        self._solve: Solve | None = None
+        self._solve = legacy.solve
         self._set_s = clock.set_s()
+        self._noted_set_s = legacy.set_s
+        """What the log's notes come to."""
         self._launched_s: float | None = None
-        self._unkept = list(unkept)
-        """Plans that were found, and are in no file yet."""
+        self._state: FleetState | None = None
+        self._unkept = list(legacy.unkept)
+        """Plans that were found, and wait to be kept."""
+        self._in_no_file = list(legacy.unkept)
+        """Those, and what is just being kept."""
         self._keeping: set[asyncio.Task[None]] = set()
+        self._checkpoints = Checkpointer(order.run, log, clock.speedup, self._warn, legacy.checkpoint)
 
     def observer(self) -> Observer:
         """Return what the flight tells of itself."""
@@ -87,7 +111,7 @@ class Keeper:
 
     def applied(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
-        self._launched_s = state.launched_s
+        self._launched_s, self._state = state.launched_s, state
         if isinstance(event, Tick):
             self._look_at_the_clock(now_s)
         if state.replan is not None:
@@ -96,11 +120,26 @@ class Keeper:
             solve = self._solve
             if solve is not None and event.revision == solve.revision:
                 self._unkept.append((solve, event))
+                self._in_no_file.append((solve, event))
         if self._unkept and (state.replan is None or state.replan.solve_s is None):
             self._keep_plans()
         self._console.show(self._context, state, now_s)
         if self._publication is not None:
             self._publication.applied(event, state)
+        if self._checkpoints.due(state, now_s):
+            # Between two events: what this one decides is in the log by then.
+            asyncio.get_running_loop().call_soon(self._begin_checkpoint, now_s)
+
+    def _begin_checkpoint(self, now_s: float) -> None:
+        self._checkpoints.begin(now_s, self._checkpoint)
+
+    def _checkpoint(self, place: Place) -> Checkpoint:
+        if self._state is None:
+            raise RuntimeError("a checkpoint is due after an event")
+        return Checkpoint(place, self._state, self._solve, tuple(self._in_no_file), self._noted_set_s)
+
+    def _warn(self, text: str) -> None:
+        self.told(Say(Level.WARNING, text), self._clock.now_s())
 
     def _look_at_the_clock(self, now_s: float) -> None:
         """Write down that the time of day was set: the flight does not go by it, but whoever takes it up again does."""
@@ -109,6 +148,7 @@ class Keeper:
         if abs(by_s) < CLOCK_SET_S:
             return
         self._set_s = set_s
+        self._noted_set_s += by_s
         self._log.note(now_s, **{CLOCK_SET: by_s})
         way = "forward" if by_s > 0 else "back"
         text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
@@ -133,6 +173,8 @@ class Keeper:
             self.told(Say(Level.WARNING, text), self._clock.now_s())
             report("keeping a plan", error, said=True)
             return
+        if plan_path(self._order.run, planned).exists():
+            self._in_no_file.remove(planned)
         if self._publication is not None:
             self._publication.plan(planned[1].revision, content)
 
@@ -144,6 +186,7 @@ class Keeper:
             if waiting:
                 text = f"{len(waiting)} plans are not on the disk after {SETTLE_S:g} s; they are in the event log"
                 self.told(Say(Level.WARNING, text), self._clock.now_s())
+        await self._checkpoints.settle()
 
 
 def plan_path(run: Path, planned: Planned) -> Path:

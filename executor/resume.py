@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,18 +14,20 @@ from pathlib import Path
 from executor import app, serving, supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
+from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
 from executor.adapters.rundir import locked, write_json
 from executor.app import Cockpit, Flown
 from executor.begun import Beginning, beginning
 from executor.build import Ground, ground_of
+from executor.checkpoints import FILES, Found, Planned, newest
 from executor.config import read_site
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
-from executor.core.events import LaunchOrdered, Reopened, SolveEnded
+from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.demo import happenings
 from executor.errors import LogError
-from executor.keeper import Planned, plan_path
+from executor.keeper import Legacy, plan_path
 from executor.kept import read_kept, reported
 from executor.linking import open_links
 from executor.order import Console, Order
@@ -38,6 +41,8 @@ LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", 
 
 HEAD = b'{"format":"faultline-'
 """What the first line of a log begins with."""
+LAUNCH = b'"LaunchOrdered"'
+"""What stands in the line of a launch; within a text the quotation marks would be escaped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,36 +62,89 @@ class Left:
     state: FleetState
     last_s: float
     """The last time that is on record."""
+    lines: int
+    """Of the log, as far as they are whole."""
     notes: tuple[str, ...]
-    """What is wrong with the log."""
+    """What is wrong with the log, or with its checkpoints."""
     undone: tuple[Command, ...]
     """What was decided last, and is not on record as carried out."""
-    planned: tuple[Planned, ...] = ()
-    """Every plan that was found."""
-    set_s: float = 0.0
+    legacy: Legacy
+
+
+@dataclass(frozen=True, slots=True)
+class Outset:
+    """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
+
+    order: Order
+    head: Head
+    found: Found
+    """Its checkpoint, if there is a good one."""
+    last_s: float
+    """The last time that is on record."""
+    set_s: float
     """By how much the computer's time of day was set in the flight."""
+
+
+def outset(run: Path) -> Ready | Outset:
+    """Return what is known of a flight without reading its log, as far as there is a checkpoint.
+
+    Raises:
+        LogError: the directory holds no flight, or one of a newer version.
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan, or the network, cannot be used.
+    """
+    if not (run / "site.toml").exists() or not (run / PLAN).exists():
+        raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
+    path = run / LOG
+    found = newest(run, path)
+    launched = found.checkpoint is not None or _launched(run)
+    ground, plan = ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN)
+    belongs(plan, ground, str(run / PLAN))
+    if not launched:
+        return Ready(ground, plan)
+    known = found.checkpoint
+    set_s = clock_set_s(path) if known is None else known.set_s + clock_set_s(path, known.place)
+    last_s = last_event_s(path) or 0.0
+    return Outset(order_of(run, ground, plan), read_head(path), found, last_s, set_s)
 
 
 def read_left(run: Path) -> Ready | Left:
     """Return how a flight was left.
 
     Raises:
-        LogError: the directory holds no flight, or one of a newer version, or what it holds cannot be used.
+        LogError: as `outset`, or what the directory holds cannot be used.
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    if not (run / "site.toml").exists() or not (run / PLAN).exists():
-        raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
-    if not _launched(run):
-        ground, plan = ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN)
-        belongs(plan, ground, str(run / PLAN))
-        return Ready(ground, plan)
-    path, begun, notes = run / LOG, beginning(run), list[str]()
-    state, last_s, replayed = begun.state, 0.0, 0
-    latest: tuple[Command, ...] = ()
+    known = outset(run)
+    return known if isinstance(known, Ready) else read_rest(run, known)
+
+
+def read_rest(run: Path, known: Outset, stopped: Callable[[], bool] = lambda: False) -> Left:
+    """Return how a flight was left, by its checkpoint and what its log holds since; else by the whole log.
+
+    Args:
+        run: The run directory.
+        known: Its outset.
+        stopped: Asked again and again: whether nobody waits for it any more.
+
+    Raises:
+        LogError: as `read_left`, or it was stopped.
+    """
+    path, begun, checkpoint = run / LOG, beginning(run), known.found.checkpoint
+    notes = list(known.found.notes)
+    state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
     planned: list[Planned] = []
-    for last_s, event in read_events(path, notes.append):
+    if checkpoint is not None:
+        state, place, last_s = checkpoint.state, checkpoint.place, checkpoint.place.at_s
+        solves = {} if checkpoint.solve is None else {checkpoint.solve.revision: checkpoint.solve}
+        planned = list(checkpoint.unkept)
+    replayed = 0
+    latest: tuple[Command, ...] = ()
+    for last_s, event in read_events(path, notes.append, place):
+        if stopped():
+            raise LogError(f"{path}: was not read to its end")
         latest = ()
         if isinstance(event, SolveEnded) and event.routes is not None and event.revision in solves:
             planned.append((solves[event.revision], event))
@@ -95,9 +153,25 @@ def read_left(run: Path) -> Ready | Left:
             state, latest = fleet.step(begun.context, state, event, last_s)
             replayed += len(latest)
             solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
-    missing = replayed - sum(1 for _ in read_decisions(path))
+    missing = replayed - sum(1 for _ in read_decisions(path, place))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
-    return Left(begun, read_head(path), state, last_s, tuple(notes), undone, tuple(planned), clock_set_s(path))
+    unkept = tuple(one for one in planned if not plan_path(run, one).exists())
+    solve = solves[max(solves)] if solves else None
+    legacy = Legacy(unkept, solve, known.set_s, known.found.name)
+    lines = (0 if place is None else place.lines) + lines_after(path, place)
+    return Left(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
+
+
+def ended(run: Path) -> Left | None:
+    """Return a flight whose log says that nothing is left to supervise; None if it does not, or there is none.
+
+    Raises:
+        LogError: as `read_left`.
+    """
+    if not (run / LOG).exists() or not says_it_is_over(run / LOG):
+        return None
+    left = read_left(run)
+    return left if isinstance(left, Left) and left.state.finished else None
 
 
 def _launched(run: Path) -> bool:
@@ -107,7 +181,8 @@ def _launched(run: Path) -> bool:
         return False
     with suppress(LogError):
         read_head(path)
-        return any(isinstance(event, LaunchOrdered) for _, event in read_events(path, lambda _: None))
+        with path.open("rb") as file:
+            return any(LAUNCH in line[:200] and line.endswith(b"\n") for line in file)
     with path.open("rb") as file:
         line = file.readline()
     # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
@@ -158,40 +233,79 @@ async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
     Raises:
         ExecutorError: as `app.fly`.
     """
-    (run / LOG).unlink(missing_ok=True)  # its head at most
+    for name in (LOG, *FILES):  # the log holds its head at most; checkpoints would be another flight's
+        (run / name).unlink(missing_ok=True)
     console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
     return await app.fly(order_of(run, ready.ground, ready.plan), console)
 
 
-async def take_up(run: Path, console: Console) -> Flown:
+def beforehand(run: Path, known: Outset) -> list[str]:
+    """Return what there is to say of a flight before anybody is told anything: the less, the longer its log is.
+
+    Raises:
+        LogError: as `read_left`.
+    """
+    if known.found.checkpoint is not None:
+        return words(read_rest(run, known))
+    size_mb = 1e-6 * (run / LOG).stat().st_size
+    text = f"left at {known.last_s:.0f} s; its log of {size_mb:.0f} MB is read while the vehicles hear our heartbeat"
+    return [*known.found.notes, text]
+
+
+async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flown:
     """Supervise a flight again that was left in the midst, to its end.
+
+    The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
+    meanwhile, in a thread.
+
+    Args:
+        run: The run directory.
+        console: Where the operator looks, who has said yes.
+        told: What was said already.
 
     Raises:
         ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
     """
     with locked(run), supervised.hear(lambda text: console.say(Level.FAULT, text), run):
-        left = read_left(run)  # now that nobody else writes to it
-        if isinstance(left, Ready):
+        known = outset(run)  # now that nobody else writes to it
+        if isinstance(known, Ready):
             raise LogError(f"{run}: expected a flight that was launched")
-        order = order_of(run, left.begun.ground, left.begun.plan)
-        serving.check(order.site.web)
-        clock = SystemClock.again(left.head.speedup, left.head.began_unix_s, left.last_s, left.set_s)
-        log = EventLog(run / LOG, told=app.telling(console))
-        for command in left.undone:
-            _note(log, command, left.last_s)
-        away_s = max(0.0, clock.now_s() - left.last_s)
-        reopened = Reopened(time.time(), away_s, left.notes)
+        order = known.order
+        clock = SystemClock.again(known.head.speedup, known.head.began_unix_s, known.last_s, known.set_s)
         async with AsyncExitStack() as stack:
             links = await stack.enter_async_context(open_links(order, clock))
+            console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {run / LOG}")
+            await asyncio.to_thread(serving.check, order.site.web)
+            left = await _read(run, known)
+            report = over(run, left)
+            if report is not None:
+                console.say(Level.INFO, f"{run}: this flight is over")
+                return Flown(report, left.begun.context, left=False)
+            for line in words(left):
+                if line not in told:
+                    console.say(Level.INFO, line)
+            log = EventLog(run / LOG, told=app.telling(console), lines=left.lines)
+            for command in left.undone:
+                _note(log, command, left.last_s)
+            away_s = max(0.0, clock.now_s() - left.last_s)
+            reopened = Reopened(time.time(), away_s, left.notes)
             # The planner's process starts while the vehicles are asked: they fly meanwhile.
             solver = app.solver_of(order, left.begun.ground, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                said, unkept = _said(run), tuple(one for one in left.planned if not plan_path(run, one).exists())
-                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, said, unkept)
+                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run), left.legacy)
                 return await app.supervise(order, console, seat, reopened)
             finally:
                 await starting
+
+
+async def _read(run: Path, known: Outset) -> Left:
+    """Read the log in a thread, which ends with whoever waits for it."""
+    over = threading.Event()
+    try:
+        return await asyncio.to_thread(read_rest, run, known, over.is_set)
+    finally:
+        over.set()
 
 
 def _note(log: EventLog, command: Command, at_s: float) -> None:

@@ -10,14 +10,14 @@ import asyncio
 import dataclasses
 import json
 import os
-import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeGuard, get_type_hints
+from typing import Any, get_type_hints
 
+from executor.adapters.logend import Place, digest_of, ends, is_time, whole_bytes
 from executor.core import events, intents, messages
 from executor.core.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
@@ -33,11 +33,11 @@ ever. A disk that is well takes some milliseconds."""
 GAP = "lines_lost"
 """The key of a note in the place of lines that nobody could write."""
 CLOCK_SET = "clock_set_s"
+"""The key of a note that the computer's time of day was set, by so many seconds."""
 LATEST_UNIX_S = 1e12
 """No flight began later; 30,000 years from now."""
 FASTEST = 1000.0
 """Times real time."""
-"""The key of a note that the computer's time of day was set, by so many seconds."""
 
 _KINDS: dict[str, type] = {
     name: item
@@ -129,6 +129,7 @@ class EventLog:
         began_unix_s: float | None = None,
         speedup: float = 1.0,
         told: Callable[[str], None] = lambda _: None,
+        lines: int = 0,
     ) -> None:
         """Create the file, or go on with one: what is behind its last whole line is cut off then.
 
@@ -137,6 +138,7 @@ class EventLog:
             began_unix_s: Of a new log: seconds since 1970 at which its time is 0.
             speedup: Of the flight, for a new log.
             told: Called with a line for the operator when writing fails, and when it works again.
+            lines: How many whole lines there are, where it goes on with one.
 
         Raises:
             LogError: a new one exists already, or the file cannot be written.
@@ -145,7 +147,9 @@ class EventLog:
         """Lines that will never be written."""
         self._told = told
         self._waiting: deque[bytes] = deque()
-        """Lines that could not be written yet; of the first a part may have been."""
+        """Lines that could not be written yet."""
+        self._begun = 0
+        """How many bytes of the first of them were."""
         self._dropped = 0
         """Lines that were given up since the last one that was kept."""
         self._now_s = 0.0
@@ -155,11 +159,16 @@ class EventLog:
         self._syncing: asyncio.Task[None] | None = None
         """At most one thread waits for the disk."""
         self._slow = False
+        self._lines = lines
+        """That the system has."""
+        self._first = self._last = b""
         new = os.O_CREAT | os.O_EXCL if began_unix_s is not None else 0
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | new, 0o644)
             if began_unix_s is None:
-                os.ftruncate(self._fd, _whole_bytes(path))
+                whole = whole_bytes(path)
+                os.ftruncate(self._fd, whole)
+                self._first, self._last = ends(path, whole)
         except OSError as error:
             raise LogError(f"{path}: cannot be made: {error.strerror}") from error
         if began_unix_s is not None:
@@ -173,6 +182,16 @@ class EventLog:
     def note(self, now_s: float, **fields: object) -> None:
         """Append a line that replay passes over: what was decided, in words."""
         self._write({"t_s": now_s, **fields})
+
+    def place(self) -> Place | None:
+        """Return where the log has come to; None while lines wait that the system did not take."""
+        if self._fd < 0 or self._waiting:
+            return None
+        try:
+            size = os.fstat(self._fd).st_size
+        except OSError:
+            return None
+        return Place(size, self._lines, self._now_s, digest_of(self._first, self._last))
 
     async def settle(self) -> None:
         """Wait until all of it outlives a power loss: no decision reaches a vehicle before.
@@ -249,33 +268,23 @@ class EventLog:
     def _flush(self) -> None:
         """Write what waits, as far as there is room."""
         while self._waiting:
+            rest = self._waiting[0] if self._begun == 0 else self._waiting[0][self._begun :]
             try:
-                written = os.write(self._fd, self._waiting[0])
+                written = os.write(self._fd, rest)
             except OSError:
                 return
-            if written < len(self._waiting[0]):
-                self._waiting[0] = self._waiting[0][written:]
+            if written < len(rest):
+                self._begun += written
                 return
-            self._waiting.popleft()
+            self._begun = 0
+            self._last = self._waiting.popleft()
+            self._first = self._first or self._last
+            self._lines += 1
 
 
 def _to_disk(fd: int) -> None:
     with suppress(OSError):
         os.fdatasync(fd)
-
-
-def _whole_bytes(path: Path) -> int:
-    """Return how many bytes of a log are whole lines."""
-    with path.open("rb") as file:
-        end = file.seek(0, os.SEEK_END)
-        while end > 0:
-            begin = max(0, end - 4096)
-            file.seek(begin)
-            at = file.read(end - begin).rfind(b"\n")
-            if at >= 0:
-                return begin + at + 1
-            end = begin
-    return 0
 
 
 def read_head(path: Path) -> Head:
@@ -294,10 +303,11 @@ def read_head(path: Path) -> Head:
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
 
 
-def clock_set_s(path: Path) -> float:
+def clock_set_s(path: Path, since: Place | None = None) -> float:
     """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
     total_s = 0.0
     with path.open("rb") as file:
+        file.seek(0 if since is None else since.size)
         for line in file:
             if CLOCK_SET.encode() in line:
                 with suppress(ValueError, TypeError, AttributeError, OverflowError, RecursionError):
@@ -320,12 +330,13 @@ def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
     return dict(head)
 
 
-def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
+def read_decisions(path: Path, since: Place | None = None) -> Iterator[tuple[float, object]]:
     """Yield what the log holds beside events, with its time: lines that were said, and commands as plain data.
 
     A line that cannot be read is passed over; `read_events` says what is wrong with it.
     """
     with path.open(encoding="utf-8", errors="replace") as file:
+        file.seek(0 if since is None else since.size)
         for line in file:
             # Most lines are events; a cheap look tells them apart.
             if '"event":' in line[:60] or not line.endswith("\n"):
@@ -334,28 +345,33 @@ def read_decisions(path: Path) -> Iterator[tuple[float, object]]:
                 content = json.loads(line)
             except (ValueError, RecursionError):
                 continue
-            if isinstance(content, dict) and _is_time(content.get("t_s")):
+            if isinstance(content, dict) and is_time(content.get("t_s")):
                 decided = content.get("command", content.get("said"))
                 if decided is not None:
                     yield content["t_s"], decided
 
 
-def read_events(path: Path, damaged: Callable[[str], None] | None = None) -> Iterator[tuple[float, Event]]:
+def read_events(
+    path: Path, damaged: Callable[[str], None] | None = None, since: Place | None = None
+) -> Iterator[tuple[float, Event]]:
     """Yield the events of a log with their times; a torn last line is passed over.
 
     Args:
         path: The log.
         damaged: Told in words what is wrong with it, where that is no reason to give up: lines that cannot be read,
             lines that were never written, times of which nothing is on record. Without it damage is an error.
+        since: Where to begin, if not at the beginning.
 
     Raises:
         LogError: not such a log, or a line in its midst cannot be read.
     """
-    last_s: float | None = None
+    last_s = None if since is None else since.at_s
     try:
         with path.open("rb") as file:
             _expect_format(path, file.readline())
-            for number, line in enumerate(file, start=2):
+            if since is not None:
+                file.seek(since.size)
+            for number, line in enumerate(file, start=2 if since is None else since.lines + 1):
                 if not line.endswith(b"\n"):
                     if damaged is not None:
                         damaged(f"line {number}, the last one, is torn and was dropped")
@@ -393,16 +409,12 @@ def _content(path: Path, number: int, line: bytes, damaged: Callable[[str], None
     return {}
 
 
-def _is_time(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
-
-
 def _timed(content: dict[str, Any]) -> tuple[float, Event] | None:
     """Return the event of a line with its time; None for a line that has none."""
     if "event" not in content:
         return None
     t_s, event = content.get("t_s"), from_plain(content["event"])
-    if not _is_time(t_s):
+    if not is_time(t_s):
         raise LogError("no time t_s")
     if not isinstance(event, Event):
         raise LogError(f"expected an event, got {event!r:.60}")

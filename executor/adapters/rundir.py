@@ -50,19 +50,19 @@ def keep_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, 
         kept = f"{name}{file.suffix}"
         shutil.copyfile(file, path / kept)
         content[name] = {**table, key: kept}
-    _write_whole(path / "site.toml", tomli_w.dumps(content))
+    write_whole(path / "site.toml", tomli_w.dumps(content).encode())
 
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write a JSON file whole or not at all."""
-    _write_whole(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    write_whole(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 
-def _write_whole(path: Path, text: str) -> None:
+def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that it is there whole or not at all, after a power loss too."""
     draft = path.with_name(path.name + ".part")
-    with draft.open("w", encoding="utf-8") as file:
-        file.write(text)
+    with draft.open("wb") as file:
+        file.write(content)
         file.flush()
         os.fsync(file.fileno())
     draft.replace(path)

@@ -1,4 +1,4 @@
-"""The commands `faultline bench solvers`, `table`, `upload`, `fleet` and `detection`."""
+"""The commands `faultline bench solvers`, `table`, `upload`, `fleet`, `resume` and `detection`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from planner import Cost
 cli = typer.Typer(
     name="bench",
     help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
-    "what a fleet costs; what the watchpoints detect.",
+    "what a fleet costs; how soon a flight is taken up again; what the watchpoints detect.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -247,6 +247,27 @@ def fleet(
     from executor.bench.fleet import COUNTS, make_fleet
 
     content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, faults=fault or ())
+    print(json.dumps(content) if as_json else text)
+
+
+@cli.command()
+def resume(
+    vehicles: Annotated[
+        list[int] | None, typer.Option(min=1, max=200, help="How many; may be repeated. By default 6.")
+    ] = None,
+    hours: Annotated[float, typer.Option(min=0.1, max=100, callback=finite, help="Of log before the flight.")] = 10.0,
+    minutes: Annotated[float, typer.Option(min=0.5, max=60, callback=finite, help="Of flight until the kill.")] = 2.0,
+    speedup: Annotated[
+        float, typer.Option(min=0.1, max=6, callback=finite, metavar="X", help="Times real time.")
+    ] = 4.0,
+    seed: SeedOption = 1,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write resume.md and resume.json there.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Kill the ground station of a simulated fleet after hours of log, and measure how soon it is in charge again."""
+    from executor.bench.resume import make_resume
+
+    content, text = make_resume(vehicles or [6], out, minutes=minutes, hours=hours, speedup=speedup, seed=seed)
     print(json.dumps(content) if as_json else text)
 
 

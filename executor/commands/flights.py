@@ -207,26 +207,28 @@ def resume(
     """Take up a flight whose ground station died, from its run directory; on another computer too."""
     from executor import resume as resuming
 
-    left = resuming.read_left(directory)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    if isinstance(left, resuming.Ready):
-        order = resuming.order_of(directory, left.ground, left.plan)
-        _finish_flight(order, turns.run(resuming.begin_again(directory, left, console)), as_json=as_json)
+    known = resuming.outset(directory)
+    if isinstance(known, resuming.Ready):
+        order = resuming.order_of(directory, known.ground, known.plan)
+        _finish_flight(order, turns.run(resuming.begin_again(directory, known, console)), as_json=as_json)
         return
-    order = resuming.order_of(directory, left.begun.ground, left.begun.plan)
-    report = resuming.over(directory, left)
-    if report is not None:
-        console.say(Level.INFO, f"{directory}: this flight is over")
-        for one in still_open(directory):
-            text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
-            console.say(Level.WARNING, text)
-        _finish_flight(order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
+    left = resuming.ended(directory)
+    report = None if left is None else resuming.over(directory, left)
+    if left is None or report is None:
+        # A heartbeat that begins and ends is a lost ground station to a vehicle: it begins after the yes.
+        told = [] if yes else resuming.beforehand(directory, known)
+        for line in told:
+            console.say(Level.INFO, line)
+        if not console.confirm("Take this flight up again?"):
+            raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+        _finish_flight(known.order, turns.run(resuming.take_up(directory, console, told)), as_json=as_json)
         return
-    for line in resuming.words(left):
-        console.say(Level.INFO, line)
-    if not console.confirm("Take this flight up again?"):
-        raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
-    _finish_flight(order, turns.run(resuming.take_up(directory, console)), as_json=as_json)
+    console.say(Level.INFO, f"{directory}: this flight is over")
+    for one in still_open(directory):
+        text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
+        console.say(Level.WARNING, text)
+    _finish_flight(known.order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
 
 
 def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:

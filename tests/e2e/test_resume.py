@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from executor.checkpoints import FILES
 from executor.rerun import rerun
 from executor.simulator.truth import read_truths
 from tests.e2e.flights import called, ended, notes, said_in, site_file
@@ -65,6 +66,8 @@ async def test_killed_before_the_take_off_and_in_flight_and_copied_to_another_co
     assert all(vehicle["landed"] and not vehicle["frames_refused"] for vehicle in report["vehicles"])
     assert (code_again, again) == (0, report)
     assert any("torn and was dropped" in note["said"] for note in notes(copy))
+    assert any((copy / name).exists() for name in FILES)
+    assert not any("is not used" in note["said"] for note in notes(copy))
     assert rerun(copy).comparison.same
     assert KEY not in "".join(path.read_text(errors="replace") for path in copy.iterdir() if path.is_file())
     starts = [one.vehicle for one in read_truths(truth) if one.what == "took_off"]

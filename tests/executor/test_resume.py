@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import threading
 import time
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from executor import build, resume
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import EventLog, read_decisions, to_plain
+from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
 from executor.adapters.rundir import keep_site, locked, write_json
 from executor.begun import beginning
 from executor.cli import main
 from executor.config import read_site
-from executor.core.commands import Say, Start
+from executor.core.commands import Level, Say, Start
+from executor.core.context import Context
 from executor.core.events import Event
+from executor.core.preflight import Check
+from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.errors import LogError
 from missions import Solved, make_plan_file, write_plan
@@ -207,6 +215,114 @@ def test_a_clock_that_was_set_in_the_flight_is_reckoned_with(tmp_path: Path) -> 
     _, diary = launched(run)
     diary.log.note(5.0, clock_set_s=-3600.0)
     found = left(run)
-    assert found.set_s == -3600.0
-    clock = SystemClock.again(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.set_s)
+    assert found.legacy.set_s == -3600.0
+    clock = SystemClock.again(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.legacy.set_s)
     assert clock.now_s() == pytest.approx(600.0, abs=20.0)
+
+
+class Watchful:
+    """An operator who has said yes."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        self.said.append(text)
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Nothing is checked here."""
+
+    def confirm(self, question: str) -> bool:
+        return True
+
+    async def ask(self, question: str) -> bool:
+        return True
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Nobody looks."""
+
+    def done(self) -> None:
+        """Nothing is drawn."""
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("at_work", [1, 2])
+async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_work: int
+) -> None:
+    """A disk that gives the log only when both vehicles have heard us; the second time nobody waits for it any more."""
+    run = prepared(tmp_path)
+    flight, diary = launched(run)
+    flight.pass_s(5.0)
+    diary.note()
+    diary.log.close()
+    heard, ended = threading.Event(), threading.Event()
+
+    def slow(path: Path, *rest: object) -> Iterator[tuple[float, Event]]:
+        assert heard.wait(30.0)
+        try:
+            for timed in read_events(path):
+                yield timed
+                if at_work == 2:
+                    time.sleep(0.05)
+            raise LogError("this disk ends here")
+        finally:
+            ended.set()
+
+    monkeypatch.setattr(resume, "read_events", slow)
+    ports = [int(table.connection.rpartition(":")[2]) for table in read_site(run / "site.toml").vehicle]
+    async with AsyncExitStack() as stack:
+        peers = [await stack.enter_async_context(peer(port, sysid)) for sysid, port in enumerate(ports, start=1)]
+        console = Watchful()
+        taking = asyncio.create_task(resume.take_up(run, console))
+        async with asyncio.timeout(30.0):
+            await asyncio.gather(*(one.answered.wait() for one in peers))
+        assert not taking.done()
+        heard.set()
+        if at_work == 2:
+            taking.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await taking
+            assert await asyncio.to_thread(ended.wait, 0.5)
+        else:
+            with pytest.raises(BaseExceptionGroup) as group:
+                await taking
+            assert group.value.subgroup(LogError) is not None
+    assert any("the vehicles hear our heartbeat again" in line for line in console.said)
+
+
+class Peer(asyncio.DatagramProtocol):
+    """A vehicle that says that it is there, and hears whether somebody else is."""
+
+    def __init__(self, sysid: int) -> None:
+        self._words = common.MAVLink(None, srcSystem=sysid, srcComponent=1)
+        self.answered = asyncio.Event()
+
+    def heartbeat(self) -> bytes:
+        return bytes(self._words.heartbeat_encode(2, 3, 0, 0, 4).pack(self._words))
+
+    def datagram_received(self, data: bytes, addr: object) -> None:
+        frames = common.MAVLink(None).parse_buffer(data) or []
+        if any(frame.get_type() == "HEARTBEAT" and frame.get_srcSystem() == 255 for frame in frames):
+            self.answered.set()
+
+
+@asynccontextmanager
+async def peer(port: int, sysid: int) -> AsyncIterator[Peer]:
+    transport, one = await asyncio.get_running_loop().create_datagram_endpoint(
+        lambda: Peer(sysid), remote_addr=("127.0.0.1", port)
+    )
+
+    async def speak() -> None:
+        while True:
+            transport.sendto(one.heartbeat())
+            await asyncio.sleep(0.05)
+
+    speaking = asyncio.create_task(speak())
+    try:
+        yield one
+    finally:
+        speaking.cancel()
+        transport.close()
+        await asyncio.gather(speaking, return_exceptions=True)
+        await asyncio.sleep(0)
