@@ -29,6 +29,10 @@ ENDS_S = 1.0
 @contextmanager
 def held_back() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach; one that comes meanwhile is delivered afterwards."""
+    from multiprocessing import resource_tracker
+
+    # It starts with the first process, and has SIGINT delivered again once it runs: to that process as well.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     came: list[int] = []
     # Another thread may take the signal all the same; half a pool of processes would wait for the rest for ever.

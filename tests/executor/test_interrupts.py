@@ -53,7 +53,7 @@ def test_ctrl_c_ends_it_with_a_line(place: Place, command: list[str], said: str)
     # Python itself ends by the signal where it was compiling something at that moment; for a shell both are 130.
     assert process.returncode in {cli.INTERRUPTED, -signal.SIGINT}
     assert "faultline: interrupted" in err
-    assert "Traceback" not in seen + err + out
+    assert "Traceback" not in seen + err + out, seen + err + out
 
 
 def test_ctrl_c_while_the_program_loads(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
