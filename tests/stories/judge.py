@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -92,22 +93,32 @@ class Judge:
             name: tuple(sorted((one for one in flown.truths if one.vehicle == name), key=lambda one: one.t_s))
             for name in self.names
         }
+        self._events = {name: tuple(one for one in of if one.what != "at") for name, of in self._of.items()}
+        self._times = {name: [one.t_s for one in of] for name, of in self._of.items()}
+        self._found: dict[tuple[str, ...], list[Truth]] = {}
         self._asked = tuple((at_s, event.intent) for at_s, event in flown.log if isinstance(event, IntentReceived))
         self._refused = {record.intent.id for record in flown.intents if record.outcome is Outcome.REFUSED}
 
     def findings(self) -> list[Finding]:
         """Return everything that must not be, in the order of its time."""
         rules = (
-            self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters, self._lines,
+            *self._own_rules(), self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters, self._lines,
             self._words, self._pages, self._elsewhere, self._inspections,
         )  # fmt: skip
         return sorted((one for rule in rules for one in rule()), key=lambda one: one.at_s)
+
+    def _own_rules(self) -> Sequence[Callable[[], Iterator[Finding]]]:
+        """Return what else is held against the truth."""
+        return ()
 
     # What really happened.
 
     def happened(self, name: str, *prefixes: str) -> list[Truth]:
         """Return a vehicle's truths that begin so."""
-        return [one for one in self._of[name] if one.what.startswith(prefixes)]
+        key = (name, *prefixes)
+        if key not in self._found:
+            self._found[key] = [one for one in self._events[name] if one.what.startswith(prefixes)]
+        return self._found[key]
 
     def orders(self, name: str) -> list[Truth]:
         """Return what this ground station commanded after the launch."""
@@ -191,7 +202,8 @@ class Judge:
 
     def at(self, name: str, at_s: float) -> Truth:
         """Return the last truth of a vehicle by then: where it was, and what its battery held."""
-        return max((one for one in self._of[name] if one.t_s <= at_s + 0.05), key=lambda one: one.t_s)
+        behind = bisect_right(self._times[name], at_s + 0.05)
+        return self._of[name][max(0, behind - 1)]
 
     def armed(self, name: str, at_s: float) -> bool:
         """Return whether its motors were on."""
