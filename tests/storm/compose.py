@@ -10,7 +10,7 @@ from executor.core.intents import Action
 from tests.stories.story import MISSION
 from tests.storm.plot import ALL, GROUND, SITES, Happening, Plot
 
-AGO_S = 95.0
+AGO_S = 80.0
 """Most begins within this, while somebody is still in the air."""
 
 
@@ -170,7 +170,7 @@ def composed(seed: int) -> Plot:
     rng = random.Random(f"storm {seed}")
     autopilot = rng.choice(sorted(MISSION))
     network = rng.choice(sorted(SITES))
-    names = tuple(f"uav{number}" for number in range(1, rng.choice([2, 2, 3, 3, 3, 4, 5]) + 1))
+    names = tuple(f"uav{number}" for number in range(1, rng.choice([2, 2, 2, 3, 3, 3, 4, 5]) + 1))
     chance = Chance(rng, names, autopilot)
     kinds = [rng.choice([*KINDS, *LIKELY]) for _ in range(rng.choice([0, 1, 1, 2, 2, 2, 3, 3, 4]))]
     happenings = sorted((KINDS[kind](chance) for kind in kinds), key=lambda one: (one.at_s, one.kind))

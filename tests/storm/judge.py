@@ -30,6 +30,8 @@ UP_M = 2.5
 NEARER_M = 1.5
 """Two vehicles may be seen nearer than the layers' spacing by this."""
 BELOW_PCT = 2.0
+ON_ITS_WAY_S = 2.5
+"""What was true so long ago may still be said."""
 AIRBORNE_M = 1.0
 OVER = frozenset({"landed", "down", "lost", "ground", "pilot"})
 """States in which the end of a vehicle is known, or openly unknown."""
@@ -81,13 +83,16 @@ class StormJudge(Judge):
     # What is said: a lie that was believed makes lines that are not true, and nobody can help it.
 
     def _landed(self, found: re.Match[str], at_s: float, line: Say) -> str:
-        return "" if self._lied(found["name"], at_s, "forged disarmed") else super()._landed(found, at_s, line)
+        if "landed or" in line.text or self._lied(found["name"], at_s, "forged disarmed"):
+            return ""
+        return super()._landed(found, at_s, line)
 
     def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
         if self._forged(name, at_s) or self._silent(name, at_s, 30.0):
             return ""
-        return super()._down(found, at_s, line)
+        why = super()._down(found, at_s, line)
+        return "" if why == "it is disarmed" and self.armed(name, at_s - ON_ITS_WAY_S) else why
 
     def _lied(self, name: str, at_s: float, kind: str) -> bool:
         return any(at <= at_s and one.word != "190" for at, one in self._began(name, frozenset({kind})))
@@ -123,7 +128,8 @@ class StormJudge(Judge):
         return super()._a_fault(found, at_s, line)
 
     def _untrue(self, name: str, state: str, at_s: float) -> str:
-        return "" if self._forged(name, at_s) else super()._untrue(name, state, at_s)
+        never_armed = not any(one.t_s <= at_s for one in self.happened(name, "armed"))
+        return "" if never_armed or self._forged(name, at_s) else super()._untrue(name, state, at_s)
 
     # What must not be, whatever happens.
 
@@ -162,7 +168,7 @@ class StormJudge(Judge):
                     looks.setdefault(round(truth.t_s), []).append(truth)
         for at_s, truths in looks.items():
             for one, two in itertools.combinations(truths, 2):
-                if abs(one.t_s - two.t_s) > 0.25:
+                if one.vehicle == two.vehicle or abs(one.t_s - two.t_s) > 0.25:
                     continue
                 apart_m = math.hypot(distance_m(place(one), place(two)), (one.up_m or 0.0) - (two.up_m or 0.0))
                 if apart_m < self.stormed.spacing_m - NEARER_M:

@@ -33,7 +33,7 @@ from tests.stories.world import Flown, Sink, Sky
 from tests.storm.air import STEP_S, Air, suffers
 from tests.storm.plot import ALL, GROUND, Happening, Plot, network_named
 
-QUIET_S = 170.0
+QUIET_S = 135.0
 """So long after the last happening, and the launch, the crew calls it a day."""
 AGAIN_S = 45.0
 """Until it does so again, if somebody is still out."""
@@ -43,6 +43,8 @@ PATIENCE_S = 15.0
 """Of a flight that is taken up again, for the first answer."""
 INSPECTION = {"height_m": 6.0, "speed_m_s": 6.0, "transit_speed_m_s": 10.0}
 """Low and fast, so that a flight is short."""
+AGAIN_LATER_S = 10.0
+"""Until a crew tries again whose vehicles did not answer."""
 SETTLED = 60
 """Iterations without an improvement: the networks are small."""
 SPECS = {
@@ -127,7 +129,7 @@ class Deputy:
 class StormSky(Sky):
     """A story on its way."""
 
-    patience_s = 30.0
+    patience_s = 25.0
     return_m = 32.0
 
     def __init__(self, plot: Plot) -> None:
@@ -254,7 +256,9 @@ class StormSky(Sky):
             if self._away_until_s is None and not nobody:
                 return
             if nobody:  # the crew tries again
-                self._die(self.now_s + 10.0)
+                self._die(self.now_s + AGAIN_LATER_S)
+                again = Happening("ground killed", GROUND, 0.0, AGAIN_LATER_S + PATIENCE_S)
+                self.began.append((self.now_s - PATIENCE_S, replace(again, for_s=again.for_s + PATIENCE_S)))
             await self._up.wait()
             state = self._replayed()
 
@@ -422,9 +426,10 @@ class StormSky(Sky):
 
     def _call_it_a_day(self) -> None:
         """Bring home who is still out: pilots theirs, the crew the others."""
+        taken = {one.name for one in self.view.vehicles if one.state == "pilot"}
         for name, air in self.airs.items():
             autopilot = air.vehicle.autopilot
-            if autopilot.frame.armed and autopilot.hands:
+            if autopilot.frame.armed and (autopilot.hands or name in taken):
                 self.befall(f"{name}:pilot=RTL")
         if not self._over():
             self._asks(Action.ABORT, None)
