@@ -85,6 +85,8 @@ def place(truth: Truth) -> tuple[float, float]:
 class Judge:
     """One story's flight, looked at afterwards."""
 
+    on_pad_m = ON_PAD_M
+
     def __init__(self, flown: Flown) -> None:
         self.flown = flown
         self.end_s = flown.given_up_s
@@ -102,8 +104,8 @@ class Judge:
     def findings(self) -> list[Finding]:
         """Return everything that must not be, in the order of its time."""
         rules = (
-            *self._own_rules(), self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters, self._lines,
-            self._words, self._pages, self._elsewhere, self._inspections,
+            *self._own_rules(), self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters,
+            self._lines, self._words, self._pages, self._elsewhere, self._inspections,
         )  # fmt: skip
         return sorted((one for rule in rules for one in rule()), key=lambda one: one.at_s)
 
@@ -314,7 +316,7 @@ class Judge:
         if not ended or ended[-1] != "landed":
             return f"it did not land, it was: {ended[-1] if ended else 'never in the air'}"
         away_m = self.from_pad_m(name, at_s)
-        if away_m > ON_PAD_M and not COORDINATES.search(line.text) and "off its pad" not in line.text:
+        if away_m > self.on_pad_m and not COORDINATES.search(line.text) and "off its pad" not in line.text:
             return f"{away_m:.0f} m from its pad, which is not said"
         told = re.search(r"with (\d+) %", line.text)
         charge_pct = self.at(name, at_s).charge_pct or 0.0
@@ -331,7 +333,7 @@ class Judge:
         if (truth.up_m or 0.0) > 1.0:
             return f"it is {truth.up_m:.0f} m up"
         ended = [one.what for one in self.happened(name, "landed", "wreck", "fell", "crash") if one.t_s <= at_s]
-        if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= ON_PAD_M:
+        if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= self.on_pad_m:
             return "it has landed on its pad"
         armed = re.search(r"\barmed\b", line.text) is not None and "disarmed" not in line.text
         return "" if armed == self.armed(name, at_s) or not armed else "it is disarmed"
@@ -448,7 +450,7 @@ class Judge:
         """Who comes down somewhere else is announced, with where; and so is a wreck, in time."""
         for name in self.names:
             for one in self.happened(name, "disarmed", "wreck"):
-                if one.t_s < self.flown.began_s or distance_m(place(one), self.flown.pads[name]) <= ON_PAD_M:
+                if one.t_s < self.flown.began_s or distance_m(place(one), self.flown.pads[name]) <= self.on_pad_m:
                     continue
                 if any(wreck.t_s < one.t_s for wreck in self.happened(name, "wreck")):
                     continue  # its motors are off now; where it lies was told

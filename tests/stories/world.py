@@ -297,8 +297,11 @@ class Sky(World):
         self.shown += [Shown(self.now_s, one.name, one.state) for one in view.vehicles]
         if view.offer is not None and self.story.offers is Answers.YES:
             for name in view.offer.vehicles:
-                self.ask(Action.INCLUDE, name)
+                self._answer(name)
         self._give_up()
+
+    def _answer(self, name: str) -> None:
+        self.ask(Action.INCLUDE, name)
 
     def _give_up(self) -> None:
         """Say that it is over when everybody has been down for long: an offer that nobody answers holds no crew."""

@@ -18,8 +18,9 @@ from tests.storm.plot import Plot, from_json
 from tests.storm.shrink import Shrunk
 from tests.storm.sky import Stormed, fly
 from tests.storm.table import Table
-from tests.storm.work import composed_and_judged, quiet, shortest
+from tests.storm.work import Judged, composed_and_judged, quiet, shortest
 
+TOLD_S = 10.0
 AHEAD = 3
 """Stories that wait for each process."""
 
@@ -32,30 +33,30 @@ def _show(short: Shrunk) -> None:
 def storm(stories: int, seed: int, seconds: float, jobs: int, *, shrinks: bool) -> Table:
     """Fly stories until there are enough, or the time is over, or Ctrl-C; print what fails, shrunk."""
     table, began_s, seeds = Table(), time.monotonic(), iter(range(seed, seed + stories))
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=quiet)
-    waiting: set[Future[object]] = set()
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=quiet)
+    flights: set[Future[Judged]] = set()
+    shortened: set[Future[Shrunk]] = set()
     told_s = began_s
     try:
         while True:
             late = time.monotonic() - began_s >= seconds
             with held_back():
-                while len(waiting) < jobs * AHEAD and not late and (number := next(seeds, None)) is not None:
-                    waiting.add(pool.submit(composed_and_judged, number))  # type: ignore[arg-type]
-            if not waiting:
+                while len(flights) < jobs * AHEAD and not late and (number := next(seeds, None)) is not None:
+                    flights.add(pool.submit(composed_and_judged, number))
+            if not flights and not shortened:
                 break
-            done, waiting = wait(waiting, timeout=1.0, return_when=FIRST_COMPLETED)
-            for future in done:
-                result = future.result()
-                if isinstance(result, Shrunk):
-                    _show(result)
-                    continue
-                plot, found, busy_s = result  # type: ignore[misc]
+            wait([*flights, *shortened], timeout=1.0, return_when=FIRST_COMPLETED)
+            for flight in [one for one in flights if one.done()]:
+                flights.discard(flight)
+                plot, found, busy_s = flight.result()
                 for one in table.add(plot, found, busy_s):
                     print(f"seed {plot.seed}: {one}", flush=True)
                     if shrinks:
-                        waiting.add(pool.submit(shortest, plot, one))  # type: ignore[arg-type]
-            if time.monotonic() - told_s >= 10.0:
+                        shortened.add(pool.submit(shortest, plot, one))
+            for short in [one for one in shortened if one.done()]:
+                shortened.discard(short)
+                _show(short.result())
+            if time.monotonic() - told_s >= TOLD_S:
                 told_s = time.monotonic()
                 rate = table.flown / (told_s - began_s)
                 print(f"  {table.flown} stories, {table.failed} failed, {rate:.2f}/s", file=sys.stderr, flush=True)

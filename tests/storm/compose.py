@@ -172,7 +172,7 @@ def composed(seed: int) -> Plot:
     network = rng.choice(sorted(SITES))
     names = tuple(f"uav{number}" for number in range(1, rng.choice([2, 2, 2, 3, 3, 3, 4, 5]) + 1))
     chance = Chance(rng, names, autopilot)
-    kinds = [rng.choice([*KINDS, *LIKELY]) for _ in range(rng.choice([0, 1, 1, 2, 2, 2, 3, 3, 4]))]
+    kinds = [rng.choice([*KINDS, *LIKELY]) for _ in range(rng.choice([0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4]))]
     happenings = sorted((KINDS[kind](chance) for kind in kinds), key=lambda one: (one.at_s, one.kind))
     return Plot(
         seed, autopilot, network, _dealt(rng, names, len(SITES[network][1])), tuple(happenings),

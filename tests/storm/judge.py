@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from executor.core.commands import Say
 from executor.core.intents import Action
 from executor.simulator import Truth
-from tests.stories.judge import MISSION, Finding, Judge, Span, distance_m, place
-from tests.storm.plot import BEARS_S, GROUND, Happening
+from tests.stories.judge import Finding, Judge, Span, distance_m, place
+from tests.stories.story import MISSION
+from tests.storm.plot import BEARS_S, Happening
 from tests.storm.sky import Stormed
 
 CUTS_OFF = frozenset({"downlink lost", "frozen", "held up", "no heartbeat", "ground sleeps", "ground killed"})
@@ -30,6 +31,8 @@ UP_M = 2.5
 NEARER_M = 1.5
 """Two vehicles may be seen nearer than the layers' spacing by this."""
 BELOW_PCT = 2.0
+ASKS_S = 12.0
+"""A ground station that runs again asks everybody first."""
 ON_ITS_WAY_S = 2.5
 """What was true so long ago may still be said."""
 AIRBORNE_M = 1.0
@@ -41,6 +44,8 @@ BATTERY_S = 240.0
 
 class StormJudge(Judge):
     """One flight through a storm, looked at afterwards."""
+
+    on_pad_m = 15.0
 
     def __init__(self, stormed: Stormed) -> None:
         super().__init__(stormed.flown)
@@ -59,7 +64,10 @@ class StormJudge(Judge):
             Span(one.from_s, one.to_s + BEARS_S, one.what) if one.what == "reboot" else one
             for one in super().silences(name)
         ]
-        spans += [Span(at_s, at_s + one.for_s + 2.0, one.kind) for at_s, one in self._began(name, CUTS_OFF)]
+        spans += [
+            Span(at_s, at_s + one.for_s + (ASKS_S if one.kind == "ground killed" else 2.0), one.kind)
+            for at_s, one in self._began(name, CUTS_OFF)
+        ]
         return spans
 
     def _muddles(self, name: str) -> list[Span]:
@@ -75,6 +83,10 @@ class StormJudge(Judge):
             if span.from_s - 1.0 <= at_s <= span.to_s:
                 at_s = span.to_s + 1.0
         return at_s
+
+    def _acting(self, name: str) -> Iterator[Span]:
+        """Yield when a failsafe acts; one on the ground with the motors off moves nothing."""
+        return (span for span in super()._acting(name) if self.armed(name, span.from_s))
 
     def _forged(self, name: str, at_s: float) -> bool:
         """Return whether somebody lied about it before."""
@@ -106,7 +118,9 @@ class StormJudge(Judge):
         name = found["name"]
         unknown = any(
             began_s <= at_s
-            for began_s, _ in self._began(name, FORGERIES | {"ground killed", "kill", "disarm", "reboot", "half-upload"})
+            for began_s, _ in self._began(
+                name, FORGERIES | {"ground killed", "kill", "disarm", "reboot", "half-upload"}
+            )
         )
         return "" if unknown else super()._with_pilot(found, at_s, line)
 
@@ -224,6 +238,3 @@ def _against(at: tuple[float, float], one: tuple[float, float], two: tuple[float
 def findings(stormed: Stormed) -> list[Finding]:
     """Return everything that must not be."""
     return StormJudge(stormed).findings()
-
-
-__all__ = ["GROUND", "StormJudge", "findings"]

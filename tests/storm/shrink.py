@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from tests.stories.judge import Finding
 from tests.storm.plot import ALL, Happening, Plot
 
-MOST_FLIGHTS = 80
+MOST_FLIGHTS = 50
 NUMBER = re.compile(r"-?\d+(\.\d+)?")
 NAME = re.compile(r"uav\d+(, uav\d+| and uav\d+)*")
 

@@ -20,7 +20,8 @@ from executor.core.commands import Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, Reopened, ReturnAllOrdered, SolveEnded
 from executor.core.failsafes import link_failsafe
-from executor.core.intents import Action
+from executor.core.intents import Action, IntentRecord
+from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.errors import ConnectionFailed
 from executor.runtime import preflight
@@ -45,6 +46,7 @@ INSPECTION = {"height_m": 6.0, "speed_m_s": 6.0, "transit_speed_m_s": 10.0}
 """Low and fast, so that a flight is short."""
 AGAIN_LATER_S = 10.0
 """Until a crew tries again whose vehicles did not answer."""
+SENT_AGAIN_S = 30.0
 SETTLED = 60
 """Iterations without an improvement: the networks are small."""
 SPECS = {
@@ -161,6 +163,7 @@ class StormSky(Sky):
         self._beat: asyncio.Task[None] | None = None
         self._away_until_s: float | None = None
         self._reopened: Reopened | None = None
+        self._sent_again_s: dict[str, float] = {}
         self._up = asyncio.Event()
         last_s = max((one.ends_s for one in plot.happenings), default=0.0)
         self._quiet_s = last_s + QUIET_S
@@ -262,7 +265,7 @@ class StormSky(Sky):
             await self._up.wait()
             state = self._replayed()
 
-    def _replayed(self) -> fleet.FleetState:
+    def _replayed(self) -> FleetState:
         state = fleet.initial(self._boards)
         for at_s, event in self.disk.kept:
             with suppress(Exception):
@@ -321,6 +324,16 @@ class StormSky(Sky):
         else:
             self._note()
 
+    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True) -> IntentRecord:
+        if action is Action.INCLUDE and vehicle is not None:
+            self._sent_again_s[vehicle] = self.now_s
+        return super().ask(action, vehicle, sure=sure)
+
+    def _answer(self, name: str) -> None:
+        """Send a vehicle out again, as a crew does: not the same one every second."""
+        if self.now_s - self._sent_again_s.get(name, -SENT_AGAIN_S) >= SENT_AGAIN_S:
+            self.ask(Action.INCLUDE, name)
+
     def _note(self) -> None:
         for air in self.airs.values():
             air.vehicle.autopilot.frame.happened("at")
@@ -337,7 +350,9 @@ class StormSky(Sky):
             self.befall(self._then.pop(0)[2])
         if self._away_until_s is not None:
             if self.now_s >= self._away_until_s:
-                self._come_back(next((one.value for _, one in reversed(self.began) if one.kind == "ground killed"), 0.0))
+                self._come_back(
+                    next((one.value for _, one in reversed(self.began) if one.kind == "ground killed"), 0.0)
+                )
         elif since_s >= self._quiet_s:
             self._quiet_s += AGAIN_S
             self._call_it_a_day()

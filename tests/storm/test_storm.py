@@ -28,7 +28,9 @@ def rules(stormed: Stormed) -> set[str]:
     return {finding.rule for finding in findings(stormed)}
 
 
-def lied(stormed: Stormed, *, inspected: Mapping[int, str] | None = None, said: str = "", at_s: float = 40.0) -> Stormed:
+def lied(
+    stormed: Stormed, *, inspected: Mapping[int, str] | None = None, said: str = "", at_s: float = 40.0
+) -> Stormed:
     """Return a flight whose ground station believed, or said, something else."""
     flown = stormed.flown
     lines = (*flown.said, (at_s, Say(Level.INFO, said))) if said else flown.said

@@ -17,6 +17,10 @@ STUCK_S = 120
 """Of the processor: a story that takes longer stands still in virtual time."""
 
 
+Judged = tuple[Plot, tuple[Finding, ...], float]
+"""A story, what must not be in it, and what it took of a processor."""
+
+
 class Stuck(SystemExit):
     """A story that takes for ever; what ends a process passes through an event loop."""
 
@@ -42,15 +46,18 @@ def judged(plot: Plot) -> tuple[Finding, ...]:
         gc.collect()
 
 
-def composed_and_judged(seed: int) -> tuple[Plot, tuple[Finding, ...], float]:
+def composed_and_judged(seed: int) -> Judged:
+    """Fly the story of a seed."""
     began_s = time.process_time()
     plot = composed(seed)
     return plot, judged(plot), time.process_time() - began_s
 
 
 def shortest(plot: Plot, finding: Finding) -> Shrunk:
+    """Shrink a story that fails."""
     return shrunk(plot, finding, judged)
 
 
 def quiet() -> None:
+    """Leave Ctrl-C to the process that everybody works for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
