@@ -18,7 +18,7 @@ from tests.storm.plot import Plot, from_json
 from tests.storm.shrink import Shrunk
 from tests.storm.sky import Stormed, fly
 from tests.storm.table import Table
-from tests.storm.work import Judged, composed_and_judged, quiet, shortest
+from tests.storm.work import Judged, done, quiet
 
 TOLD_S = 10.0
 AHEAD = 3
@@ -34,28 +34,26 @@ def storm(stories: int, seed: int, seconds: float, jobs: int, *, shrinks: bool) 
     """Fly stories until there are enough, or the time is over, or Ctrl-C; print what fails, shrunk."""
     table, began_s, seeds = Table(), time.monotonic(), iter(range(seed, seed + stories))
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=quiet)
-    flights: set[Future[Judged]] = set()
-    shortened: set[Future[Shrunk]] = set()
+    waiting: set[Future[Judged | Shrunk]] = set()
     told_s = began_s
     try:
         while True:
             late = time.monotonic() - began_s >= seconds
             with held_back():
-                while len(flights) < jobs * AHEAD and not late and (number := next(seeds, None)) is not None:
-                    flights.add(pool.submit(composed_and_judged, number))
-            if not flights and not shortened:
+                while len(waiting) < jobs * AHEAD and not late and (number := next(seeds, None)) is not None:
+                    waiting.add(pool.submit(done, number))
+            if not waiting:
                 break
-            wait([*flights, *shortened], timeout=1.0, return_when=FIRST_COMPLETED)
-            for flight in [one for one in flights if one.done()]:
-                flights.discard(flight)
-                plot, found, busy_s = flight.result()
+            ended, waiting = wait(waiting, timeout=1.0, return_when=FIRST_COMPLETED)
+            for result in [future.result() for future in ended]:
+                if isinstance(result, Shrunk):
+                    _show(result)
+                    continue
+                plot, found, busy_s = result
                 for one in table.add(plot, found, busy_s):
                     print(f"seed {plot.seed}: {one}", flush=True)
                     if shrinks:
-                        shortened.add(pool.submit(shortest, plot, one))
-            for short in [one for one in shortened if one.done()]:
-                shortened.discard(short)
-                _show(short.result())
+                        waiting.add(pool.submit(done, (plot, one)))
             if time.monotonic() - told_s >= TOLD_S:
                 told_s = time.monotonic()
                 rate = table.flown / (told_s - began_s)

@@ -46,16 +46,13 @@ def judged(plot: Plot) -> tuple[Finding, ...]:
         gc.collect()
 
 
-def composed_and_judged(seed: int) -> Judged:
-    """Fly the story of a seed."""
+def done(order: int | tuple[Plot, Finding]) -> Judged | Shrunk:
+    """Fly the story of a seed; or shrink a story that fails."""
+    if isinstance(order, tuple):
+        return shrunk(*order, judged)
     began_s = time.process_time()
-    plot = composed(seed)
+    plot = composed(order)
     return plot, judged(plot), time.process_time() - began_s
-
-
-def shortest(plot: Plot, finding: Finding) -> Shrunk:
-    """Shrink a story that fails."""
-    return shrunk(plot, finding, judged)
 
 
 def quiet() -> None:
