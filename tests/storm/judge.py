@@ -88,6 +88,10 @@ class StormJudge(Judge):
         """Yield when a failsafe acts; one on the ground with the motors off moves nothing."""
         return (span for span in super()._acting(name) if self.armed(name, span.from_s))
 
+    def _by_others(self, name: str) -> list[Truth]:
+        """Return what others did to it; a switch that is moved while the motors are off takes nothing."""
+        return [one for one in super()._by_others(name) if one.what == "kill" or self.armed(name, one.t_s)]
+
     def _forged(self, name: str, at_s: float) -> bool:
         """Return whether somebody lied about it before."""
         return any(began_s <= at_s for began_s, _ in self._began(name, FORGERIES))
@@ -105,6 +109,20 @@ class StormJudge(Judge):
             return ""
         why = super()._down(found, at_s, line)
         return "" if why == "it is disarmed" and self.armed(name, at_s - ON_ITS_WAY_S) else why
+
+    def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
+        name = rf"^(?P<name>{'|'.join(self.names)}): "
+        return [
+            *super()._claims(),
+            (re.compile(name + r"radio signal"), lambda *_: "there is no such radio on its link"),
+            (re.compile(name + r".*while other messages come"), self._others_come),
+        ]
+
+    def _others_come(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        cut = frozenset({"downlink lost", "frozen"})
+        spans = [span for span in super().silences(found["name"]) if span.what == "silent"]
+        spans += [Span(at, at + one.for_s, one.kind) for at, one in self._began(found["name"], cut)]
+        return "nothing comes" if any(span.from_s + 1.0 < at_s < span.to_s for span in spans) else ""
 
     def _lied(self, name: str, at_s: float, kind: str) -> bool:
         return any(at <= at_s and one.word != "190" for at, one in self._began(name, frozenset({kind})))
