@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 import looptime
 
 from executor import build
-from executor.adapters.eventlog import DISK_S
-from executor.adapters.solver import SolverSetup, solve
 from executor.core import fleet
-from executor.core.commands import Level, Say, Solve
+from executor.core.commands import Level, Say
 from executor.core.context import Context
-from executor.core.events import Event, Reopened, ReturnAllOrdered, SolveEnded
+from executor.core.events import Reopened, ReturnAllOrdered
 from executor.core.failsafes import link_failsafe
 from executor.core.intents import Action, IntentRecord
 from executor.core.state import FleetState
@@ -30,8 +28,9 @@ from executor.simulator import parse_fault
 from missions import Network, dialect_for, encode, flight_path
 from planner import Plan, Route
 from tests.stories.story import Answers, Story
-from tests.stories.world import Flown, Sink, Sky
+from tests.stories.world import Flown, Sky
 from tests.storm.air import STEP_S, Air, suffers
+from tests.storm.machine import Deputy, Disk
 from tests.storm.plot import ALL, GROUND, Happening, Plot, network_named
 
 QUIET_S = 135.0
@@ -47,8 +46,6 @@ INSPECTION = {"height_m": 6.0, "speed_m_s": 6.0, "transit_speed_m_s": 10.0}
 AGAIN_LATER_S = 10.0
 """Until a crew tries again whose vehicles did not answer."""
 SENT_AGAIN_S = 30.0
-SETTLED = 60
-"""Iterations without an improvement: the networks are small."""
 SPECS = {
     "all silent": "silent", "battery step": "battery-step", "drain": "drain", "crash": "crash", "disarm": "disarm",
     "kill": "kill", "wreck": "wreck", "fence": "fence", "emergency": "emergency", "ekf": "ekf", "reboot": "reboot",
@@ -72,60 +69,6 @@ class Stormed:
     shown: Mapping[str, str]
     """Everybody's state as it was shown last."""
     spacing_m: float
-
-
-class Disk(Sink):
-    """The log: what is on the disk, and what only memory holds."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.kept: list[tuple[float, Event]] = []
-        self.full = self.hangs = False
-        self._memory: list[tuple[float, Event]] = []
-
-    def write(self, event: Event, now_s: float) -> None:
-        super().write(event, now_s)
-        self._memory.append((now_s, event))
-        if not self.full:
-            self.kept += self._memory
-            self._memory.clear()
-
-    def lose(self) -> None:
-        """Die with what only memory held."""
-        self._memory.clear()
-
-    async def settle(self) -> None:
-        if self.hangs or self.full:
-            await asyncio.sleep(DISK_S)
-
-
-class Deputy:
-    """The solver of a flight, in this process and with an end that no clock decides; or one that does not work."""
-
-    def __init__(self, ground: build.Ground, takes_s: float) -> None:
-        self.asked: list[Solve] = []
-        self.mood = ""
-        self._setup = SolverSetup(ground.network, ground.travel, 3600.0, 1)
-        self._takes_s = takes_s
-        self._limit_s = ground.site.flight.solve_s
-        self._cancelled = -1
-
-    async def solve(self, problem: Solve) -> SolveEnded:
-        self.asked.append(problem)
-        mood = self.mood
-        takes_s = {"hangs": self._limit_s + 5.0, "late": self._limit_s + 3.0, "fails": 0.1}.get(mood, self._takes_s)
-        until_s = asyncio.get_running_loop().time() + takes_s
-        while asyncio.get_running_loop().time() < until_s:
-            if self._cancelled >= problem.revision and mood != "hangs":
-                return SolveEnded(problem.revision, None, (), 0.0, "cancelled")
-            await asyncio.sleep(min(0.5, takes_s))
-        if mood in {"hangs", "fails"}:
-            reason = "the solver did not answer" if mood == "hangs" else "the solver's process died"
-            return SolveEnded(problem.revision, None, (), 0.0, reason)
-        return replace(solve(self._setup, problem, lambda: False, settled=SETTLED), solve_s=takes_s)
-
-    def cancel(self, revision: int) -> None:
-        self._cancelled = max(self._cancelled, revision)
 
 
 class StormSky(Sky):

@@ -73,7 +73,7 @@ def test_a_breach_is_shrunk_to_what_brings_it_about() -> None:
     """The flight is as it was; its judge is told that a segment counts that a crash kept from being flown."""
     long = replace(
         CALM, routes={**CALM.routes, "uav3": (6,)}, fly_again="auto",
-        happenings=(Happening("forged radio", "uav1", 12.2), CRASH, Happening("no battery", "uav1", 50.4, 17.7)),
+        happenings=(Happening("reboot", "uav3", 150.2), CRASH, Happening("no battery", "uav1", 50.4, 17.7)),
     )  # fmt: skip
 
     def fails(plot: Plot) -> tuple[Finding, ...]:
