@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -84,6 +85,8 @@ def place(truth: Truth) -> tuple[float, float]:
 class Judge:
     """One story's flight, looked at afterwards."""
 
+    on_pad_m = ON_PAD_M
+
     def __init__(self, flown: Flown) -> None:
         self.flown = flown
         self.end_s = flown.given_up_s
@@ -92,22 +95,32 @@ class Judge:
             name: tuple(sorted((one for one in flown.truths if one.vehicle == name), key=lambda one: one.t_s))
             for name in self.names
         }
+        self._events = {name: tuple(one for one in of if one.what != "at") for name, of in self._of.items()}
+        self._times = {name: [one.t_s for one in of] for name, of in self._of.items()}
+        self._found: dict[tuple[str, ...], list[Truth]] = {}
         self._asked = tuple((at_s, event.intent) for at_s, event in flown.log if isinstance(event, IntentReceived))
         self._refused = {record.intent.id for record in flown.intents if record.outcome is Outcome.REFUSED}
 
     def findings(self) -> list[Finding]:
         """Return everything that must not be, in the order of its time."""
         rules = (
-            self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters, self._lines,
-            self._words, self._pages, self._elsewhere, self._inspections,
+            *self._own_rules(), self._ended, self._hands_off, self._own_emergencies, self._arming, self._parameters,
+            self._lines, self._words, self._pages, self._elsewhere, self._inspections,
         )  # fmt: skip
         return sorted((one for rule in rules for one in rule()), key=lambda one: one.at_s)
+
+    def _own_rules(self) -> Sequence[Callable[[], Iterator[Finding]]]:
+        """Return what else is held against the truth."""
+        return ()
 
     # What really happened.
 
     def happened(self, name: str, *prefixes: str) -> list[Truth]:
         """Return a vehicle's truths that begin so."""
-        return [one for one in self._of[name] if one.what.startswith(prefixes)]
+        key = (name, *prefixes)
+        if key not in self._found:
+            self._found[key] = [one for one in self._events[name] if one.what.startswith(prefixes)]
+        return self._found[key]
 
     def orders(self, name: str) -> list[Truth]:
         """Return what this ground station commanded after the launch."""
@@ -191,7 +204,8 @@ class Judge:
 
     def at(self, name: str, at_s: float) -> Truth:
         """Return the last truth of a vehicle by then: where it was, and what its battery held."""
-        return max((one for one in self._of[name] if one.t_s <= at_s + 0.05), key=lambda one: one.t_s)
+        behind = bisect_right(self._times[name], at_s + 0.05)
+        return self._of[name][max(0, behind - 1)]
 
     def armed(self, name: str, at_s: float) -> bool:
         """Return whether its motors were on."""
@@ -302,7 +316,7 @@ class Judge:
         if not ended or ended[-1] != "landed":
             return f"it did not land, it was: {ended[-1] if ended else 'never in the air'}"
         away_m = self.from_pad_m(name, at_s)
-        if away_m > ON_PAD_M and not COORDINATES.search(line.text) and "off its pad" not in line.text:
+        if away_m > self.on_pad_m and not COORDINATES.search(line.text) and "off its pad" not in line.text:
             return f"{away_m:.0f} m from its pad, which is not said"
         told = re.search(r"with (\d+) %", line.text)
         charge_pct = self.at(name, at_s).charge_pct or 0.0
@@ -319,7 +333,7 @@ class Judge:
         if (truth.up_m or 0.0) > 1.0:
             return f"it is {truth.up_m:.0f} m up"
         ended = [one.what for one in self.happened(name, "landed", "wreck", "fell", "crash") if one.t_s <= at_s]
-        if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= ON_PAD_M:
+        if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= self.on_pad_m:
             return "it has landed on its pad"
         armed = re.search(r"\barmed\b", line.text) is not None and "disarmed" not in line.text
         return "" if armed == self.armed(name, at_s) or not armed else "it is disarmed"
@@ -436,7 +450,7 @@ class Judge:
         """Who comes down somewhere else is announced, with where; and so is a wreck, in time."""
         for name in self.names:
             for one in self.happened(name, "disarmed", "wreck"):
-                if one.t_s < self.flown.began_s or distance_m(place(one), self.flown.pads[name]) <= ON_PAD_M:
+                if one.t_s < self.flown.began_s or distance_m(place(one), self.flown.pads[name]) <= self.on_pad_m:
                     continue
                 if any(wreck.t_s < one.t_s for wreck in self.happened(name, "wreck")):
                     continue  # its motors are off now; where it lies was told

@@ -32,7 +32,7 @@ from executor.runtime.flight import Flight, Observer, keep_heartbeat
 from executor.simulator import AutopilotKind, SimVehicle, Truth, parse_fault
 from executor.simulator.autopilot import STEP_S
 from executor.simulator.vehicle import SimulatedVehicle
-from missions import dialect_for, encode, flight_path
+from missions import Network, dialect_for, encode, flight_path
 from planner import PRESETS, Plan, Route
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.clock import LoopClock
@@ -126,13 +126,18 @@ class Radio:
 class Sky(World):
     """A story on its way."""
 
+    patience_s = PATIENCE_S
+    return_m = 40.0
+    """How high they return by themselves."""
+
     def __init__(self, story: Story, autopilot: str) -> None:
         self.story, self.autopilot = story, autopilot
-        self.clock, self.sink = LoopClock(), Sink()
+        self.clock = LoopClock()
+        self.sink: Sink = Sink()
         self.solver = FakeSolver(takes_s=story.solve_s)
         flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
         site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
-        self._ground = ground_for(site, line_east(story.pylons))
+        self._ground = ground_for(site, self._network())
         self._setup = build.setup_of(self._ground)
         self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
         self.truths: list[Truth] = []
@@ -143,13 +148,16 @@ class Sky(World):
         self._left = list(story.moments)
         self._looked_s = self._down_s = float("-inf")
 
+    def _network(self) -> Network:
+        return line_east(self.story.pylons)
+
     def _radio(self, name: str, sysid: int) -> Radio:
         pad, frame = self._setup.pad_of(name), self._setup.frame
         lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
         dialect = dialect_for(self.autopilot)
         rule, height = dialect.ground_station_failsafe, dialect.return_parameters
         parameters = {rule.action: float(rule.action_return), rule.timeout: rule.timeout_s}
-        parameters[height.height] = 40.0 / height.unit_m
+        parameters[height.height] = self.return_m / height.unit_m
         config = SimVehicle(
             name, sysid, AutopilotKind(self.autopilot), "udpin://127.0.0.1:14550", lat_deg, lon_deg, pad.alt_m,
             drone=PRESETS["mavic3"], charge_pct=self.story.charge_pct, parameters=parameters, seed=sysid,
@@ -277,23 +285,30 @@ class Sky(World):
             self._left.remove(moment)
             moment.do(self)
 
-    def _look(self) -> None:
+    def _note(self) -> None:
+        """Note where everybody is."""
         for radio in self.radios.values():
             radio.vehicle.autopilot.frame.happened("at")
             self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+
+    def _look(self) -> None:
+        self._note()
         view = self.view
         self.shown += [Shown(self.now_s, one.name, one.state) for one in view.vehicles]
         if view.offer is not None and self.story.offers is Answers.YES:
             for name in view.offer.vehicles:
-                self.ask(Action.INCLUDE, name)
+                self._answer(name)
         self._give_up()
+
+    def _answer(self, name: str) -> None:
+        self.ask(Action.INCLUDE, name)
 
     def _give_up(self) -> None:
         """Say that it is over when everybody has been down for long: an offer that nobody answers holds no crew."""
         frames = [radio.vehicle.autopilot.frame for radio in self.radios.values()]
         if self._down_s < 0 or any(frame.armed and not frame.wrecked for frame in frames):
             self._down_s = self.now_s
-        elif self.now_s - self._down_s > PATIENCE_S and not self.view.recalled:
+        elif self.now_s - self._down_s > self.patience_s and not self.view.recalled:
             self._down_s = self.now_s
             self.ask(Action.ABORT, None)
 

@@ -1,0 +1,258 @@
+"""Holds a flight through a storm against what really happened, with the rules of the stories and more."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+
+from executor.core.commands import Say
+from executor.core.intents import Action
+from executor.simulator import Truth
+from tests.stories.judge import Finding, Judge, Span, distance_m, place
+from tests.stories.story import MISSION
+from tests.storm.plot import BEARS_S, Happening
+from tests.storm.sky import Stormed
+
+CUTS_OFF = frozenset({"downlink lost", "frozen", "held up", "no heartbeat", "ground sleeps", "ground killed"})
+"""Nothing of a vehicle, or nothing that counts, comes while these last."""
+MUDDLES = frozenset({"bursts", "bad link", "no position", "gps jump", "garbage", "uplink lost"})
+"""What the ground knows is late, or wrong, while these last."""
+FORGERIES = frozenset({"forged disarmed", "forged position", "forged text", "gps jump", "foreign mission"})
+"""Nobody on the ground can tell all of these from the truth."""
+AFTER_S = 6.0
+"""How long what is muddled takes to clear."""
+BESIDE_M = 16.0
+"""A vehicle that inspects is not further from the line than this: the standoff, the corridor, and the rounding."""
+END_M = 14.0
+"""At a second's look a vehicle was seen this near to each end of what it flew, and as near to everything between."""
+UP_M = 2.5
+NEARER_M = 1.5
+"""Two vehicles may be seen nearer than the layers' spacing by this."""
+BELOW_PCT = 2.0
+ASKS_S = 12.0
+"""A ground station that runs again asks everybody first."""
+ON_ITS_WAY_S = 2.5
+"""What was true so long ago may still be said."""
+AIRBORNE_M = 1.0
+OVER = frozenset({"landed", "down", "lost", "ground", "pilot"})
+"""States in which the end of a vehicle is known, or openly unknown."""
+DRAINS = frozenset({"battery step", "drain", "emergency", "gps jump", "no battery", "solver"})
+BATTERY_S = 240.0
+
+
+class StormJudge(Judge):
+    """One flight through a storm, looked at afterwards."""
+
+    on_pad_m = 15.0
+
+    def __init__(self, stormed: Stormed) -> None:
+        super().__init__(stormed.flown)
+        self.stormed = stormed
+
+    def _own_rules(self) -> Sequence[Callable[[], Iterator[Finding]]]:
+        return (self._mistakes, self._apart, self._reserve, self._ends)
+
+    # What happened.
+
+    def _began(self, name: str, kinds: frozenset[str]) -> Iterator[tuple[float, Happening]]:
+        return ((at_s, one) for at_s, one in self.stormed.began if one.kind in kinds and one.befalls(name))
+
+    def silences(self, name: str) -> list[Span]:
+        spans = [
+            Span(one.from_s, one.to_s + BEARS_S, one.what) if one.what == "reboot" else one
+            for one in super().silences(name)
+        ]
+        spans += [
+            Span(at_s, at_s + one.for_s + (ASKS_S if one.kind == "ground killed" else 2.0), one.kind)
+            for at_s, one in self._began(name, CUTS_OFF)
+        ]
+        return spans
+
+    def _muddles(self, name: str) -> list[Span]:
+        return [Span(at_s, at_s + one.for_s + AFTER_S, one.kind) for at_s, one in self._began(name, MUDDLES)]
+
+    def _silent(self, name: str, at_s: float, slack_s: float = 2.0) -> bool:
+        muddled = any(span.from_s - slack_s <= at_s <= span.to_s + slack_s for span in self._muddles(name))
+        return muddled or super()._silent(name, at_s, slack_s)
+
+    def _known_s(self, name: str, at_s: float) -> float:
+        spans = sorted([*self.silences(name), *self._muddles(name)], key=lambda span: span.from_s)
+        for span in spans:
+            if span.from_s - 1.0 <= at_s <= span.to_s:
+                at_s = span.to_s + 1.0
+        return at_s
+
+    def _acting(self, name: str) -> Iterator[Span]:
+        """Yield when a failsafe acts; one on the ground with the motors off moves nothing."""
+        return (span for span in super()._acting(name) if self.armed(name, span.from_s))
+
+    def _by_others(self, name: str) -> list[Truth]:
+        """Return what others did to it; a switch that is moved while the motors are off takes nothing."""
+        return [one for one in super()._by_others(name) if one.what == "kill" or self.armed(name, one.t_s)]
+
+    def _forged(self, name: str, at_s: float) -> bool:
+        """Return whether somebody lied about it before."""
+        return any(began_s <= at_s for began_s, _ in self._began(name, FORGERIES))
+
+    # What is said: a lie that was believed makes lines that are not true, and nobody can help it.
+
+    def _landed(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        if "landed or" in line.text or self._lied(found["name"], at_s, "forged disarmed"):
+            return ""
+        return super()._landed(found, at_s, line)
+
+    def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        if self._forged(name, at_s) or self._silent(name, at_s, 30.0):
+            return ""
+        why = super()._down(found, at_s, line)
+        return "" if why == "it is disarmed" and self.armed(name, at_s - ON_ITS_WAY_S) else why
+
+    def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
+        name = rf"^(?P<name>{'|'.join(self.names)}): "
+        return [
+            *super()._claims(),
+            (re.compile(name + r"radio signal"), lambda *_: "there is no such radio on its link"),
+            (re.compile(name + r".*while other messages come"), self._others_come),
+        ]
+
+    def _others_come(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        cut = frozenset({"downlink lost", "frozen"})
+        spans = [span for span in super().silences(found["name"]) if span.what == "silent"]
+        spans += [Span(at, at + one.for_s, one.kind) for at, one in self._began(found["name"], cut)]
+        return "nothing comes" if any(span.from_s + 1.0 < at_s < span.to_s for span in spans) else ""
+
+    def _lied(self, name: str, at_s: float, kind: str) -> bool:
+        return any(at <= at_s and one.word != "190" for at, one in self._began(name, frozenset({kind})))
+
+    def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        spans = [span for span in super().silences(name) if span.from_s + 1.0 < at_s < span.to_s]
+        return "it cannot be heard" if spans and not self._forged(name, at_s) else ""
+
+    def _with_pilot(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        unknown = any(
+            began_s <= at_s
+            for began_s, _ in self._began(
+                name, FORGERIES | {"ground killed", "kill", "disarm", "reboot", "half-upload"}
+            )
+        )
+        return "" if unknown else super()._with_pilot(found, at_s, line)
+
+    def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        return "" if self._silent(found["name"], at_s, 30.0) else super()._by_itself(found, at_s, line)
+
+    def _given(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        """Segments may be given to nobody: who could take them may be cut off, or the day over."""
+        return "" if len(self.stormed.plot.happenings) > 1 else super()._given(found, at_s, line)
+
+    def _below_reserve(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        drained = any(began_s <= at_s for began_s, _ in self._began(found["name"], DRAINS))
+        return "" if drained else super()._below_reserve(found, at_s, line)
+
+    def _a_fault(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        name = found["name"]
+        if any(began_s <= at_s and one.befalls(name) for began_s, one in self.stormed.began):
+            return ""
+        return super()._a_fault(found, at_s, line)
+
+    def _untrue(self, name: str, state: str, at_s: float) -> str:
+        never_armed = not any(one.t_s <= at_s for one in self.happened(name, "armed"))
+        return "" if never_armed or self._forged(name, at_s) else super()._untrue(name, state, at_s)
+
+    # What must not be, whatever happens.
+
+    def _mistakes(self) -> Iterator[Finding]:
+        for text in self.stormed.mistakes:
+            yield Finding("traceback", self.end_s, text)
+
+    def _inspections(self) -> Iterator[Finding]:
+        """What counts was flown end to end by who is named for it."""
+        for segment, name in self.flown.inspected.items():
+            gap = self._unflown(segment, name)
+            if gap:
+                yield Finding("inspected", self.end_s, f"segment {segment} counts for {name}: {gap}")
+
+    def _unflown(self, segment: int, name: str) -> str:
+        """Return what of a segment nobody flew; empty if it was flown end to end."""
+        one, two = self.flown.segments[segment]
+        length_m = distance_m(one, two)
+        along = sorted(
+            at_m
+            for truth in self._of.get(name, ())
+            if truth.what == "at" and (truth.up_m or 0.0) > UP_M
+            for at_m, beside_m in [_against(place(truth), one, two)]
+            if beside_m <= BESIDE_M
+        )
+        bounds = [0.0, *(at_m for at_m in along if 0.0 <= at_m <= length_m), length_m]
+        widest_m = max(after - before for before, after in itertools.pairwise(bounds))
+        return f"{widest_m:.0f} m of {length_m:.0f} m were not flown" if widest_m > END_M else ""
+
+    def _apart(self) -> Iterator[Finding]:
+        """Who flies its mission, and does what it is told, keeps apart from the others that do."""
+        looks: dict[float, list[Truth]] = {}
+        for name in self.names:
+            for truth in self._of[name]:
+                if truth.what == "at" and (truth.up_m or 0.0) > UP_M and self._obeys(name, truth.t_s):
+                    looks.setdefault(round(truth.t_s), []).append(truth)
+        for at_s, truths in looks.items():
+            for one, two in itertools.combinations(truths, 2):
+                if one.vehicle == two.vehicle or abs(one.t_s - two.t_s) > 0.25:
+                    continue
+                apart_m = math.hypot(distance_m(place(one), place(two)), (one.up_m or 0.0) - (two.up_m or 0.0))
+                if apart_m < self.stormed.spacing_m - NEARER_M:
+                    yield Finding("apart", at_s, f"{one.vehicle} and {two.vehicle} are {apart_m:.1f} m apart")
+                    return
+
+    def _obeys(self, name: str, at_s: float) -> bool:
+        """Return whether it flies a mission of ours, and nothing was done to it."""
+        modes = [one.what for one in self.happened(name, "mode ") if one.t_s <= at_s]
+        done = self.happened(name, "pilot ", "station ", "kill", "failsafe ", "crash", "wreck", "storm ")
+        mission = MISSION[self.flown.autopilot]["mission"]
+        return bool(modes) and modes[-1] == f"mode {mission}" and not any(one.t_s <= at_s for one in done)
+
+    def _reserve(self) -> Iterator[Finding]:
+        """Nobody comes home with less than its reserve by a decision from here."""
+        for name in self.names:
+            others = self.happened(name, "pilot ", "station ", "failsafe ", "fault ", "storm ")
+            if others or self._holds(name) or self.stormed.plot.charge_pct <= self.flown.reserve_pct + 10.0:
+                continue
+            for one in self.happened(name, "landed"):
+                if one.t_s < self.flown.began_s:
+                    continue
+                left_pct = one.charge_pct or 0.0
+                if left_pct < self.flown.reserve_pct - BELOW_PCT:
+                    yield Finding("reserve", one.t_s, f"{name} landed with {left_pct:.0f} %")
+
+    def _holds(self, name: str) -> bool:
+        return any(intent.action is Action.HOLD and intent.vehicle == name for _, intent in self._asked)
+
+    def _ends(self) -> Iterator[Finding]:
+        """The flight ends when everybody's end is known, or openly unknown."""
+        if self.flown.ended_s is None or self.stormed.left:
+            return
+        for name in self.names:
+            last = self._of[name][-1]
+            flies = self.armed(name, self.end_s) and (last.up_m or 0.0) > AIRBORNE_M
+            lies = any(one.t_s <= self.end_s for one in self.happened(name, "crash", "wreck"))
+            state = self.stormed.shown.get(name, "")
+            if flies and not lies and not self._silent(name, self.end_s, 5.0) and not self._forged(name, self.end_s):
+                yield Finding("left", self.end_s, f"{name} is in the air, shown as {state}")
+            elif state not in OVER:
+                yield Finding("unknown", self.end_s, f"{name} is shown as {state} at the end")
+
+
+def _against(at: tuple[float, float], one: tuple[float, float], two: tuple[float, float]) -> tuple[float, float]:
+    """Return how far along a segment a place is, and how far beside it."""
+    length_m = distance_m(one, two)
+    to_one, to_two = distance_m(at, one), distance_m(at, two)
+    along_m = (to_one**2 - to_two**2 + length_m**2) / (2 * length_m)
+    return along_m, math.sqrt(max(0.0, to_one**2 - along_m**2))
+
+
+def findings(stormed: Stormed) -> list[Finding]:
+    """Return everything that must not be."""
+    return StormJudge(stormed).findings()
