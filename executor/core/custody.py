@@ -90,9 +90,16 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return before.cause  # a return ends in a landing
     if _ends_its_mission(context, vehicle, mode):
         return Cause.MISSION
+    if mode == dialect.modes.hold.custom_mode and _was_coming_home(dialect, before):
+        return Cause.PERSON  # a failsafe holds before it returns, and never after
     if _explained(context, absences, vehicle, now_s):
         return Cause.FAILSAFE
     return Cause.PERSON
+
+
+def _was_coming_home(dialect: Dialect, before: VehicleState) -> bool:
+    beat = before.heartbeat
+    return before.cause is Cause.FAILSAFE and beat is not None and is_home_mode(dialect, beat.custom_mode)
 
 
 def never_landed(context: Scene, vehicle: VehicleState) -> bool:
@@ -112,7 +119,8 @@ def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
     dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
     if vehicle.stage is not Stage.FLYING or leg is None or dialect.name != "px4":
         return False
-    itself = is_home_mode(dialect, mode) or mode == dialect.modes.hold.custom_mode
+    low = vehicle.fix is not None and vehicle.fix.alt_rel_m <= context.limits.airborne_m
+    itself = is_home_mode(dialect, mode) or (mode == dialect.modes.hold.custom_mode and low)
     return itself and leg.phase is Phase.LAND
 
 

@@ -55,7 +55,7 @@ from executor.core.events import (
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import ComponentText, Heartbeat, Position
-from executor.core.places import at_rest, last_heard, over_its_pad, place_words, seen_at_rest
+from executor.core.places import UNSEEN_S, at_rest, fell, last_heard, over_its_pad, place_words, seen_at_rest
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_lines
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
@@ -138,6 +138,10 @@ def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
     return replace(state, outlook=MappingProxyType(outlook))
 
 
+SEEN_AFTER_S = 0.5
+"""A position so much later than the disarming shows where it lies."""
+CRASHED_S = 10.0
+"""Who fell so shortly before it disarmed did not land."""
 HEARD_LATELY_S = 15.0
 """Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
 
@@ -187,12 +191,23 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
     asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
     stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
-    if vehicle.failures + 1 < RETRIES and may:
+    if vehicle.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
         vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}" + (", and it has disarmed" if stopped else "")
     return declare(context, state, vehicle, FaultKind.INTERRUPTION, why, now_s)
+
+
+def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
+    """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
+    if not (vehicle.armed_once or event.armed):
+        return True
+    fix, beat_s = vehicle.fix, vehicle.heartbeat_s
+    fresh = beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
+    if not fresh or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
+        return False  # it may have taken off, or its autopilot may have started anew
+    return not vehicle.took_off and not comes_home(context, vehicle) and vehicle.cause is Cause.OURS
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -437,7 +452,24 @@ def _has_landed(vehicle: VehicleState) -> bool:
     return vehicle.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
 
 
+def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
+    """Return whether a vehicle came down other than it lands; None as long as that is not seen."""
+    fix = vehicle.fix
+    if not vehicle.took_off or fix is None:
+        return False
+    if fix.at_s < vehicle.disarmed_s + SEEN_AFTER_S and now_s - vehicle.disarmed_s < UNSEEN_S:
+        return True if fix.alt_rel_m > context.limits.off_pad_up_m else None
+    return fell(context, vehicle) or vehicle.disarmed_s - vehicle.falls_s < CRASHED_S
+
+
 def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    came_down = _fell(context, vehicle, now_s)
+    if came_down is None:
+        return state, ()
+    if came_down and not vehicle.lands:
+        text = f"{vehicle.name}: came down other than it lands; {last_heard(context, vehicle)}"
+        lies = replace(moved_to(vehicle, Stage.DOWN), run=None, errand=None, anchor=vehicle.fix, place_told=False)
+        return state.put(lies), (Say(Level.FAULT, text),)
     vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None, errand=None, cleared_s=None)
     state = state.put(vehicle)
     if vehicle.fault is None and not vehicle.excluded and vehicle.name not in state.considered:
@@ -446,6 +478,8 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         if context.fly_again is FlyAgain.AUTO and state.given_up:
             trigger = f"{vehicle.name}: landed with battery to spare"
             state = replace(state, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s)
+    if not vehicle.took_off:
+        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed and has not taken off"),)
     left = "" if vehicle.battery.remaining_pct is None else f" with {vehicle.battery.remaining_pct:.0f} %"
     place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
     return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)

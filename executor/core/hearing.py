@@ -304,8 +304,16 @@ def _positioned(context: Scene, state: VehicleState, message: Position, now_s: f
     took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
     away = state.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     state = changed(
-        state, fix=fix, battery=drained, anchor=anchor, took_off=took_off, jump=jump, away_once=took_off and away
+        state,
+        falls_s=now_s if falls else state.falls_s,
+        fix=fix,
+        battery=drained,
+        anchor=anchor,
+        took_off=took_off,
+        jump=jump,
+        away_once=took_off and away,
     )
     return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 

@@ -79,7 +79,7 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
         return Advice(Answer.RETURN)  # nobody knows where it is: its own return does
     over_pad = math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
     if over_pad:
-        if on_mission(context, vehicle) and _lands(vehicle):
+        if on_mission(context, vehicle) and _lands(vehicle) and not _hangs(vehicle):
             return Advice(Answer.LEAVE, "it comes down on its pad and is left to that")
         return Advice(Answer.LAND)
     if on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
@@ -97,6 +97,15 @@ def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Adv
     if now_s - vehicle.mode_since_s < context.limits.failsafe_hold_s:
         return Advice(Answer.WAIT, "its own failsafe holds it and is waited for")
     return None
+
+
+HANGS_S = 10.0
+
+
+def _hangs(vehicle: VehicleState) -> bool:
+    """Return whether it has stood over its pad for longer than any mission of ours does."""
+    fix, anchor = vehicle.fix, vehicle.anchor
+    return fix is not None and anchor is not None and fix.boot_s - anchor.boot_s >= HANGS_S
 
 
 def _lands(vehicle: VehicleState) -> bool:

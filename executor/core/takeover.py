@@ -106,7 +106,9 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     stage = Stage.DOWN if place else Stage.LANDED
     state = state.put(replace(moved_to(vehicle, stage), taken=None, excluded=True, run=None, place_told=bool(place)))
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
-    if not place:
+    if not place and not vehicle.took_off:
+        text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
+    elif not place:
         text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"
     hold = vehicle.taken
     trigger = f"{vehicle.name}: landed by its pilot"

@@ -291,6 +291,8 @@ class VehicleState:
     """Whether it was said where it is down."""
     left_s: float | None = None
     """When it left its mission to come home."""
+    falls_s: float = float("-inf")
+    """When it sank last as no vehicle lands."""
     doubted: tuple[Heartbeat, float] | None = None
     """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     carried: Carried = field(default_factory=Carried)
