@@ -58,12 +58,13 @@ def judged(
     if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
         # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
         return changed(after, cause=Cause.OURS)
-    return changed(after, cause=cause_of(context, absences, before, after, now_s))
+    cause = cause_of(context, absences, before, after, now_s)
+    return changed(after, cause=cause, certain=cause is Cause.PERSON and _persons_still(context, before, after))
 
 
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle whose change of mode may be explained by what it said since."""
-    if vehicle.cause is not Cause.PERSON or now_s - vehicle.mode_since_s > LATE_TEXT_S:
+    if vehicle.cause is not Cause.PERSON or vehicle.certain or now_s - vehicle.mode_since_s > LATE_TEXT_S:
         return vehicle
     if not _explained(context, absences, vehicle, now_s):
         return vehicle
@@ -90,16 +91,24 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return before.cause  # a return ends in a landing
     if _ends_its_mission(context, vehicle, mode):
         return Cause.MISSION
-    if mode == dialect.modes.hold.custom_mode and _was_coming_home(dialect, before):
-        return Cause.PERSON  # a failsafe holds before it returns, and never after
+    if _persons_still(context, before, vehicle):
+        return Cause.PERSON
     if _explained(context, absences, vehicle, now_s):
         return Cause.FAILSAFE
     return Cause.PERSON
 
 
-def _was_coming_home(dialect: Dialect, before: VehicleState) -> bool:
-    beat = before.heartbeat
-    return before.cause is Cause.FAILSAFE and beat is not None and is_home_mode(dialect, beat.custom_mode)
+def _persons_still(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
+    """Return whether what explained the mode before explains no other one."""
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.heartbeat, vehicle.heartbeat
+    if old is None or beat is None or not old.armed:
+        return False
+    if before.cause is Cause.PERSON:
+        text, said_s = vehicle.alarm  # who has it changes its mode again, unless it says anew what it does by itself
+        return not (_ACTS.search(text) and said_s >= before.mode_since_s)
+    holds = beat.custom_mode == dialect.modes.hold.custom_mode
+    # A failsafe holds before it returns, and never after.
+    return holds and before.cause is Cause.FAILSAFE and is_home_mode(dialect, old.custom_mode)
 
 
 def never_landed(context: Scene, vehicle: VehicleState) -> bool:

@@ -275,6 +275,8 @@ class VehicleState:
     """The modes that the last order leads to."""
     cause: Cause = Cause.OURS
     """Why it is in its mode, as long as it is armed."""
+    certain: bool = False
+    """Whether no text that may come late can make it anything but a person's."""
     regained_s: float | None = None
     """When its last silence ended with whatever it said."""
     unseen_until_s: float | None = None

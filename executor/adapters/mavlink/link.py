@@ -110,7 +110,9 @@ class VehicleLink:
         self.counts.foreign += 1
         if len(self.counts.strangers) < MOST_SOURCES:
             self.counts.strangers.setdefault(received.sysid, source)
-        # A SiK radio speaks as a system of its own (51), over the connection of the vehicle behind it.
+        # A SiK radio speaks as a system of its own (51), from where the vehicle behind it does.
+        if isinstance(received.message, Radio) and source != self._source:
+            return
         if isinstance(received.message, StationHeard | Radio):
             self._hand_on(received.message, received.compid)
 
