@@ -140,6 +140,8 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
         return False
     if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
         return False
+    if held_unseen(context, vehicle):
+        return False
     text, said_s = vehicle.alarm
     said = (
         bool(_ACTS.search(text)) and -context.limits.alarm_s <= vehicle.mode_since_s - said_s <= context.limits.alarm_s
@@ -154,11 +156,22 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
     )
 
 
+def held_unseen(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it holds after so long a silence that a failsafe which only holds first would have gone on."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    if beat is None or beat.custom_mode != dialect.modes.hold.custom_mode or not _unseen(vehicle):
+        return False
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
+    return vehicle.unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+
+
 def _unseen(vehicle: VehicleState) -> bool:
     """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
     return vehicle.unseen_until_s is not None and vehicle.mode_since_s == vehicle.unseen_until_s
 
 
+HOLDS_ON_S = 5.0
+"""PX4's clock and ours differ by what its link adds."""
 REACTS_S = 30.0
 """PX4 holds before it returns, and reports the change of mode a second later."""
 BEAT_S = 1.0

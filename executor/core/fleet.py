@@ -55,7 +55,7 @@ from executor.core.events import (
 from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import ComponentText, Heartbeat, Position
-from executor.core.places import UNSEEN_S, at_rest, fell, last_heard, over_its_pad, place_words, seen_at_rest
+from executor.core.places import UNSEEN_S, at_rest, fell, last_heard, over_its_pad, place_words, sank, seen_at_rest
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
 from executor.core.strangers import stranger_lines
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
@@ -458,15 +458,17 @@ def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
     if not vehicle.took_off or fix is None:
         return False
     if fix.at_s < vehicle.disarmed_s + SEEN_AFTER_S and now_s - vehicle.disarmed_s < UNSEEN_S:
-        return True if fix.alt_rel_m > context.limits.off_pad_up_m else None
-    return fell(context, vehicle) or vehicle.disarmed_s - vehicle.falls_s < CRASHED_S
+        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.lands else None
+    # Who was told to land may do so on a hill.
+    came_down = sank(vehicle) if vehicle.lands else fell(context, vehicle)
+    return came_down or vehicle.disarmed_s - vehicle.falls_s < CRASHED_S
 
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     came_down = _fell(context, vehicle, now_s)
     if came_down is None:
         return state, ()
-    if came_down and not vehicle.lands:
+    if came_down:
         text = f"{vehicle.name}: came down other than it lands; {last_heard(context, vehicle)}"
         lies = replace(moved_to(vehicle, Stage.DOWN), run=None, errand=None, anchor=vehicle.fix, place_told=False)
         return state.put(lies), (Say(Level.FAULT, text),)
@@ -519,8 +521,8 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
-    elif state.silent_since_s is not None and not event.mixed:
-        # Nobody hears us, or we hear nobody: that is not its refusal.
+    elif (state.silent_since_s is not None or vehicle.stage is Stage.RETURNING) and not event.mixed:
+        # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(vehicle)
         state = replace(state, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)

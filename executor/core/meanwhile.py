@@ -103,6 +103,9 @@ def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: fl
         return Inferred(why_not="it is not on its pad")
     if state.heartbeat is None or is_home_mode(setup.dialect, state.heartbeat.custom_mode):
         return Inferred(why_not="it came home by itself")
+    if setup.failsafe_s is not None and elapsed_s >= setup.failsafe_s:
+        # PX4 goes back to its mission mode once it has disarmed, however it came home.
+        return Inferred(why_not="its own failsafe may have brought it home")
     rest = board.legs[before.waypoint + 1 :]
     left = _share_left(board, before.waypoint, before.fix)
     first = board.legs[before.waypoint]

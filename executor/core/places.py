@@ -37,6 +37,8 @@ RESTS_AFTER_S = 3.0
 """A vehicle whose motors have stopped falls from 40 m in this time."""
 RESTS_M_S = 0.5
 SINKS_M_S = 0.3
+LANDS_M_S = 1.2
+"""Nobody touches down faster: ArduPilot's LAND_SPEED is 0.5, PX4's MPC_LAND_SPEED 0.7 by default."""
 SEEN_S = 1.5
 UNSEEN_S = 6.0
 """After this nobody waits any more for a position of a vehicle that has disarmed."""
@@ -56,8 +58,13 @@ def fell(context: Scene, vehicle: VehicleState) -> bool:
     text, said_s = vehicle.alarm
     if _KILLED.search(text) and abs(vehicle.disarmed_s - said_s) <= context.limits.alarm_s:
         return True
-    sinks = fix.alt_rel_m > 1.0 and fix.velocity_m_s[2] < -SINKS_M_S
-    return sinks or fix.alt_rel_m > context.limits.off_pad_up_m
+    return sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
+
+
+def sank(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that has disarmed was on its way down when it was seen last."""
+    fix = vehicle.fix
+    return fix is not None and fix.velocity_m_s[2] < -(SINKS_M_S if fix.alt_rel_m > 1.0 else LANDS_M_S)
 
 
 def at_rest(vehicle: VehicleState, now_s: float) -> bool:

@@ -9,6 +9,7 @@ from executor.core import battery, energy
 from executor.core.commands import Command, Compose, Level, Say, Solve, Survivor, Upload
 from executor.core.context import Context, FlyAgain
 from executor.core.events import MissionsWanted, NewRoute, SolveEnded
+from executor.core.modes import is_mission_mode
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase, continue_path, flight_path
@@ -52,6 +53,8 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
         return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
     if state.stage not in {Stage.FLYING, Stage.STARTING} or state.board is None or state.fix is None:
         return None
+    if not _on_its_mission(context, state, now_s):
+        return None
     kept = _kept(context, state)
     if kept is None:
         return None
@@ -60,6 +63,14 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     else:
         start, spent = state.fix.place_m, 0.0
     return _offer(context, state, start, spent * battery.factor(state.battery), airborne=True, kept=kept)
+
+
+def _on_its_mission(context: Context, state: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle in the air says that it flies its mission: after an absence of ours it may not."""
+    beat, beat_s = state.heartbeat, state.heartbeat_s
+    if beat is None or beat_s is None or now_s - beat_s >= context.limits.heartbeat_stale_s:
+        return False
+    return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
 
 
 def heard_again(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:

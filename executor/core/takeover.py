@@ -10,6 +10,7 @@ from dataclasses import replace
 from executor.core.changed import changed
 from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.context import Context
+from executor.core.custody import held_unseen
 from executor.core.declare import withdrawn
 from executor.core.homeward import on_mission
 from executor.core.modes import mode_name
@@ -47,6 +48,9 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     text = f"{vehicle.name}: with its pilot, mode {mode}; not commanded from here{kept}"
+    if held_unseen(context, vehicle):
+        whose = f"mode {mode} since it was silent, by its pilot or a failsafe"
+        text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
 
 

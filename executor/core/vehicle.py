@@ -281,6 +281,8 @@ class VehicleState:
     """When its last silence ended with whatever it said."""
     unseen_until_s: float | None = None
     """When its last silence ended with a heartbeat."""
+    unseen_s: float = 0.0
+    """How long no heartbeat had come then."""
     taken: Taken | None = None
     errand: Errand | None = None
     cleared_s: float | None = None

@@ -17,6 +17,7 @@ from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.state import FleetState
+from executor.core.vehicle import Stage
 from executor.runtime import procedures, reunion, streams
 from missions import EncodeError, encode, flag_current
 
@@ -285,8 +286,14 @@ class Flight:
         if command.airborne:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
             mission = flag_current(mission, None)
-        done = await procedures.put_on_board(self._links[command.vehicle], self._clock, dialect, mission.items)
+        link, name = self._links[command.vehicle], command.vehicle
+        wanted = partial(self._may_be_given, name)
+        done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted)
         return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason)
+
+    def _may_be_given(self, vehicle: str) -> bool:
+        """Return whether a vehicle may still be given a mission: one on its way down by itself is left to that."""
+        return self.state.vehicles[vehicle].stage is not Stage.RETURNING
 
     async def _start(self, vehicle: str) -> Event:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

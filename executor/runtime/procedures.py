@@ -66,8 +66,22 @@ def reason_of(outcome: Outcome | None) -> str:
             return "cancelled"
 
 
-async def put_on_board(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> Done:
-    """Upload a mission and read it back until both are the same, with patience but not for ever."""
+async def put_on_board(
+    link: Link,
+    clock: Clock,
+    dialect: Dialect,
+    items: tuple[MissionItem, ...],
+    wanted: Callable[[], bool] = lambda: True,
+) -> Done:
+    """Upload a mission and read it back until both are the same, with patience but not for ever.
+
+    Args:
+        link: To the vehicle.
+        clock: The flight's.
+        dialect: The vehicle's.
+        items: The mission.
+        wanted: Asked before it is begun again with nothing of it on board.
+    """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
@@ -77,6 +91,8 @@ async def put_on_board(link: Link, clock: Clock, dialect: Dialect, items: tuple[
             break
         if attempt:
             await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
+        if attempt and not mixed and not wanted():
+            return Done(accepted=False, reason="it has left its mission")
         upload = await upload_once(link, clock, dialect, items)
         if upload.begun:
             mixed = not dialect.upload_is_atomic

@@ -37,8 +37,8 @@ class Board:
         self.dialect = dialect
         self.items = mission(dialect)
 
-    async def put(self) -> Done:
-        done = await procedures.put_on_board(self.link, self.clock, self.dialect, self.items)
+    async def put(self, *, wanted: bool = True) -> Done:
+        done = await procedures.put_on_board(self.link, self.clock, self.dialect, self.items, lambda: wanted)
         self.link.close()
         return done
 
@@ -87,6 +87,16 @@ async def test_a_dead_link_has_begun_nothing(dialect: Dialect) -> None:
     board.link.cut = True
     done = await board.put()
     assert done == Done(accepted=False, reason="the vehicle did not ask for the first item", mixed=False)
+
+
+@DIALECTS
+async def test_a_mission_that_is_not_wanted_any_more_is_not_begun_again(dialect: Dialect) -> None:
+    board = Board(dialect)
+    board.link.cut = True
+    done = await board.put(wanted=False)
+    assert (done.accepted, done.mixed, done.reason) == (False, False, "it has left its mission")
+    once = Board(dialect)
+    assert (await once.put(wanted=False)).accepted, "what is begun is brought to its end"
 
 
 @DIALECTS
