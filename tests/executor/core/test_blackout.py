@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from executor.core import blackout
@@ -139,3 +141,20 @@ def test_who_is_silent_for_the_moment_is_given_no_work() -> None:
     assert [[offer.vehicle for offer in solve.survivors] for solve in flight.solves()] == [["uav1"]]
     flight.pass_s(TIMEOUT_S)
     assert flight.stage("uav3") is Stage.LOST
+
+
+@pytest.mark.parametrize(("failsafe_s", "counts"), [(None, True), (20.0, False)])
+def test_who_has_landed_meanwhile_flew_its_mission_only_if_nothing_else_can_have_landed_it(
+    failsafe_s: float | None, counts: bool
+) -> None:
+    """PX4 is in its mission mode again once it has disarmed, however it came home."""
+    ready = fleet_of({"uav1": (0, 2)})
+    setup = replace(ready.context.vehicles["uav1"], failsafe_s=failsafe_s)
+    flight = story(replace(ready, context=replace(ready.context, vehicles={"uav1": setup})))
+    flight.run(lambda: flight.inspecting("uav1", 0))
+    flight.crafts["uav1"].mute = True
+    flight.run(lambda: not flight.crafts["uav1"].armed)
+    flight.pass_s(10.0)
+    flight.crafts["uav1"].mute = False
+    flight.pass_s(3.0)
+    assert ({0, 1} <= set(flight.state.inspected)) is counts
