@@ -430,7 +430,8 @@ class Judge:
         if state == "landed":
             return self._landed_untrue(name, at_s)
         flies = state in {"flying", "returning", "landing", "holding"}
-        if flies and not self.armed(name, at_s) and not self.armed(name, at_s - SHOWN_S):
+        lately = any(at_s - SHOWN_S <= one.t_s <= at_s for one in self.happened(name, "armed"))
+        if flies and not self.armed(name, at_s) and not self.armed(name, at_s - SHOWN_S) and not lately:
             return "its motors are off"
         return ""
 
