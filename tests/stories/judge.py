@@ -219,10 +219,17 @@ class Judge:
     # Who commanded what.
 
     def _ended(self) -> Iterator[Finding]:
-        if self.flown.ended_s is None:
+        if self.flown.ended_s is None and not self._stays_open():
             lie = [name for name in self.names if self.armed(name, self.end_s)]
             what = f"; armed: {', '.join(lie)}" if lie else ""
             yield Finding("ends", self.end_s, f"the flight did not end within {self.flown.story.limit_s:g} s{what}")
+
+    def _stays_open(self) -> bool:
+        """Return whether nobody is heard, and the flight says so: it ends by an operator, or by empty batteries."""
+        open_s = max((at_s for at_s, line in self.flown.said if "The flight stays open" in line.text), default=None)
+        again_s = max((at_s for at_s, line in self.flown.said if line.text == "vehicles are heard again"), default=0.0)
+        unheard = open_s is not None and all(self._silent(name, open_s, SHOWN_S) for name in self.names)
+        return unheard and open_s is not None and open_s > again_s
 
     def _wished(self, name: str, at_s: float) -> bool:
         """Return whether a person asked for this: an order follows a wish that was not refused."""
