@@ -63,7 +63,9 @@ def judged(
 
 
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle whose change of mode may be explained by what it said since."""
+    """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
+    if vehicle.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
+        return changed(vehicle, cause=Cause.PERSON, certain=True)
     if vehicle.cause is not Cause.PERSON or vehicle.certain or now_s - vehicle.mode_since_s > LATE_TEXT_S:
         return vehicle
     if not _explained(context, absences, vehicle, now_s):
@@ -140,8 +142,6 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
         return False
     if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
         return False
-    if held_unseen(context, vehicle):
-        return False
     text, said_s = vehicle.alarm
     said = (
         bool(_ACTS.search(text)) and -context.limits.alarm_s <= vehicle.mode_since_s - said_s <= context.limits.alarm_s
@@ -157,12 +157,19 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
 
 
 def held_unseen(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether it holds after so long a silence that a failsafe which only holds first would have gone on."""
-    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    """Return whether it was found to hold after so long that a failsafe which only holds first would have gone on.
+
+    By its own clock: what waited for a ground station that stood still comes late, all of it.
+    """
+    dialect, beat, fix = context.vehicles[vehicle.name].dialect, vehicle.heartbeat, vehicle.fix
+    from_s = vehicle.unseen_from_boot_s
     if beat is None or beat.custom_mode != dialect.modes.hold.custom_mode or not _unseen(vehicle):
         return False
+    if fix is None or from_s is None or fix.at_s < vehicle.mode_since_s:
+        return False
+    unseen_s = fix.boot_s - (fix.at_s - vehicle.mode_since_s) - from_s
     failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
-    return vehicle.unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+    return unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
 
 
 def _unseen(vehicle: VehicleState) -> bool:

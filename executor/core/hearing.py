@@ -125,15 +125,17 @@ def _beat(context: Scene, state: VehicleState, message: Heartbeat, now_s: float)
     since = now_s if other else state.mode_since_s
     armed_once = state.armed_once or message.armed
     disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
-    unseen, unseen_s = state.unseen_until_s, state.unseen_s
+    unseen_s, from_s = state.unseen_until_s, state.unseen_from_boot_s
     if state.heartbeat is not None and _was_unseen(context, state, now_s):
-        unseen, unseen_s = now_s, 0.0 if state.heartbeat_s is None else now_s - state.heartbeat_s
+        unseen_s, from_s = now_s, state.beat_boot_s
+    boot_s = None if state.fix is None else state.fix.boot_s
     flew = state.flew_mission
     if not flew and state.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
     return changed(
         state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since, armed_once=armed_once,
-        flew_mission=flew, unseen_until_s=unseen, unseen_s=unseen_s, disarmed_s=disarmed_s, doubted=None,
+        flew_mission=flew, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s,
+        disarmed_s=disarmed_s, doubted=None,
     )  # fmt: skip
 
 

@@ -281,8 +281,10 @@ class VehicleState:
     """When its last silence ended with whatever it said."""
     unseen_until_s: float | None = None
     """When its last silence ended with a heartbeat."""
-    unseen_s: float = 0.0
-    """How long no heartbeat had come then."""
+    unseen_from_boot_s: float | None = None
+    """By its own clock, when it was seen last before that."""
+    beat_boot_s: float | None = None
+    """By its own clock, about when its last heartbeat came."""
     taken: Taken | None = None
     errand: Errand | None = None
     cleared_s: float | None = None

@@ -158,3 +158,19 @@ def test_who_has_landed_meanwhile_flew_its_mission_only_if_nothing_else_can_have
     flight.crafts["uav1"].mute = False
     flight.pass_s(3.0)
     assert ({0, 1} <= set(flight.state.inspected)) is counts
+
+
+@pytest.mark.parametrize(("long_s", "stage"), [(60.0, Stage.PILOT), (8.0, Stage.RETURNING)])
+def test_who_is_found_holding_after_a_long_silence_is_left_alone(long_s: float, stage: Stage) -> None:
+    """A failsafe holds for some seconds before it returns: who still holds after a minute is held by somebody."""
+    flight = under_way(fleet_of(autopilot="px4"))
+    silenced(flight)
+    hold = flight.context.vehicles["uav2"].dialect.modes.hold.custom_mode
+    flight.crafts["uav2"].mode = hold
+    flight.pass_s(long_s)
+    silenced(flight, mute=False)
+    flight.pass_s(4.0)
+    assert flight.stage("uav2") is stage
+    assert ("uav2" in flight.sent_home()) is False
+    flight.pass_s(30.0)
+    assert ("uav2" in flight.sent_home()) is (stage is Stage.RETURNING)
