@@ -29,6 +29,8 @@ REFUSED_AGAIN_S = 5.0
 FRESH_FIX_S = 1.5
 """Who was not heard is asked where it is before it is told where to go; so long its position is waited for."""
 SINKS_M_S = 0.3
+UNSAID_S = 5.0
+"""So long without HEARTBEAT its mode is not known."""
 
 
 class Answer(Enum):
@@ -162,5 +164,8 @@ def answered(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -
     if event.refused:
         again = replace(errand, told=False, not_before_s=now_s + REFUSED_AGAIN_S)
         return state.put(changed(vehicle, errand=again)), ()
+    done = state.put(changed(vehicle, errand=None))
+    if vehicle.heartbeat_s is None or now_s - vehicle.heartbeat_s >= UNSAID_S:
+        return done, ()  # nobody knows what it does
     text = f"{vehicle.name}: acknowledged the order and does not follow it; it is not told again"
-    return state.put(changed(vehicle, errand=None)), (Say(Level.WARNING, text),)
+    return done, (Say(Level.WARNING, text),)

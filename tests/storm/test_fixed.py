@@ -1,0 +1,83 @@
+"""Hostile moments that were found one by one, flown on both dialects: each is said as what it is, and ends well."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.commands import Level
+from tests.storm.judge import findings
+from tests.storm.plot import ALL, GROUND, Happening, Plot
+from tests.storm.sky import Stormed, fly
+
+ROUTES = {"uav1": (0, 2), "uav2": (4,), "uav3": (6,)}
+EVERYTHING = {0, 1, 2, 3}
+AT_S = 30.0
+DIALECTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+HARMLESS = {
+    "a HEARTBEAT that says disarmed": Happening("forged disarmed", "uav2", AT_S, word="1"),
+    "a HEARTBEAT of a gimbal": Happening("forged disarmed", "uav2", AT_S, word="190"),
+    "a position that cannot be": Happening("forged position", "uav2", AT_S),
+    "a text about the battery": Happening("forged text", ALL, AT_S, word="Battery Failsafe"),
+    "a radio from elsewhere": Happening("forged radio", "uav2", AT_S),
+    "garbage": Happening("garbage", ALL, 10.0, 60.0),
+}
+TOLD = {
+    "no position": (Happening("no position", "uav2", AT_S, 90.0), "uav2: interruption, no position for 20 s"),
+    "no heartbeat": (Happening("no heartbeat", "uav2", AT_S, 90.0), "uav2: interruption, no HEARTBEAT for 20 s"),
+    "a foreign mission": (Happening("foreign mission", "uav2", AT_S), "uav2: carries another mission than ours ("),
+    "a fence": (Happening("fence", "uav2", AT_S), "uav2: interruption, RTL by its own failsafe; it says: "),
+}
+
+
+def flown(autopilot: str, *happenings: Happening) -> Stormed:
+    """Fly it; nothing that was said, counted, commanded or left is untrue."""
+    stormed = fly(Plot(1, autopilot, "line", ROUTES, happenings, fly_again="auto"))
+    assert findings(stormed) == []
+    assert set(stormed.flown.inspected) == EVERYTHING
+    return stormed
+
+
+def faults(stormed: Stormed) -> list[str]:
+    return [line.text for _, line in stormed.flown.said if line.level is Level.FAULT]
+
+
+@DIALECTS
+@pytest.mark.parametrize("what", HARMLESS)
+def test_what_anybody_may_send_ends_nothing(autopilot: str, what: str) -> None:
+    stormed = flown(autopilot, HARMLESS[what])
+    assert faults(stormed) == []
+    assert not any(line.text.startswith("re-plan") for _, line in stormed.flown.said)
+
+
+@DIALECTS
+@pytest.mark.parametrize("what", TOLD)
+def test_what_goes_wrong_is_a_fault_by_its_own_name(autopilot: str, what: str) -> None:
+    happening, says = TOLD[what]
+    stormed = flown(autopilot, happening)
+    assert any(line.startswith(says) for line in faults(stormed)), faults(stormed)
+
+
+@DIALECTS
+def test_a_foreign_mission_is_noticed_within_two_seconds(autopilot: str) -> None:
+    stormed = flown(autopilot, TOLD["a foreign mission"][0])
+    began_s = next(at_s for at_s, one in stormed.began if one.kind == "foreign mission")
+    told_s = next(at_s for at_s, line in stormed.flown.said if "carries another mission" in line.text)
+    assert told_s - began_s <= 2.0
+    free_s = next(at_s for at_s, line in stormed.flown.said if "its segments are free for the others" in line.text)
+    assert free_s - told_s == pytest.approx(30.0, abs=2.0), "they are kept for a while"
+
+
+@DIALECTS
+def test_a_radio_that_is_gone_for_long_ends_no_flight(autopilot: str) -> None:
+    """They come home by their own failsafes, are nobody's loss, and finish."""
+    stormed = flown(autopilot, Happening("all silent", ALL, AT_S, 75.0))
+    [line] = faults(stormed)
+    assert line.startswith("nobody was heard for 60 s; in the air when last heard: uav1, uav2, uav3. The flight stays")
+
+
+@DIALECTS
+def test_a_solver_that_hangs_is_done_without(autopilot: str) -> None:
+    hangs = Happening("solver", GROUND, 10.0, 60.0, word="hangs")
+    stormed = flown(autopilot, hangs, Happening("silent", "uav2", AT_S))
+    assert sum("the solver did not answer; trying again" in line.text for _, line in stormed.flown.said) >= 1
