@@ -238,6 +238,10 @@ class Judge:
             for asked_s, intent in self._asked
         )
 
+    def _aborted(self, at_s: float) -> bool:
+        """Return whether everybody was told to come home in that very moment: whose return it is nobody can tell."""
+        return any(intent.action is Action.ABORT and abs(at_s - asked_s) <= 1.0 for asked_s, intent in self._asked)
+
     def _hands_off(self) -> Iterator[Finding]:
         for name in self.names:
             for span in self.hands(name):
@@ -423,6 +427,7 @@ class Judge:
         held = any(
             self._known_s(name, span.from_s) + SHOWN_S <= at_s < span.to_s
             and not self._wished(name, at_s)
+            and not self._aborted(span.from_s)
             and self.armed(name, at_s)
             and not self._overruled(name, at_s)
             for span in self.hands(name)
