@@ -229,7 +229,7 @@ def forges_words(autopilot: Autopilot) -> Callable[[RealVehicle], None]:
         )
         text = mav.MAVLink_statustext_message(mav.MAV_SEVERITY_CRITICAL, b"Battery Failsafe")
         for message, component, count in (
-            (disarmed, 190, 1), (disarmed, 1, 1), (disarmed, 190, FLOOD), (disarmed, 1, FLOOD), 
+            (disarmed, 190, 1), (disarmed, 1, 1), (disarmed, 190, FLOOD), (disarmed, 1, FLOOD),
             (text, 190, 1), (text, 1, 1),
         ):  # fmt: skip
             forger = mav.MAVLink(None, srcSystem=vehicle.sysid, srcComponent=component)
