@@ -75,8 +75,11 @@ def others_come(view: View) -> bool:
 
 def missing(view: View, stream: Stream) -> str:
     """Return in words what does not come while others do; nothing if it comes."""
-    if not stream.stale or not others_come(view):
+    heard_s = view.state.heard_s
+    if not stream.stale or heard_s is None or not others_come(view):
         return ""
+    if view.now_s - heard_s > stream.age_s - stream.stale_s:
+        return ""  # nothing else came since this was due: a silence of everything begins with one of them
     return f"{stream.words} for {stream.age_s:.0f} s, while other messages come"
 
 
