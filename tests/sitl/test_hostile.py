@@ -186,7 +186,7 @@ def forges_radio(autopilot: Autopilot, returned: list[bytes]) -> Callable[[RealV
             plug.settimeout(0.1 / SPEEDUP)
             for _ in range(RADIO_PACKETS):
                 # No signal over much noise, and a buffer that takes nothing.
-                report = mav.MAVLink_radio_status_message(0, 0, 0, 255, 255, 0, 0)
+                report = mav.MAVLink_radio_status_message(0, 0, 0, 200, 200, 0, 0)
                 plug.sendto(report.pack(forger), (HOST, autopilot.port + vehicle.sysid - 1))
                 with contextlib.suppress(TimeoutError):
                     returned.append(plug.recv(65536))
@@ -205,7 +205,7 @@ def test_a_forged_radio(autopilot: Autopilot, tmp_path: Path) -> None:
     flight = flown(autopilot, story, tmp_path)
     ended_well(flight, [])
     assert returned == []
-    assert flight.says(f"{VICTIM}: radio signal 0 over noise 255") is not None, flight.said
+    assert flight.says(f"{VICTIM}: radio signal 0 over noise 200") is not None, flight.said
     assert flight.report["replans"] == [], flight.said
     assert signed(flight) == ({True} if story.signed else {False})
 
