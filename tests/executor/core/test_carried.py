@@ -64,9 +64,10 @@ def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
     assert "(as many items as ours, and others)" in flight.said(Level.FAULT)[0]
 
 
-def test_a_received_flight_plan_that_nobody_here_sent_is_another_stations_on_ardupilot() -> None:
+@pytest.mark.parametrize("text", ["Flight plan received", "Auto mission changed, restarted command"])
+def test_a_received_flight_plan_that_nobody_here_sent_is_another_stations_on_ardupilot(text: str) -> None:
     flight = honest()
-    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.happen(Heard("uav2", StatusText(6, text)))
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
     assert "(it says that it has received one)" in flight.said(Level.FAULT)[0]
 
