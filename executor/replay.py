@@ -206,8 +206,9 @@ class _Player:
                     return False
                 self._beats[known.name] = now_s  # the next tick takes it
                 return True
-            case MissionCurrent(seq, total):
-                return known.item == (seq, total)
+            case MissionCurrent(seq, total, number):
+                same = known.board is None or number in {None, known.carried.id}
+                return same and known.item == (seq, total)
             case Battery():
                 return self._battery_repeats(known.name, message, now_s)
             case _:

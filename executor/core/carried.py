@@ -1,7 +1,9 @@
 """What a vehicle says of the mission that it carries: whether it is ours, or another station has put its own on board.
 
 MISSION_CURRENT comes at least once a second. Both autopilots send how many items they carry; PX4 adds a checksum of
-them as `mission_id`, and ArduPilot says "Flight plan received" after every upload.
+them as `mission_id`. ArduPilot says "Flight plan received" after every upload, to its sender alone, and while it flies
+its mission "Auto mission changed, restarted command" with every item that it stores, to everybody. A shorter mission
+leaves it at an index beyond the new end.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ SURE_S = 0.9
 """Two reports must agree; they come twice a second."""
 SETTLES_S = 5.0
 """So long after an upload of ours a report, or a text, may be of before it."""
-_RECEIVED = re.compile(r"^flight plan received", re.IGNORECASE)
+_RECEIVED = re.compile(r"^(flight plan received|auto mission changed)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)

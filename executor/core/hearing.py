@@ -110,8 +110,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(changed(state, heard_s=now_s))
 
 
-DOUBT_S = 0.8
-"""The next HEARTBEAT comes after a second: what it does not confirm was not so."""
+DOUBT_S = 2.5
+"""The vehicle's own HEARTBEAT comes every second, and one may be lost: what it refutes meanwhile was not so."""
 DOUBTED_FIX_S = 1.5
 
 

@@ -116,10 +116,8 @@ def _wind(said: Wind) -> Wind | None:
 
 
 def _current(said: MissionCurrent) -> MissionCurrent | None:
-    if not 0 <= said.seq < NO_ITEM:
-        return None
-    known = said.total in {None, NO_ITEM} or said.seq <= (said.total or 0)
-    return said if known else replace(said, total=None)
+    # An index beyond the total is what ArduPilot says when another station has given it a shorter mission.
+    return said if 0 <= said.seq < NO_ITEM else None
 
 
 def _reached(said: MissionReached) -> MissionReached | None:

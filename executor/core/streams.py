@@ -17,8 +17,6 @@ LEAST_GONE_S = 20.0
 BATTERY_GONE_S = 60.0
 """A pack that was well may be unseen for so long: it loses 4 % in a minute, and 12 if it drains three times as fast."""
 ASK_AGAIN_S = 6.0
-SURELY = 0.7
-"""Share of the time after which a stream is missing in which others must have come."""
 UNSEEN_S = 60.0
 """Who says neither where it is nor whether it is armed for so long is as good as silent."""
 
@@ -78,10 +76,10 @@ def others_come(view: View) -> bool:
 def missing(view: View, stream: Stream) -> str:
     """Return in words what does not come while others do; nothing if it comes."""
     heard_s = view.state.heard_s
-    if not stream.stale or not others_come(view) or heard_s is None:
+    if not stream.stale or heard_s is None or not others_come(view):
         return ""
-    if stream.age_s - (view.now_s - heard_s) < SURELY * stream.stale_s:
-        return ""  # what came last came before it was due: all of it has stopped
+    if view.now_s - heard_s > stream.age_s - stream.stale_s:
+        return ""  # nothing else came since this was due: a silence of everything begins with one of them
     return f"{stream.words} for {stream.age_s:.0f} s, while other messages come"
 
 

@@ -30,7 +30,8 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
     mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
     on_ground = vehicle.stage in {Stage.GROUND, Stage.LANDED}
     had_work = vehicle.stage in {Stage.FLYING, Stage.STARTING} and bool(vehicle.remaining_visits())
-    since_s = vehicle.mode_since_s if vehicle.carried.foreign_s is None else vehicle.carried.foreign_s
+    # Another station's mission is flown in the mode that ours was.
+    since_s = max(vehicle.mode_since_s, vehicle.carried.foreign_s or 0.0)
     since_s = since_s if vehicle.taken is None else vehicle.taken.since_s
     hold = replace(vehicle.taken or Taken(since_s, given_away=not had_work), returned_s=None)
     if vehicle.fault is not None:

@@ -28,6 +28,7 @@ from tests.sitl.real import RELAYED, Autopilot, RealVehicle, Wanted, running
 
 VICTIM = "uav2"
 NAMES = ("uav1", VICTIM, "uav3")
+KEY, KEY_FILE = bytes(range(32)), "signing.key"
 SPEEDUP = float(os.environ.get("FAULTLINE_SITL_SPEEDUP", "4"))
 """Times real time; a busy computer keeps up with less."""
 
@@ -39,7 +40,7 @@ def in_its_second_segment(vehicle: VehicleState, state: FleetState) -> bool:
 
 @dataclass(frozen=True)
 class Story:
-    """What happens to uav2 as soon as it inspects its second segment, and how everybody is set up for it."""
+    """What happens as soon as uav2 inspects its second segment, to uav2 by default, and how everybody is set up."""
 
     strike: Callable[[RealVehicle], None] | None = None
     lift: Callable[[RealVehicle], None] | None = None
@@ -48,10 +49,14 @@ class Story:
     """Of the flight's time, from the one to the other."""
     settings: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """Parameters of every vehicle."""
+    struck: tuple[str, ...] = (VICTIM,)
+    """Whom it happens to."""
     faults: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """The site file's table of that name."""
-    relayed: bool = False
-    """Whether uav2's link goes through a relay."""
+    relayed: tuple[str, ...] = ()
+    """Whose link goes through a relay."""
+    signed: bool = False
+    """Whether frames are signed, and a SiK radio is named, which cannot sign."""
     backends: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Who does not speak to its vehicle by the native link."""
     radius_m: float = 320.0
@@ -103,10 +108,12 @@ class WatchfulConsole:
         if self.struck_s is None:
             if story.strike is not None and story.at(vehicle, state):
                 self.struck_s = now_s
-                story.strike(self.running[VICTIM])
+                for name in story.struck:
+                    story.strike(self.running[name])
         elif story.lift is not None and self.lifted_s is None and now_s - self.struck_s >= story.lasts_s:
             self.lifted_s = now_s
-            story.lift(self.running[VICTIM])
+            for name in story.struck:
+                story.lift(self.running[name])
 
     def done(self) -> None:
         self.lines.append("done")
@@ -163,10 +170,13 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     order.run.mkdir()
     keep(order)
     pads = {pad.vehicle: pad for pad in build.setup_of(ground).pads}
-    relayed = frozenset({VICTIM} if story.relayed else ())
-    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, relayed)
+    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed))
     console = WatchfulConsole(story)
     with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
+        if story.signed:
+            (folder / KEY_FILE).write_text(KEY.hex())
+            for vehicle in console.running.values():
+                vehicle.other.sign(vehicle.sysid, KEY)
         turns.run(app.fly(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
@@ -185,8 +195,10 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
 
 def site_of(autopilot: Autopilot, story: Story) -> Site:
     """Return the site of a story."""
+    signed = {"signing": {"key_file": KEY_FILE}, "link": {"radios": [{"system": 51, "component": 68}]}}
     return check_site(
         {
+            **(signed if story.signed else {}),
             "network": {"file": "default", "radius_m": story.radius_m},
             "flight": {
                 "speedup": story.speedup,
@@ -213,4 +225,4 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
 
 
 def _above(name: str, story: Story) -> int:
-    return RELAYED if story.relayed and name == VICTIM else 0
+    return RELAYED if name in story.relayed else 0

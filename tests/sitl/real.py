@@ -11,11 +11,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from missions import LocalFrame, Pad
-from tests.sitl.parameters import OtherLink
 from tests.sitl.relay import Relay
+from tests.sitl.station import OtherLink
 
 COPTER_PARAMETERS: Mapping[str, float] = {
     # What a calibrated quadrotor has; without them, or with figures for a third IMU that it does not simulate,
@@ -62,6 +63,14 @@ class Autopilot:
 
 ARDUPILOT = Autopilot("ardupilot", "FAULTLINE_ARDUCOPTER", 16000)
 PX4 = Autopilot("px4", "FAULTLINE_PX4", 14540)
+BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
+NO_FAILSAFE: Mapping[Autopilot, Mapping[str, float]] = {ARDUPILOT: {"FS_GCS_ENABLE": 0.0}, PX4: {"NAV_DLL_ACT": 0.0}}
+"""They fly on unseen."""
+SOON_HOME: Mapping[Autopilot, Mapping[str, float]] = {
+    ARDUPILOT: {"FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 8.0},
+    PX4: {"NAV_DLL_ACT": 2.0, "COM_DL_LOSS_T": 8.0, "COM_FAIL_ACT_T": 1.0},
+}
+"""Their patience is eight seconds, then they come home."""
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,10 @@ class Relay:
             self._to_vehicle.close()
             self._to_station.close()
 
+    def forge(self, frame: bytes) -> None:
+        """Send a frame to the ground station from the address that the vehicle's come from."""
+        self._to_station.sendto(frame, self._station)
+
     def modes(self) -> list[tuple[float, int]]:
         """Return the modes of the heartbeats that were swallowed, each with its time in seconds since 1970."""
         parser = mav.MAVLink(None)

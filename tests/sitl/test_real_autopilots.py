@@ -14,45 +14,15 @@ from typing import Any
 import httpx
 import pytest
 
-from executor.core.record import SegmentRecord
-from executor.record import read_run
 from missions import dialect_for
 from tests.e2e.flights import demo, free_ports
-from tests.e2e.judge import wrongly_counted
-from tests.sitl.flights import NAMES, VICTIM, Flown, Story, flown
-from tests.sitl.real import ARDUPILOT, PX4, Autopilot, RealVehicle
+from tests.sitl.flights import VICTIM, Flown, Story, flown
+from tests.sitl.real import ARDUPILOT, BOTH, NO_FAILSAFE, PX4, Autopilot, RealVehicle
+from tests.sitl.verdict import ended_well
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(900)]
 
-BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
-LEAST_APART_M = 5.0
 SILENCE_S = 20.0
-
-
-def ended_well(flight: Flown, lost: list[str], *, down: tuple[str, ...] = NAMES) -> None:
-    """Check what every flight has in common; `lost` are the kinds of uav2's faults, `down` those who must land."""
-    report, said = flight.report, flight.said
-    assert [(fault["vehicle"], fault["kind"]) for fault in report["faults"]] == [(VICTIM, kind) for kind in lost], said
-    assert report["finished"], said
-    assert report["segments_inspected"] == report["segments_total"] > 0
-    assert sorted(one["segment"] for one in report["inspections"]) == list(range(report["segments_total"]))
-    assert wrongly_counted(flight.run, report) == [], said
-    assert report["min_separation_m"] >= LEAST_APART_M, said
-    assert not any(line for line in said.splitlines() if "internal mistake" in line), said
-    assert all(replan["feasible"] for replan in report["replans"]), said
-    for name in down:
-        assert flight.vehicle(name)["landed"], said
-        assert not flight.heartbeats(name)[-1][1], f"{name} is still armed"
-    for fault in report["faults"]:
-        # What a vehicle does after its work was given away counts for nothing.
-        for one in inspected_by(flight, fault["vehicle"]):
-            assert one.inspected_s is not None
-            assert one.inspected_s <= fault["detected_s"]
-
-
-def inspected_by(flight: Flown, name: str) -> list[SegmentRecord]:
-    """Return the segments that a vehicle inspected, by the records of the flight."""
-    return [one for one in read_run(flight.run).segments if one.inspected_by == name]
 
 
 def shape(value: object) -> object:
@@ -153,8 +123,7 @@ def test_silent_and_home_by_its_own_failsafe(autopilot: Autopilot, tmp_path: Pat
 @BOTH
 def test_silent_and_told_to_return(autopilot: Autopilot, tmp_path: Path) -> None:
     """Without a failsafe of its own it flies its mission on in silence, until it is heard again."""
-    none = {ARDUPILOT: {"FS_GCS_ENABLE": 0}, PX4: {"NAV_DLL_ACT": 0}}
-    flight = flown(autopilot, silence(none[autopilot], link_timeout_s=14.0), tmp_path)
+    flight = flown(autopilot, silence(NO_FAILSAFE[autopilot], link_timeout_s=14.0), tmp_path)
     ended_well(flight, ["link"])
     assert {mode for _, mode in flight.unseen_modes} == {dialect_for(autopilot.name).modes.mission.custom_mode}
     told_s = flight.says(f"{VICTIM}: is heard again; its work was given away, so it is told to return")
@@ -190,7 +159,9 @@ def test_through_mavsdk(autopilot: Autopilot, tmp_path: Path) -> None:
 def silence(settings: Mapping[str, float], link_timeout_s: float | None = None) -> Story:
     """uav2's link is cut for a while, in which it flies on."""
     faults = {} if link_timeout_s is None else {"link_timeout_s": link_timeout_s}
-    return Story(RealVehicle.cut, RealVehicle.join, lasts_s=SILENCE_S, settings=settings, faults=faults, relayed=True)
+    return Story(
+        RealVehicle.cut, RealVehicle.join, lasts_s=SILENCE_S, settings=settings, faults=faults, relayed=(VICTIM,)
+    )
 
 
 def homeward(autopilot: Autopilot) -> tuple[Any, ...]:

@@ -14,14 +14,12 @@ from executor import build
 from tests.e2e.flights import called, log_lines, said_in
 from tests.e2e.judge import wrongly_counted
 from tests.sitl.flights import SPEEDUP, Story, site_of
-from tests.sitl.real import ARDUPILOT, PX4, Autopilot, Wanted, running
+from tests.sitl.real import BOTH, NO_FAILSAFE, Autopilot, Wanted, running
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(900)]
 
 AWAY_S = 20.0
 """Of the flight, with nobody there."""
-NO_FAILSAFE = {ARDUPILOT: {"FS_GCS_ENABLE": 0.0}, PX4: {"NAV_DLL_ACT": 0.0}}
-"""They fly on unseen."""
 
 
 async def flown_with_a_death(site: Path, run: Path) -> dict[str, Any]:
@@ -39,7 +37,7 @@ async def flown_with_a_death(site: Path, run: Path) -> dict[str, Any]:
     return report
 
 
-@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda one: one.name)
+@BOTH
 def test_killed_in_flight(autopilot: Autopilot, tmp_path: Path) -> None:
     if not autopilot.binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")

@@ -10,29 +10,17 @@ from pathlib import Path
 
 import httpx
 import pytest
-from pymavlink import DFReader
-from pyulog import ULog
 
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 from missions import Phase
-from tests.e2e.flights import began_unix_s, free_ports
-from tests.e2e.tlog import messages
-from tests.sitl.flights import VICTIM, Flown, Story, flown
-from tests.sitl.real import ARDUPILOT, PX4, Autopilot, RealVehicle
+from tests.e2e.flights import free_ports
+from tests.sitl.custody import LOGGED, nothing_was_commanded, switches
+from tests.sitl.flights import VICTIM, Story, flown
+from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
 
 # PX4 refuses Position mode to a station without sticks (measured: "Switching to Position is currently not available").
-BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4], ids=lambda autopilot: autopilot.name)
-MODES = {"ardupilot": {"loiter": (5, 0), "mission": (3, 0), "rtl": (6, 0)},
-         "px4": {"loiter": (4, 3), "mission": (4, 4), "rtl": (4, 5)}}  # fmt: skip
 LASTS_S = 45.0
-LOGGED = {"SDLOG_BACKEND": 1.0, "SDLOG_MODE": 0.0}
-COMMANDS = {176, 178, 20, 21, 22, 300, 400, 192, 193}
-"""Modes, speeds, returns, landings, take-offs, starts, arming, repositions, pauses."""
-
-
-def switches(autopilot: Autopilot, mode: str) -> Callable[[RealVehicle], None]:
-    return lambda vehicle: vehicle.switch(*MODES[autopilot.name][mode])
 
 
 def both(*acts: Callable[[RealVehicle], None]) -> Callable[[RealVehicle], None]:
@@ -61,52 +49,6 @@ def in_transit(vehicle: VehicleState, state: FleetState) -> bool:
     leg = vehicle.leg
     moved = vehicle.fix is not None and abs(vehicle.fix.velocity_m_s[0]) + abs(vehicle.fix.velocity_m_s[1]) > 4.0
     return vehicle.name in state.inspected.values() and leg is not None and leg.phase is Phase.TRANSIT and moved
-
-
-def own_commands(flight: Flown, autopilot: Autopilot) -> list[tuple[float, int]]:
-    """Return what uav2's own log says that we commanded: when, in seconds of its clock, and what."""
-    folder = flight.run.parent / "sim" / VICTIM
-    if autopilot is ARDUPILOT:
-        log = DFReader.DFReader_binary(str(max(folder.glob("logs/*.BIN"))))
-        found: list[tuple[float, int]] = []
-        while (message := log.recv_match(type=["MAVC"])) is not None:
-            if message.SS == 255 and message.SC == 190:
-                found.append((message.TimeUS / 1e6, message.Cmd))
-        log.filehandle.close()
-        return found
-    data = ULog(str(max(folder.rglob("*.ulg"), key=lambda path: path.stat().st_size))).get_dataset("vehicle_command")
-    values = data.data
-    rows = zip(values["timestamp"], values["command"], values["source_system"], values["source_component"], strict=True)
-    return [
-        (stamp / 1e6, int(command)) for stamp, command, system, component in rows if (system, component) == (255, 190)
-    ]
-
-
-def taken_s(flight: Flown) -> tuple[float, float]:
-    """Return when uav2 was taken and when it was given back, or landed, by the flight's clock."""
-    assert flight.struck_s is not None
-    began_s = next(at_s for at_s, stage in flight.shown if stage == "pilot")
-    until_s = next((at_s for at_s, stage in flight.shown if at_s > began_s and stage != "pilot"), 1e9)
-    return began_s, until_s
-
-
-def boot_s(flight: Flown, at_s: float) -> float:
-    """Return uav2's own clock at a time of the flight's."""
-    zero_s = began_unix_s(flight.run)
-    rows = messages(flight.run / f"{VICTIM}.tlog", "GLOBAL_POSITION_INT")
-    return float(min((abs(stamp_s - zero_s - at_s), row.time_boot_ms / 1e3) for stamp_s, row in rows)[1])
-
-
-def nothing_was_commanded(flight: Flown, autopilot: Autopilot) -> None:
-    """Check, by uav2's own log, that nothing was commanded from the takeover until it was given back."""
-    assert flight.struck_s is not None
-    began_s, until_s = taken_s(flight)
-    assert began_s - flight.struck_s < 5.0, flight.said
-    first_s = boot_s(flight, flight.struck_s)
-    last_s = 1e9 if until_s == 1e9 else boot_s(flight, until_s)
-    commands = own_commands(flight, autopilot)
-    assert any(at_s < first_s for at_s, _ in commands), "the log holds what we commanded before"
-    assert [row for row in commands if first_s < row[0] < last_s - 0.5 and row[1] in COMMANDS] == [], flight.said
 
 
 def story_of(autopilot: Autopilot, **more: object) -> Story:

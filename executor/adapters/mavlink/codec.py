@@ -303,6 +303,14 @@ def _fence(frame: Any) -> FenceStatus | None:  # noqa: ANN401
     return FenceStatus(bool(frame.breach_status)) if frame.breach_status in {0, 1} else None
 
 
+def _mission_id(frame: bytes | None) -> int | None:
+    """Read the uint32 behind what pymavlink knows of MISSION_CURRENT; MAVLink 2 leaves zeros at the end out."""
+    if not frame or frame[0] != mav.PROTOCOL_MARKER_V2:
+        return None
+    payload = bytes(frame[10 : 10 + frame[1]]).ljust(10, b"\0")
+    return int.from_bytes(payload[6:10], "little") or None
+
+
 def _system_status(frame: Any) -> SystemStatus:  # noqa: ANN401
     enabled, healthy = frame.onboard_control_sensors_enabled, frame.onboard_control_sensors_health
     present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
@@ -372,7 +380,7 @@ _READERS: dict[str, Any] = {
     "FENCE_STATUS": _fence,
     "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
     "MISSION_CURRENT": lambda frame: MissionCurrent(
-        frame.seq, getattr(frame, "total", 0) or None, getattr(frame, "mission_id", 0) or None
+        frame.seq, getattr(frame, "total", 0) or None, _mission_id(frame.get_msgbuf())
     ),
     "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),
     "MISSION_REQUEST": _of_mission(MissionRequest, "seq"),

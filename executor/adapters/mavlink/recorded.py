@@ -151,8 +151,8 @@ def _radio(_: int, __: int, rssi: int, remote: int, buffer: int, noise: int, rem
     )
 
 
-def _mission_current(seq: int, total: int) -> MissionCurrent:
-    return MissionCurrent(seq, total or None)
+def _mission_current(seq: int, total: int, _: int, __: int, number: int) -> MissionCurrent:
+    return MissionCurrent(seq, total or None, number or None)
 
 
 def _landed(_: int, state: int) -> LandedState:
@@ -172,7 +172,7 @@ KINDS: dict[int, Kind] = {
     HEARTBEAT: Kind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
     SYSTEM: Kind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
     POSITION: Kind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
-    42: Kind(28, struct.Struct("<HH"), _mission_current, STEADY_USEC),
+    42: Kind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
     46: Kind(11, struct.Struct("<H"), MissionReached),
     109: Kind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
     BATTERY: Kind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),

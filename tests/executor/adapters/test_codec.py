@@ -49,6 +49,8 @@ from executor.core.messages import (
     Version,
     Wind,
 )
+from executor.simulator.messages import out
+from executor.simulator.wire import Codec as SimCodec
 from missions import MissionItem
 
 ARDUPILOT, PX4 = 3, 12
@@ -349,6 +351,14 @@ def test_the_rest_of_what_is_followed() -> None:
     assert isinstance(received, MissionItemReceived)
     assert math.isnan(received.item.param4)
     assert (received.item.seq, received.item.x, received.item.z) == (3, 5, 20.5)
+
+
+def test_which_mission_it_is_stands_behind_what_pymavlink_knows_of_the_message() -> None:
+    vehicle, ground = SimCodec(7), Codec()
+    for number, known in ((0, None), (77, 77), (460575375, 460575375)):
+        body = out("MISSION_CURRENT", seq=5, total=9, mission_state=3, mission_mode=1, mission_id=number)
+        [received] = ground.decode(vehicle.encode(body, 1.0))
+        assert received.message == MissionCurrent(5, 9, known)
 
 
 def version(packed: int) -> Message | None:

@@ -57,6 +57,17 @@ def test_a_mission_of_another_length_is_another_stations(autopilot: str) -> None
     assert 2 not in flight.state.inspected or flight.state.inspected[2] != "uav2"
 
 
+def test_its_segments_are_kept_for_a_while_though_its_mode_is_as_old_as_the_flight() -> None:
+    flight = honest()
+    grace_s = flight.context.pilot_grace_s
+    flight.pass_s(grace_s)
+    flight.crafts["uav2"].foreign = 4
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    began_s = flight.now_s
+    freed_s = flight.run(lambda: any("are free for the others" in line for line in flight.said(Level.WARNING)))
+    assert freed_s - began_s == pytest.approx(grace_s, abs=2.0)
+
+
 def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
     flight = honest("px4")
     flight.crafts["uav2"].mission_id = 815
@@ -64,9 +75,10 @@ def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
     assert "(as many items as ours, and others)" in flight.said(Level.FAULT)[0]
 
 
-def test_a_received_flight_plan_that_nobody_here_sent_is_another_stations_on_ardupilot() -> None:
+@pytest.mark.parametrize("text", ["Flight plan received", "Auto mission changed, restarted command"])
+def test_a_received_flight_plan_that_nobody_here_sent_is_another_stations_on_ardupilot(text: str) -> None:
     flight = honest()
-    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.happen(Heard("uav2", StatusText(6, text)))
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
     assert "(it says that it has received one)" in flight.said(Level.FAULT)[0]
 

@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Level
 from executor.core.events import Heard
-from executor.core.messages import StatusText
+from executor.core.messages import Heartbeat, StatusText
 from executor.core.vehicle import FaultKind, Stage
 from tests.executor.core.stories import EVERYTHING, under_way
 from tests.fakes.flight import Story
@@ -43,13 +43,24 @@ def test_a_flood_of_them_between_its_own_ends_nothing() -> None:
     assert len(flight.said(Level.WARNING)) == 1
 
 
-def test_the_second_one_is_believed() -> None:
-    """Its motors were stopped in the air: at its second HEARTBEAT that is known."""
+def test_a_flood_of_them_ends_nothing_though_one_of_its_own_is_lost() -> None:
+    flight = under_way()
+    flight.run(lambda: flight.now_s - (flight.vehicle("uav2").heartbeat_s or 0.0) == 0.0)
+    for number in range(100):
+        flight.crafts["uav2"].stopped = {Heartbeat} if number % 10 < 3 else set()
+        flight.happen(disarmed(flight, "uav2"))
+        flight.step()
+    assert flight.vehicle("uav2").fault is None
+    assert len(flight.said(Level.WARNING)) == 1
+
+
+def test_what_none_of_its_own_refutes_is_believed() -> None:
+    """Its motors were stopped in the air: after three seconds that is known."""
     flight = under_way()
     flight.crafts["uav2"].armed = False
     since_s = flight.now_s
     found_s = flight.run(lambda: flight.vehicle("uav2").fault is not None)
-    assert found_s - since_s < 3.0
+    assert found_s - since_s < 4.5
     assert flight.stage("uav2") is Stage.DOWN
 
 

@@ -36,7 +36,7 @@ NO_NUMBERS = (math.nan, math.inf, -math.inf, 1e30, -1e30)
         PLACE, PACK, STATUS, Battery(0, None, None, None, None, 0, 0), SystemStatus(None, None, 0, prearm_ok=None),
         replace(PLACE, lat_deg=0.0), replace(PLACE, alt_msl_m=-400.0), replace(PLACE, north_m_s=-60.0),
         replace(PLACE, heading_deg=None), Home(50.0, 13.0, 300.0), Attitude(180.0, -90.0), Gps(8, None),
-        Wind(30.0, 359.9), MissionCurrent(0, None), MissionCurrent(11, 11), MissionReached(4),
+        Wind(30.0, 359.9), MissionCurrent(0, None), MissionCurrent(11, 11), MissionCurrent(12, 11), MissionReached(4),
         ParamValue("RTL_ALT", -1.0, 9), Heartbeat(3, 0, armed=True, system_status=4),
     ],
 )  # fmt: skip
@@ -93,7 +93,6 @@ def test_cells_that_are_none(cell: float) -> None:
         (Wind(151.0, 0.0), None),
         (MissionCurrent(65535, 4), None),
         (MissionCurrent(0, 65535), MissionCurrent(0, 65535)),
-        (MissionCurrent(12, 11), MissionCurrent(12, None)),
         (MissionReached(65535), None),
         (ParamValue("RTL_ALT", math.nan, 9), None),
     ],

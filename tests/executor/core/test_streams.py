@@ -62,6 +62,15 @@ def test_a_silence_of_everything_is_a_matter_of_the_link() -> None:
     assert flight.given(AskStreams) == []
 
 
+def test_what_came_last_before_a_silence_is_not_missed_while_others_come() -> None:
+    flight = under_way()
+    flight.crafts["uav2"].stopped.add(Heartbeat)
+    flight.pass_s(1.0)
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: flight.stage("uav2") is Stage.LOST)
+    assert [line for line in flight.said(Level.WARNING) if "no HEARTBEAT" in line] == []
+
+
 def test_without_positions_its_use_accuses_no_battery() -> None:
     """What the flight should cost is known by the speed alone."""
     flight = under_way()

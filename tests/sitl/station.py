@@ -1,4 +1,4 @@
-"""Parameters of a real autopilot, set over a connection of its own beside the one that is flown."""
+"""Another ground station of a real autopilot: parameters, missions and keys, over a connection of its own."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ import math
 import socket
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
 HOST = "127.0.0.1"
 ANSWER_S = 1.0
+TRIES = 5
+SIGNING_EPOCH_UNIX_S, SIGNING_TICKS_PER_S = 1420070400, 100_000
 FLOAT = mav.MAV_PARAM_TYPE_REAL32
 
 
@@ -78,6 +81,74 @@ class OtherLink:
                     if message.get_type() == "PARAM_VALUE":
                         until_s = time.monotonic() + quiet_s
                         yield message
+
+    def sign(self, sysid: int, key: bytes, patience_s: float = 60.0) -> None:
+        """Have a vehicle on the ground sign what it says, and ask the same of others; waits for one that starts.
+
+        Raises:
+            TimeoutError: it did not begin in real seconds.
+        """
+        until_s, order = time.monotonic() + patience_s, list(key)
+        while time.monotonic() < until_s:
+            with contextlib.suppress(OSError):
+                plug = self._connected()
+                ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * SIGNING_TICKS_PER_S)
+                plug.send(mav.MAVLink_setup_signing_message(sysid, 1, order, ticks).pack(self._codec))
+                beat = self._next(plug, ("HEARTBEAT",))
+                if beat.get_header().incompat_flags & mav.MAVLINK_IFLAG_SIGNED:
+                    return
+            time.sleep(0.05)
+        raise TimeoutError(f"system {sysid} does not sign over port {self._port}")
+
+    def mission(self, sysid: int) -> list[mav.MAVLink_mission_item_int_message]:
+        """Return the mission that a vehicle carries."""
+        count = self.ask(mav.MAVLink_mission_request_list_message(sysid, 1), "MISSION_COUNT").count
+        items = [
+            self.ask(mav.MAVLink_mission_request_int_message(sysid, 1, seq), "MISSION_ITEM_INT") for seq in range(count)
+        ]
+        self.say(mav.MAVLink_mission_ack_message(sysid, 1, mav.MAV_MISSION_ACCEPTED))
+        return items
+
+    def upload(self, sysid: int, items: Sequence[mav.MAVLink_mission_item_int_message]) -> None:
+        """Put a mission on board, as another ground station does."""
+        answers = ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK")
+        answer = self.ask(mav.MAVLink_mission_count_message(sysid, 1, len(items)), *answers)
+        while answer.get_type() != "MISSION_ACK":
+            answer = self.ask(items[answer.seq], *answers)
+        assert answer.type == mav.MAV_MISSION_ACCEPTED, f"system {sysid} refuses the mission: {answer.type}"
+
+    def ask(self, message: mav.MAVLink_message, *answers: str) -> Any:
+        """Send a message until one of these kinds answers it.
+
+        Raises:
+            TimeoutError: none does.
+        """
+        plug = self._connected()
+        self._drain(plug)
+        for _ in range(TRIES):
+            plug.send(message.pack(self._codec))
+            with contextlib.suppress(TimeoutError):
+                return self._next(plug, answers)
+        raise TimeoutError(f"port {self._port}: {message.get_type()} was not answered by {answers}")
+
+    def _drain(self, plug: socket.socket) -> None:
+        """Pass over what came while nobody listened."""
+        plug.setblocking(False)
+        try:
+            while plug.recv(65536):
+                pass
+        except BlockingIOError:
+            pass
+        finally:
+            plug.settimeout(ANSWER_S)
+
+    def _next(self, plug: socket.socket, kinds: Sequence[str]) -> Any:
+        until_s = time.monotonic() + ANSWER_S
+        while time.monotonic() < until_s:
+            for message in self._codec.parse_buffer(plug.recv(65536)) or ():
+                if message.get_type() in kinds and message.get_srcComponent() == 1:
+                    return message
+        raise TimeoutError
 
     def say(self, message: mav.MAVLink_message, system: int = 254) -> None:
         """Send one message as another ground station does."""
