@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import sys
 from typing import Any
@@ -13,6 +14,7 @@ HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
 """Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
 HEADS = {V1: HEAD_V1, V2: HEAD_V2}
 """Header lengths by the byte that frames of both versions begin with."""
+MARK = re.compile(b"[%c%c]" % (V1, V2))
 
 MOST_WRONG = 500
 """Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""
@@ -44,7 +46,7 @@ class Cutter:
             if frame is None:
                 self.garbage += not self._in_garbage
                 wrong += self._buffer[at] in HEADS
-                at = at + 1 if wrong < MOST_WRONG else len(self._buffer)
+                at = self._next_mark(at + 1) if wrong < MOST_WRONG else len(self._buffer)
             else:
                 frames.append(frame)
                 at = end
@@ -58,6 +60,11 @@ class Cutter:
         self._buffer.clear()
         self._in_garbage = False
         return self.garbage
+
+    def _next_mark(self, at: int) -> int:
+        """Return where the next frame may begin, from here on; the end of what there is if none may."""
+        mark = MARK.search(self._buffer, at)
+        return len(self._buffer) if mark is None else mark.start()
 
     def _end(self, at: int) -> int:
         """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
