@@ -16,11 +16,10 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import cast
@@ -33,7 +32,7 @@ from executor.bench.browser import browser, oldest_shown_s
 from executor.bench.errors import BenchError
 from executor.bench.fleetplot import draw_growth
 from executor.bench.fleetsite import site_of, write_network
-from executor.bench.garbage import FRAMES_S, flood
+from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import number, page, table
 from executor.config import Site, check_site
@@ -152,10 +151,9 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         watch = _Watch(minutes * 60.0 / speedup, ours)
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
-        with simulated_fleet(run, burden.faults, seed), _borne(site, burden, seed) as beside:
-            watch.garbage = beside.garbage
+        with simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
             flown = turns.run(_watched(order, watch))
-            seen = [told.recv() for told in beside.browsers if told.poll(ENDS_S)]
+            seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _launched(run / "events.jsonl")
         began_usec = 1e6 * (head.began_unix_s + launched_s)
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
@@ -172,30 +170,19 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
             codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.blocked_ms(),
             memory_mib=tuple(watch.memory_mib),
-            garbage=watch.garbage_sent,
+            garbage=watch.garbage,
             shown_s=max((oldest_shown_s(one, head.began_unix_s, speedup, launched_s) for one in seen), default=None),
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Beside:
-    """What runs beside a flight."""
-
-    garbage: Callable[[], int]
-    """Returns how many datagrams that no vehicle sent have gone so far."""
-    browsers: tuple[Connection, ...]
-
-
 @contextmanager
-def _borne(site: Site, burden: Burden, seed: int) -> Iterator[_Beside]:
+def _borne(site: Site, burden: Burden, flood: Flood, seed: int) -> Iterator[list[Connection]]:
+    """Have a flood ready, and browsers open; yields where they tell what they saw."""
     with ExitStack() as stack:
-        garbage: Callable[[], int] = int
         if burden.garbage > 0:
             a_second = burden.garbage * FRAMES_S * site.flight.speedup * len(site.vehicle)
-            sent = stack.enter_context(flood([one.link.number for one in site.vehicle], a_second, seed))
-            garbage = partial(getattr, sent, "value")
-        browsers = tuple(stack.enter_context(browser(site.web.port)) for _ in range(burden.browsers))
-        yield _Beside(garbage, browsers)
+            stack.enter_context(flood.ready([one.link.number for one in site.vehicle], a_second, seed))
+        yield [stack.enter_context(browser(site.web.port)) for _ in range(burden.browsers)]
 
 
 def _processors() -> tuple[set[int], set[int]]:
@@ -220,16 +207,14 @@ class _Watch:
         self._processor = processor
         self._began_s: float | None = None
         self._cpu_began_s = 0.0
-        self._garbage_began = 0
         self._late_ms: list[float] = []
         self._left = False
         self._ended = False
         self.taken_s = 0.0
         self.cpu_s = 0.0
-        self.garbage: Callable[[], int] = int
-        """How many datagrams that no vehicle sent have gone so far."""
-        self.garbage_sent = 0
-        """Of them, during the flight."""
+        self.flood = Flood()
+        """It begins with the flight."""
+        self.garbage = 0
         self.memory_mib: list[float] = []
 
     def blocked_ms(self) -> tuple[float, float, float]:
@@ -262,7 +247,7 @@ class _Watch:
         for thread in Path("/proc/self/task").iterdir():  # the page's too
             os.sched_setaffinity(int(thread.name), self._processor)
         self._began_s, self._cpu_began_s = time.perf_counter(), time.process_time()
-        self._garbage_began = self.garbage()
+        self.flood.begin()
         return True
 
     def done(self) -> None:
@@ -270,7 +255,7 @@ class _Watch:
             self._ended = True
             self.taken_s = time.perf_counter() - self._began_s
             self.cpu_s = time.process_time() - self._cpu_began_s
-            self.garbage_sent = self.garbage() - self._garbage_began
+            self.garbage = self.flood.sent()
             self.memory_mib.append(_resident_mib())
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:

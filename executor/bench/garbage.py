@@ -51,23 +51,43 @@ def datagrams(seed: int) -> list[bytes]:
     return found
 
 
-@contextlib.contextmanager
-def flood(ports: Sequence[int], a_second: float, seed: int) -> Iterator[Synchronized[int]]:
-    """Send so many datagrams in a real second, in turn to these ports of this computer; yields how many have gone."""
-    here = multiprocessing.get_context("spawn")
-    sent: Synchronized[int] = here.Value("q", 0)
-    over = here.Event()
-    process = here.Process(target=_send, args=(tuple(ports), a_second, seed, sent, over), daemon=True)
-    process.start()
-    try:
-        yield sent
-    finally:
-        over.set()
-        process.join()
+class Flood:
+    """A flood that can be let loose."""
+
+    def __init__(self) -> None:
+        """Hold it back."""
+        here = multiprocessing.get_context("spawn")
+        self._sent: Synchronized[int] = here.Value("q", 0)
+        self._begun, self._over = here.Event(), here.Event()
+        self._context = here
+
+    @contextlib.contextmanager
+    def ready(self, ports: Sequence[int], a_second: float, seed: int) -> Iterator[None]:
+        """Be ready to send so many datagrams in a real second, in turn to these ports of this computer."""
+        arguments = (tuple(ports), a_second, seed, self._sent, self._begun, self._over)
+        process = self._context.Process(target=_send, args=arguments, daemon=True)
+        process.start()
+        try:
+            yield
+        finally:
+            self._over.set()
+            self._begun.set()
+            process.join()
+
+    def begin(self) -> None:
+        """Let it loose."""
+        self._begun.set()
+
+    def sent(self) -> int:
+        """Return how many datagrams have gone."""
+        return self._sent.value
 
 
-def _send(ports: Sequence[int], a_second: float, seed: int, sent: Synchronized[int], over: Event) -> None:
+def _send(
+    ports: Sequence[int], a_second: float, seed: int, sent: Synchronized[int], begun: Event, over: Event
+) -> None:  # fmt: skip
     kinds = datagrams(seed)
+    begun.wait()
     count, due, last_s = 0, 0.0, time.monotonic()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
         while not over.wait(STEP_S):
