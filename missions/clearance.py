@@ -31,7 +31,8 @@ STEP_M = 2.0
 SURFACE_STEP_M = 4.0
 MAX_POINTS = 20_000
 """Of one path or of the surface; longer ones are looked at in larger steps."""
-MATRIX_ENTRIES = 1_000_000
+AT_ONCE = 200
+"""Places in a row on a path that are held against the same few lines."""
 ROUNDING_M = 0.02
 """Items have heights in centimetres, and places to one."""
 
@@ -70,7 +71,17 @@ class _Walls:
         """Return those that come near to the box between two (2,) corners."""
         ends = np.stack((self.starts_m, self.starts_m + self.along_m))
         apart = (ends.max(axis=0) < low_m - NEAR_M) | (ends.min(axis=0) > high_m + NEAR_M)
-        kept = np.flatnonzero(~apart.any(axis=1))
+        return self._only(np.flatnonzero(~apart.any(axis=1)))
+
+    def nearest_to_any(self, places_m: FloatArray) -> _Walls:
+        """Return those of which one is the nearest to a place, for each of (m, 2) places, and few others."""
+        middle_m = places_m.mean(axis=0)
+        around_m = float(np.hypot(*(places_m - middle_m).T).max())
+        away_m = self.nearest(middle_m[np.newaxis])[0][0]
+        # No place is farther than this from the wall that is nearest to the middle, so its own is not either.
+        return self._only(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
+
+    def _only(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> _Walls:
         return replace(
             self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
             tops_m=self.tops_m[kept], segments=self.segments[kept],
@@ -325,18 +336,18 @@ def _over_ground(
         level = np.zeros((len(setup.network.segments), 2))
         walls = _walls_of(setup.network, level, level)
     pads = np.array([(pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads])
-    rows = max(1, MATRIX_ENTRIES // len(walls.starts_m))
     heights_m, near = [], []
-    for first in range(0, len(points), rows):
-        part = points[first : first + rows]
-        away_m, share = walls.nearest(part[:, :2])
+    for first in range(0, len(points), AT_ONCE):
+        part = points[first : first + AT_ONCE]
+        close = walls.nearest_to_any(part[:, :2])
+        away_m, share = close.nearest(part[:, :2])
         index = away_m.argmin(axis=1)
         every = np.arange(len(part))
-        ground_m = _between(walls.ground_m, share)[every, index]
+        ground_m = _between(close.ground_m, share)[every, index]
         to_pads_m = np.hypot(part[:, np.newaxis, 0] - pads[:, 0], part[:, np.newaxis, 1] - pads[:, 1])
         if not flat:
             on_pad = to_pads_m.min(axis=1) < away_m[every, index]
             ground_m = np.where(on_pad, pads[to_pads_m.argmin(axis=1), 2], ground_m)
         heights_m.append(part[:, 2] - ground_m)
-        near.append(index)
+        near.append(close.segments[index])
     return np.concatenate(heights_m), np.concatenate(near)

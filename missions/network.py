@@ -59,6 +59,10 @@ class Network:
     """Whether its ground is taken to be as high as the depot's everywhere, by its file's format or by a claim."""
     positions_m: FloatArray = field(init=False, repr=False, compare=False)
     """(p, 2) float64: east and north of every pylon."""
+    ends_m: FloatArray = field(init=False, repr=False, compare=False)
+    """(n, 2, 2) float64: east and north of every segment's a and b."""
+    lengths_m: FloatArray = field(init=False, repr=False, compare=False)
+    """(n,) float64: horizontal length of every segment."""
 
     def __post_init__(self) -> None:
         """Check everything that the rest of the program relies on.
@@ -72,23 +76,16 @@ class Network:
         object.__setattr__(self, "positions_m", positions_m)
         self._check_distances()
         self._check_segments()
+        # Once: whoever asks for every segment's own would otherwise compute all of them each time.
+        indices = np.array([(segment.a, segment.b) for segment in self.segments], dtype=np.intp)
+        ends_m = positions_m[indices]
+        object.__setattr__(self, "ends_m", ends_m)
+        object.__setattr__(self, "lengths_m", np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T))
 
     @property
     def depot(self) -> tuple[float, float, float]:
         """Latitude and longitude in degrees, height above mean sea level in metres."""
         return self.frame.lat_deg, self.frame.lon_deg, self.frame.alt_m
-
-    @property
-    def ends_m(self) -> FloatArray:
-        """(n, 2, 2) float64: east and north of every segment's a and b."""
-        indices = np.array([(segment.a, segment.b) for segment in self.segments], dtype=np.intp)
-        return self.positions_m[indices]
-
-    @property
-    def lengths_m(self) -> FloatArray:
-        """(n,) float64: horizontal length of every segment."""
-        ends_m = self.ends_m
-        return np.asarray(np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T), dtype=np.float64)
 
     @property
     def has_heights(self) -> bool:

@@ -233,6 +233,17 @@ def fleet(
         float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
     ] = 2.0,
     fault: FaultOption = None,
+    garbage: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=100,
+            callback=finite,
+            metavar="RATIO",
+            help="Datagrams of noise, damaged frames and strangers' frames to the vehicles' ports, for each of theirs.",
+        ),
+    ] = 0.0,
+    browsers: Annotated[int, typer.Option(min=0, max=20, help="How many follow the page.")] = 0,
     seed: SeedOption = 1,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write fleet.md, fleet.json and fleet.png there.")
@@ -242,11 +253,12 @@ def fleet(
     """Fly simulated fleets and measure the ground station: its work for each vehicle, how long it is blocked, memory.
 
     The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty, `--fault uav7:silent@10%` a
-    re-plan for them.
+    re-plan for them, `--garbage 10 --browsers 1` a flood of what no vehicle sent, and the page open.
     """
-    from executor.bench.fleet import COUNTS, make_fleet
+    from executor.bench.fleet import COUNTS, Burden, make_fleet
 
-    content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, faults=fault or ())
+    burden = Burden(tuple(fault or ()), garbage, browsers)
+    content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     print(json.dumps(content) if as_json else text)
 
 

@@ -16,22 +16,26 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import cast
 
 from executor import app as flying
 from executor import build
-from executor.adapters.eventlog import read_head
+from executor.adapters.eventlog import Head, read_head
 from executor.adapters.mavlink.bare import bare_codec_s
+from executor.bench.browser import browser, oldest_shown_s
 from executor.bench.errors import BenchError
 from executor.bench.fleetplot import draw_growth
 from executor.bench.fleetsite import site_of, write_network
+from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import number, page, table
-from executor.config import check_site
+from executor.config import Site, check_site
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight import Check
@@ -46,8 +50,25 @@ COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
 WATCH_S = 0.005
 """Pause of the watch on the event loop: what it is late beyond that, the loop was blocked."""
+ENDS_S = 10.0
+"""Real seconds that a browser may take to say what it saw, once the page has ended."""
 LOOKS = 12
 """How often memory is looked at, spread over a flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Burden:
+    """What a flight has to bear beside its own."""
+
+    faults: tuple[str, ...] = ()
+    """As `faultline simulate` has them."""
+    garbage: float = 0.0
+    """Datagrams that no vehicle sent, for each frame of the fleet's telemetry."""
+    browsers: int = 0
+    """How many follow the page."""
+
+
+NOTHING = Burden()
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +96,10 @@ class Flown:
     """How late the watch woke: 99 %, 99.99 % and the longest."""
     memory_mib: tuple[float, ...]
     """Resident memory, evenly spread over the flight."""
+    garbage: int = 0
+    """Datagrams that no vehicle sent, to the vehicles' ports."""
+    shown_s: float | None = None
+    """How old a state grew at most in a browser before the next one, in real seconds; None if nobody looked."""
 
     @property
     def cpu_ms(self) -> float:
@@ -88,9 +113,9 @@ class Flown:
 
 
 def measure(
-    counts: Sequence[int], *, minutes: float, speedup: float, seed: int, faults: Sequence[str] = ()
+    counts: Sequence[int], *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
 ) -> list[Flown]:
-    """Fly once for each number of vehicles, with these faults as `faultline simulate` has them.
+    """Fly once for each number of vehicles.
 
     A flight that could not begin is said and left out.
 
@@ -103,7 +128,7 @@ def measure(
         # A process for each flight: what one leaves behind must not be in the next one's figures.
         with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
             try:
-                flights.append(pool.submit(fly_one, count, minutes, speedup, seed, tuple(faults)).result())
+                flights.append(pool.submit(fly_one, count, minutes, speedup, seed, burden).result())
             except ExecutorError as error:
                 print(f"{count} vehicles: {error}", file=sys.stderr)
     if not flights:
@@ -111,13 +136,14 @@ def measure(
     return flights
 
 
-def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, faults: tuple[str, ...] = ()) -> Flown:
+def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING) -> Flown:
     """Fly one fleet; this runs in a process of its own."""
     with tempfile.TemporaryDirectory(prefix="faultline-fleet-") as folder:
         base, run = Path(folder), Path(folder) / "run"
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes, seed)
-        ground = build.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench fleet"), base)
+        site = check_site(site_of("network.graph", vehicles, speedup), "bench fleet")
+        ground = build.ground_of(site, base)
         plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         order = Order(ground.site, base, ground, plan, run, lambda _: ())
         keep(order)
@@ -125,9 +151,11 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, faults: tu
         watch = _Watch(minutes * 60.0 / speedup, ours)
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
-        with simulated_fleet(run, faults, seed):
+        with simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
             flown = turns.run(_watched(order, watch))
-        began_usec, events = _launched(run / "events.jsonl")
+            seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
+        head, launched_s, events = _launched(run / "events.jsonl")
+        began_usec = 1e6 * (head.began_unix_s + launched_s)
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
         return Flown(
             vehicles=vehicles,
@@ -142,7 +170,19 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, faults: tu
             codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.blocked_ms(),
             memory_mib=tuple(watch.memory_mib),
+            garbage=watch.garbage,
+            shown_s=max((oldest_shown_s(one, head.began_unix_s, speedup, launched_s) for one in seen), default=None),
         )
+
+
+@contextmanager
+def _borne(site: Site, burden: Burden, flood: Flood, seed: int) -> Iterator[list[Connection]]:
+    """Have a flood ready, and browsers open; yields where they tell what they saw."""
+    with ExitStack() as stack:
+        if burden.garbage > 0:
+            a_second = burden.garbage * FRAMES_S * site.flight.speedup * len(site.vehicle)
+            stack.enter_context(flood.ready([one.link.number for one in site.vehicle], a_second, seed))
+        yield [stack.enter_context(browser(site.web.port)) for _ in range(burden.browsers)]
 
 
 def _processors() -> tuple[set[int], set[int]]:
@@ -172,6 +212,9 @@ class _Watch:
         self._ended = False
         self.taken_s = 0.0
         self.cpu_s = 0.0
+        self.flood = Flood()
+        """It begins with the flight."""
+        self.garbage = 0
         self.memory_mib: list[float] = []
 
     def blocked_ms(self) -> tuple[float, float, float]:
@@ -201,8 +244,10 @@ class _Watch:
         return self.confirm(question) if "Take off" in question else True
 
     def confirm(self, question: str) -> bool:  # noqa: ARG002 - the console's signature
-        os.sched_setaffinity(0, self._processor)
+        for thread in Path("/proc/self/task").iterdir():  # the page's too
+            os.sched_setaffinity(int(thread.name), self._processor)
         self._began_s, self._cpu_began_s = time.perf_counter(), time.process_time()
+        self.flood.begin()
         return True
 
     def done(self) -> None:
@@ -210,6 +255,7 @@ class _Watch:
             self._ended = True
             self.taken_s = time.perf_counter() - self._began_s
             self.cpu_s = time.process_time() - self._cpu_began_s
+            self.garbage = self.flood.sent()
             self.memory_mib.append(_resident_mib())
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
@@ -231,21 +277,21 @@ def _resident_mib() -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def _launched(log: Path) -> tuple[float, int]:
-    """Return when a flight began, in microseconds since 1970 as its telemetry has them, and the events since."""
-    began_unix_s, launched_s, events = read_head(log).began_unix_s, 0.0, 0
+def _launched(log: Path) -> tuple[Head, float, int]:
+    """Return how a log begins, when its flight was launched, and the events since."""
+    launched_s, events = 0.0, 0
     with log.open("rb") as file:
         for line in file:
             if b'"LaunchOrdered"' in line[:100]:
                 launched_s, events = json.loads(line)["t_s"], 0
             events += b'"event":' in line[:60]
-    return 1e6 * (began_unix_s + launched_s), events
+    return read_head(log), launched_s, events
 
 
 COLUMNS = (
     "vehicles", "minutes", "faults", "re-plans", "frames a second", "frames lost", "events", "ms a vehicle and second",
     "times pymavlink alone", "of one core, %", "blocked at most, ms", "99.99 %, ms", "memory at a quarter, MiB",
-    "at the end, MiB",
+    "at the end, MiB", "garbage a second", "state shown at most, s old",
 )  # fmt: skip
 
 
@@ -258,6 +304,7 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
             number(one.cpu_ms, 2), number(one.cpu_s / one.codec_s, 1), number(0.1 * one.cpu_ms * one.vehicles),
             number(one.blocked_ms[2], 0), number(one.blocked_ms[1], 0),
             number(one.memory_mib[len(one.memory_mib) // 4], 0), number(one.memory_mib[-1], 0),
+            number(one.garbage / (60 * one.minutes), 0), "" if one.shown_s is None else number(one.shown_s, 2),
         )
         for one in flights
     ]  # fmt: skip
@@ -268,7 +315,10 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
         "computer's holds as many of the flight's; a core's share is for real time. `times pymavlink alone` is the "
         "executor's processor time over what "
         "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
-        f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took."
+        f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took. "
+        "`Garbage` are datagrams of noise, of damaged frames and of frames of strangers, a third each, that come from "
+        "a process of their own to the vehicles' ports; `state shown` is how old a state grew in a browser, in the "
+        "computer's time, before the next one came."
     )
     parts = [machine_line(content), said, table(COLUMNS, rows)]
     if len(flights) > 1:
@@ -277,16 +327,18 @@ def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
 
 
 def make_fleet(
-    counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int, faults: Sequence[str] = ()
+    counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
 ) -> tuple[dict[str, object], str]:
     """Measure, and write fleet.md and fleet.json, with a picture of several, where wanted; returns their content."""
-    flights = measure(counts, minutes=minutes, speedup=speedup, seed=seed, faults=faults)
+    flights = measure(counts, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     rows = [asdict(one) | {"cpu_ms": one.cpu_ms, "growth_mib": one.growth_mib} for one in flights]
     content: dict[str, object] = {
         "format": "faultline-bench-fleet/1",
         "machine": machine(),
         "seed": seed,
-        "ordered": list(faults),
+        "ordered": list(burden.faults),
+        "garbage": burden.garbage,
+        "browsers": burden.browsers,
         "rows": rows,
     }
     text = report_of(flights, machine())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 from pathlib import Path
 
 import numpy as np
@@ -38,8 +39,14 @@ def write_network(path: Path, vehicles: int, minutes: float, seed: int) -> None:
     path.write_text(text, encoding="utf-8")
 
 
+def _free_page_port() -> int:
+    """Return a TCP port of this computer that nobody uses."""
+    with socket.create_server(("127.0.0.1", 0)) as one:
+        return int(one.getsockname()[1])
+
+
 def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
-    """Return the content of a site file whose vehicles answer on free ports of this computer."""
+    """Return the content of a site file whose vehicles answer on free ports of this computer, and its page."""
     return {
         "depot": DEPOT,
         "network": {"file": network},
@@ -47,6 +54,7 @@ def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
         "inspection": {"ceiling_m": SIMULATED_CEILING_M},
         "energy": {"capacity_ah": CAPACITY_AH},
         "flight": {"speedup": speedup, "fly_again": "auto"},
+        "web": {"port": _free_page_port()},
         "vehicle": [
             {
                 "name": f"uav{number}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from missions import (
@@ -16,6 +17,7 @@ from missions import (
     check_ceiling,
     check_clearance,
     check_everywhere,
+    clearance,
     default_network_path,
     flight_path,
     flight_setup,
@@ -148,3 +150,18 @@ def test_a_return_may_be_as_high_as_the_ceiling_allows_over_the_lowest_ground() 
     # The lowest ground within 700 m is 5.2 m below the depot's.
     assert highest_return_m(default_setup(), "uav1") == pytest.approx(114.8)
     assert highest_return_m(setup_of(line_east(3), return_ceiling_m=150.0), "uav1") == 150.0
+
+
+def test_the_nearest_lines_of_a_long_path_are_those_of_all() -> None:
+    chance = np.random.default_rng(7)
+    places_m = np.round(chance.uniform(-4000.0, 4000.0, (60, 2)), 1)
+    network = network_of([(east, north) for east, north in places_m.tolist()], list(pairwise(range(60))))
+    walls = clearance._walls_of(network, np.zeros((59, 2)), np.zeros((59, 2)))
+    for _ in range(50):
+        path_m = chance.uniform(-4000.0, 4000.0, 2) + np.linspace(0.0, 1.0, 40)[:, np.newaxis] * chance.normal(
+            0, 300, 2
+        )
+        close = walls.nearest_to_any(path_m)
+        expected = walls.nearest(path_m)[0].argmin(axis=1)
+        assert (close.segments[close.nearest(path_m)[0].argmin(axis=1)] == expected).all()
+        assert len(close.segments) < 59

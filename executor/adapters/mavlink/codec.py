@@ -92,19 +92,26 @@ class Received:
 class Codec:
     """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
-    def __init__(self, signing: Signing | None = None, radios: Collection[Sender] | None = None) -> None:
+    def __init__(
+        self,
+        signing: Signing | None = None,
+        radios: Collection[Sender] | None = None,
+        systems: Collection[int] | None = None,
+    ) -> None:
         """Begin knowing nobody.
 
         Args:
             signing: Frames are signed with it, both ways.
             radios: Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where
                 nothing is signed and of nobody where frames are.
+            systems: Whose frames are read, everybody's if None; see `Cutter`.
         """
+        self.systems = systems
         self._signing = signing
         self._radios = radios
         system, component = GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._datagrams = Cutter(in_datagrams=True)
+        self._datagrams = Cutter(in_datagrams=True, systems=systems)
         self._texts = Texts()
         self._sent: dict[int, int] = {}
         """How many frames went to each system: each is numbered as a stream of its own."""
@@ -127,6 +134,9 @@ class Codec:
             refusal = self._refused(frame, source)
             if refusal is not None:
                 yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False, refused=refusal)
+                continue
+            if isinstance(frame, mav.MAVLink_unknown) and self.systems is not None and source[0] not in self.systems:
+                yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False)
                 continue
             more: list[Message] = [*self._texts.passed(source)]
             message = self._message(frame)

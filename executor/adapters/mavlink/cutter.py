@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import sys
+from collections.abc import Collection
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -13,6 +15,10 @@ HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
 """Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
 HEADS = {V1: HEAD_V1, V2: HEAD_V2}
 """Header lengths by the byte that frames of both versions begin with."""
+MARK = re.compile(b"[%c%c]" % (V1, V2))
+
+OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
+"""Messages that are read whoever sends them; of the rest it is enough that they are whole."""
 
 MOST_WRONG = 500
 """Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""
@@ -26,8 +32,15 @@ class Cutter:
     in a datagram such a frame counts where another or the end follows it, as there is no noise between.
     """
 
-    def __init__(self, *, in_datagrams: bool = False) -> None:
-        """Begin with nothing."""
+    def __init__(self, *, in_datagrams: bool = False, systems: Collection[int] | None = None) -> None:
+        """Begin with nothing.
+
+        Args:
+            in_datagrams: Whether nothing but frames is to be expected.
+            systems: Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the
+                fleet's do: of theirs all but `OF_ANYBODY` come as unknown messages, with their header.
+        """
+        self._systems = systems
         self._mav = mav.MAVLink(None)
         self._in_datagrams = in_datagrams
         self._buffer = bytearray()
@@ -44,7 +57,7 @@ class Cutter:
             if frame is None:
                 self.garbage += not self._in_garbage
                 wrong += self._buffer[at] in HEADS
-                at = at + 1 if wrong < MOST_WRONG else len(self._buffer)
+                at = self._next_mark(at + 1) if wrong < MOST_WRONG else len(self._buffer)
             else:
                 frames.append(frame)
                 at = end
@@ -58,6 +71,11 @@ class Cutter:
         self._buffer.clear()
         self._in_garbage = False
         return self.garbage
+
+    def _next_mark(self, at: int) -> int:
+        """Return where the next frame may begin, from here on; the end of what there is if none may."""
+        mark = MARK.search(self._buffer, at)
+        return len(self._buffer) if mark is None else mark.start()
 
     def _end(self, at: int) -> int:
         """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
@@ -87,11 +105,32 @@ class Cutter:
             return None
         data = self._buffer[at:end]
         try:
-            frame = self._mav.decode(data)
+            frame = _unread(data) if self._is_strange(data) else self._mav.decode(data)
         except (mav.MAVError, struct.error, UnicodeDecodeError):
             return None
-        if isinstance(frame, mav.MAVLink_unknown):  # pymavlink says nothing of who sent it
+        if frame is not None and isinstance(frame, mav.MAVLink_unknown):  # pymavlink says nothing of who sent it
             system = 3 if data[0] == V1 else 5
             frame.get_header().srcSystem, frame.get_header().srcComponent = data[system], data[system + 1]
             frame.get_header().seq = data[system - 1]
         return frame
+
+    def _is_strange(self, data: bytearray) -> bool:
+        """Return whether nobody here wants to know what a frame says."""
+        if self._systems is None:
+            return False
+        system, number = (data[3], data[5]) if data[0] == V1 else (data[5], int.from_bytes(data[7:10], "little"))
+        return system not in self._systems and number not in OF_ANYBODY
+
+
+def _unread(data: bytearray) -> Any | None:  # noqa: ANN401
+    """Return a frame that is not taken apart; None if its checksum is wrong."""
+    first = data[0] == V1
+    number = data[5] if first else int.from_bytes(data[7:10], "little")
+    end = (HEAD_V1 if first else HEAD_V2) + data[1]
+    kind = mav.mavlink_map.get(number)
+    if kind is not None:
+        summed = data[1:end]
+        summed.append(kind.crc_extra)
+        if mav.x25crc(summed).crc != int.from_bytes(data[end : end + CHECKSUM], "little"):
+            return None
+    return mav.MAVLink_unknown(number, data)

@@ -115,7 +115,7 @@ class _TcpPeer(asyncio.Protocol):
         self._router = router
         self._peers = peers
         self._we_called = we_called
-        self._cutter = Cutter()
+        self._cutter = Cutter(systems=router.codec.systems)
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -164,7 +164,7 @@ class _SerialPort:
 
         self.lost = asyncio.Event()
         self._router = router
-        self._cutter = Cutter()
+        self._cutter = Cutter(systems=router.codec.systems)
         # Exclusive: two programs on one port would each read half of the frames.
         self._port = serial.Serial(connection.where, connection.number, timeout=0, write_timeout=0, exclusive=True)
         self._loop = asyncio.get_running_loop()
@@ -225,7 +225,9 @@ async def open_links(
     links: dict[str, VehicleLink] = {}
     async with AsyncExitStack() as stack:
         for number, connection in enumerate(dict.fromkeys(order.connection for order in orders.values())):
-            codec = Codec(None if keyring is None else Signing(keyring.key, number, keyring.unix_s), radios)
+            behind_it = [order for order in orders.values() if order.connection == connection]
+            signing = None if keyring is None else Signing(keyring.key, number, keyring.unix_s)
+            codec = Codec(signing, radios, frozenset(order.sysid for order in behind_it))
             behind = {
                 name: VehicleLink(order.sysid, codec, order.log)
                 for name, order in orders.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import common as mav
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.cutter import MOST_WRONG, Cutter
@@ -92,3 +92,28 @@ def test_what_is_full_of_marks_is_given_up() -> None:
             assert cutter.feed(mark * MOST_WRONG + bytes(300) + frame) == []
             assert cutter.close() == 2
             assert len(cutter.feed(frame)) == 1
+
+
+def test_of_strangers_it_is_enough_that_their_frames_are_whole() -> None:
+    stranger = Vehicle()
+    whole = [stranger.pack(message) for message in MESSAGES]
+    damaged = whole[3][:20] + bytes([whole[3][20] ^ 1]) + whole[3][21:]
+    cutter = Cutter(in_datagrams=True, systems={1})
+    found = [frame for data in whole for frame in cutter.feed(data)]
+    assert [bytes(frame.get_msgbuf()) for frame in found] == whole
+    read = [not isinstance(frame, mav.MAVLink_unknown) for frame in found]
+    assert read == [False, True, False, False]  # who speaks is heard: another ground station, a radio
+    assert {(frame.get_srcSystem(), frame.get_srcComponent()) for frame in found} == {(7, 1)}
+    assert [frame.get_seq() for frame in found] == [0, 1, 2, 3]
+    assert cutter.feed(damaged) == []
+    assert cutter.close() == 1
+    [ours] = Cutter(in_datagrams=True, systems={7}).feed(whole[3])
+    assert ours.lat == 0x7DFDFDFD
+
+
+def test_strangers_are_counted_and_say_nothing() -> None:
+    codec = Codec(systems={1})
+    [received] = codec.decode(Vehicle().pack(MESSAGES[3]))
+    assert (received.sysid, received.message, received.more, received.own) == (7, None, (), False)
+    [beat] = codec.decode(Vehicle().pack(MESSAGES[1]))
+    assert beat.message is not None

@@ -9,9 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 from executor import build
+from executor.adapters.mavlink.codec import Codec
+from executor.bench.browser import oldest_shown_s
 from executor.bench.cli import cli
 from executor.bench.fleet import Flown, report_of
 from executor.bench.fleetsite import site_of, write_network
+from executor.bench.garbage import STRANGER, datagrams
 from executor.config import check_site
 
 
@@ -25,7 +28,7 @@ def test_the_network_keeps_everybody_busy(tmp_path: Path) -> None:
 
 def test_a_fleet_is_flown_and_measured(tmp_path: Path) -> None:
     case = ["fleet", "--vehicles", "2", "--minutes", "1", "--speedup", "10", "--out", str(tmp_path), "--json"]
-    done = CliRunner().invoke(cli, case)
+    done = CliRunner().invoke(cli, [*case, "--garbage", "5", "--browsers", "1"])
     assert done.exit_code == 0, done.output
     [row] = json.loads((tmp_path / "fleet.json").read_text())["rows"]
     assert row["vehicles"] == 2
@@ -34,6 +37,8 @@ def test_a_fleet_is_flown_and_measured(tmp_path: Path) -> None:
     assert row["events"] > row["frames"] / 4 > 0
     assert row["cpu_s"] > row["codec_s"] > 0.0
     assert len(row["memory_mib"]) > 2
+    assert row["garbage"] > 2 * row["frames"]
+    assert 0.0 < row["shown_s"] < float("inf")
     assert "| 2 |" in (tmp_path / "fleet.md").read_text()
 
 
@@ -45,3 +50,22 @@ def test_growth_is_counted_from_the_first_quarter() -> None:
     row = next(line for line in report_of([flown], {"cores": 2, "processor": "x", "commit": "y"}).splitlines()
                if line.startswith("| 50 |"))  # fmt: skip
     assert [cell.strip() for cell in row.strip("|").split("|")][7:10] == ["10.00", "6.0", "50.0"]
+
+
+def test_garbage_is_noise_damage_and_strangers_in_equal_parts() -> None:
+    kinds = datagrams(seed=1)
+    assert kinds == datagrams(seed=1)
+    frames = [list(Codec().decode(data)) for data in kinds]
+    assert all(len(found) == 1 and found[0].sysid == STRANGER for found in frames[2::3])
+    assert not any(found for found in frames[1::3])
+    assert {type(one[0].message).__name__ for one in frames[2::3]} == {
+        "Heartbeat", "Attitude", "Position", "StatusText"
+    }  # fmt: skip
+
+
+def test_a_state_grows_old_until_the_next_one_comes() -> None:
+    seen = [(1000.1, 0.0), (1002.0, 3.0), (1002.6, 5.0), (1009.0, 6.0)]
+    # At twice real time: made at 1001.5 and 1002.5, and what was before the take-off does not count.
+    assert oldest_shown_s(seen[:3], began_unix_s=1000.0, speedup=2.0, since_s=1.0) == pytest.approx(1.1)
+    assert oldest_shown_s(seen, began_unix_s=1000.0, speedup=2.0, since_s=1.0) == pytest.approx(6.5)
+    assert oldest_shown_s(seen, began_unix_s=1000.0, speedup=2.0, since_s=9.0) == float("inf")
