@@ -151,10 +151,7 @@ def _in_fork(work: Callable[[], T], most_s: float) -> T | None:
     theirs.close()
     assert process.pid is not None
     try:
-        if not ours.poll(most_s):
-            return None
-        answer: T = ours.recv()
-        return answer
+        return ours.recv() if ours.poll(most_s) else None
     except EOFError:
         return None
     finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 import time
 import tomllib
 from collections import Counter
@@ -15,6 +16,7 @@ from tests.mutants.modules import Module
 from tests.mutants.mutate import Mutant, mutants, readable
 
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
+TOLD_S = 30.0
 Key = tuple[str, str, str]
 """Where a change is, as FILE:FUNCTION, and its line before and after."""
 
@@ -124,6 +126,7 @@ def run(
 ) -> Results:
     """Judge the mutants in the tree that is the working directory; print what survives."""
     results, learnt, began_s = Results(), dict[str, Known](), time.monotonic()
+    told_s = began_s
     root = Path.cwd()
     sources = {
         str(path.relative_to(root)): path.read_text(encoding="utf-8")
@@ -142,4 +145,7 @@ def run(
         results.judged.append((one, verdict))
         if verdict is Verdict.SURVIVED:
             print(f"{one.shown()}\n", flush=True)
+        if time.monotonic() - told_s >= TOLD_S:
+            told_s = time.monotonic()
+            print(f"  {len(results.judged)} of {len(todo)}, {results.rate():.0%} noticed", file=sys.stderr, flush=True)
     return results
