@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from itertools import accumulate
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -59,6 +60,14 @@ class AlreadyFailing(Exception):
     """The tests do not pass without any change."""
 
 
+@cache
+def _imports(test: Path, path: str) -> bool:
+    """Tell whether a test file names a file of the project in an import."""
+    package, _, name = path.removesuffix(".py").replace("/", ".").rpartition(".")
+    names = rf"^(from|import) {re.escape(package)}(\.{name}\b| import .*\b{name}\b)"
+    return re.search(names, test.read_text(encoding="utf-8"), re.MULTILINE) is not None
+
+
 @dataclass(frozen=True, slots=True)
 class Known:
     """What the tests of a module execute, and how long each of them takes."""
@@ -70,7 +79,7 @@ class Known:
     def judging(self, mutant: Mutant, sources: Mapping[str, str], patience_s: float) -> list[str]:
         """Return the tests that can notice a change, the quickest first, as many as there is patience for.
 
-        A value that is made while a module is imported shows where its name is read.
+        A value that is made while a module is imported shows where its name is read, and in tests that import that.
         """
         here = self.tests_at.get(mutant.path, {})
         chosen: set[str] = set()
@@ -83,6 +92,7 @@ class Known:
                 for number, line_text in enumerate(text.splitlines(), start=1):
                     if number in at and name.search(line_text):
                         chosen |= at[number]
+            chosen |= {test for test in self.took_s if _imports(Path(test.partition("::")[0]), mutant.path)}
         quickest = sorted(chosen, key=lambda test: (self.took_s[test], test))
         sums_s = accumulate(self.took_s[test] for test in quickest)
         return [

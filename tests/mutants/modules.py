@@ -36,6 +36,7 @@ MODULES = {
             "tests/properties/test_texts.py",
             "tests/properties/test_wire.py",
             "tests/properties/test_wishes.py",
+            "tests/test_architecture.py",
         ),
     ),
     "protocols": Module(
