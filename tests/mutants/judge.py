@@ -175,6 +175,8 @@ def _in_fork(work: Callable[[], T], most_s: float) -> T | None:
 def _fingerprint(test: Path) -> str:
     """Return what changes with the test file, the project, or what tests share."""
     files = [path for path in Path().rglob("*.py") if not path.name.startswith("test_") and "mutants" not in path.parts]
+    borrowed = re.findall(r"^from (tests\.\S*\.test_\w+) import", test.read_text(encoding="utf-8"), re.MULTILINE)
+    files += [Path(name.replace(".", "/") + ".py") for name in borrowed]
     digest = hashlib.sha256(repr(sys.version_info).encode())
     for path in [*sorted(files), test]:
         digest.update(f"{path}\n".encode() + path.read_bytes())
