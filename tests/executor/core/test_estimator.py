@@ -247,3 +247,74 @@ def test_a_load_explains_only_so_much() -> None:
     steady = [(12.0, 10.0)] * 30
     three, ten = volts(*steady, (11.0, 30.0)), volts(*steady, (11.0, 100.0))
     assert three.drop == ten.drop == pytest.approx(1.0 - 11.0 * 1.06 / 12.0)
+
+
+def one(drift: Drift, used: float, now_s: float, *, expected: float = 0.0, elapsed_s: float = 1.0) -> Drift:
+    return followed(drift, used, expected, slack_pct=0.0, elapsed_s=elapsed_s, now_s=now_s, memory_s=math.inf)
+
+
+def test_a_jump_is_set_aside_with_its_time_and_its_size() -> None:
+    told = one(Drift(), 3.5, 100.0, expected=0.5)
+    assert (told.excess_pct, told.reports, told.jumped_s, told.jumped_pct) == (0.0, 0, 100.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("used", "elapsed_s", "jumps"),
+    [
+        (2.0, 1.0, False),
+        (2.1, 1.0, True),
+        (7.0, 6.0, True),
+        (7.0, 6.1, False),
+        (4.0, 4.0, False),
+        (4.1, 4.0, True),
+    ],
+)
+def test_what_is_a_jump(used: float, elapsed_s: float, *, jumps: bool) -> None:
+    told = one(Drift(), used, 100.0, elapsed_s=elapsed_s)
+    assert (told.excess_pct == 0.0) is jumps
+    assert (told.jumped_s == 100.0) is jumps
+
+
+def test_two_jumps_running_are_summed_and_one_a_while_later_is_alone() -> None:
+    first = one(Drift(), 4.0, 100.0)
+    fall = one(first, 5.0, 102.0)
+    assert (fall.excess_pct, fall.used_pct, fall.reports, fall.biggest_pct) == (9.0, 9.0, 2, 5.0)
+    assert (fall.since_s, fall.jumped_s, fall.jumped_pct) == (100.0, 102.0, 0.0)
+    alone = one(first, 5.0, 102.1)
+    assert (alone.excess_pct, alone.used_pct, alone.reports, alone.biggest_pct) == (5.0, 5.0, 1, 5.0)
+    assert alone.since_s == 101.1
+    assert one(first, 5.0, 160.0).excess_pct == 5.0
+    assert one(first, 5.0, 160.1).excess_pct == 0.0, "after a minute it is another one that is set aside"
+
+
+def test_the_sum_keeps_what_it_is_made_of() -> None:
+    told = one(one(Drift(), 1.0, 100.0, expected=0.25), 1.5, 101.0, expected=0.25)
+    assert (told.excess_pct, told.used_pct, told.expected_pct) == (2.0, 2.5, 0.5)
+    assert (told.reports, told.biggest_pct, told.since_s, told.lasted_s(105.0)) == (2, 1.25, 99.0, 6.0)
+    assert Drift().lasted_s(105.0) == 0.0
+    assert one(told, -2.0, 102.0) == Drift()
+    assert one(told, -1.9, 102.0).excess_pct == pytest.approx(0.1)
+
+
+def test_an_excess_is_forgotten_but_for_a_third() -> None:
+    told = followed(Drift(3.0), 0.0, 0.0, slack_pct=0.0, elapsed_s=90.0, now_s=200.0, memory_s=90.0)
+    assert told.excess_pct == pytest.approx(3.0 / math.e)
+
+
+@pytest.mark.parametrize(
+    ("excess", "biggest", "reports", "drain"),
+    [
+        (2.0, 0.8, 3, True),
+        (1.9, 0.1, 9, False),
+        (2.0, 0.9, 3, False),
+        (2.0, 0.5, 2, False),
+        (3.4, 1.0, 2, True),
+        (3.3, 1.0, 2, False),
+        (3.4, 1.0, 1, False),
+        (8.0, 8.0, 1, True),
+        (7.9, 7.9, 1, False),
+    ],
+)
+def test_what_is_a_drain(excess: float, biggest: float, reports: int, *, drain: bool) -> None:
+    told = Drift(excess_pct=excess, biggest_pct=biggest, reports=reports)
+    assert exceeds(told, 2.0, 8.0) is drain

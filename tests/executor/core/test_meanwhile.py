@@ -70,13 +70,16 @@ def test_the_one_under_way_is_joined_as_if_its_beginning_had_been_seen() -> None
     assert (under_way.segments, under_way.joins, under_way.why_not) == ((0,), 1, "")
     # The rest of it, flown as it should be, makes it whole.
     track: Track = BOARD.tracks[1]
-    run, done, now_s = under_way.run, False, BEGAN_S + way_s(*TRANSIT, SECOND, 0.5)
+    run, flown, now_s = under_way.run, None, BEGAN_S + way_s(*TRANSIT, SECOND, 0.5)
     for metre in range(51):
         east_m = track.begin_m[0] + 50.0 + metre
         sample = Sample(now_s + metre / 3.0, (east_m, track.begin_m[1]), 3.0)
         told = follow(run, track, sample, corridor_m=CONTEXT.corridor_m, speed_m_s=CONTEXT.inspection_speed_m_s)
-        run, done = told.run, done or told.done
-    assert done
+        run, flown = told.run, flown or told.flown
+    assert flown is not None
+    # Its first half is taken to have been flown at the speed that was asked for.
+    assert flown.mean_m_s == pytest.approx(CONTEXT.inspection_speed_m_s, rel=1e-3)
+    assert flown.deviation_max_m == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_speed_that_it_is_found_at_is_that_over_ground() -> None:
