@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missions import ARDUPILOT, PX4, Command, Dialect, Frame, MissionItem, differences, encode
+from missions import ARDUPILOT, PX4, Command, Dialect, Frame, MissionItem, alike, differences, encode
 from tests.missions.test_encode import PATH
 
 
@@ -78,3 +78,66 @@ def test_any_other_change_is_told(dialect: Dialect, key: str, value: float, told
 def test_a_list_of_another_length_is_told_as_that() -> None:
     items = encode(PATH, PX4).items
     assert differences(items, items[:-1], PX4) == ("10 items sent, 9 read back",)
+
+
+@pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
+@pytest.mark.parametrize("key", ["x", "y"])
+@pytest.mark.parametrize("moved", [-2, -1, 0, 1, 2])
+def test_a_place_may_be_off_by_one_step_of_its_degrees(dialect: Dialect, key: str, moved: int) -> None:
+    mission = encode(PATH, dialect)
+    seq = mission.arrival_seq(2)
+    read_back = list(mission.items)
+    read_back[seq] = replace(read_back[seq], **{key: getattr(read_back[seq], key) + moved})  # type: ignore[arg-type]
+    assert bool(differences(mission.items, read_back, dialect)) == (abs(moved) > 1)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "off_m", "told"),
+    [
+        (ARDUPILOT, 0.01, False),
+        (ARDUPILOT, -0.01, False),
+        (ARDUPILOT, 0.0102, True),
+        (ARDUPILOT, -0.0102, True),
+        (PX4, 2.0 * float(np.spacing(np.float32(32.0))), False),
+        (PX4, 3.0 * float(np.spacing(np.float32(32.0))), True),
+        (PX4, -0.01, True),
+    ],
+)
+def test_a_height_may_be_cut_to_one_step_and_no_more(dialect: Dialect, off_m: float, told: bool) -> None:
+    mission = encode(PATH, dialect)
+    seq = mission.arrival_seq(2)
+    read_back = list(mission.items)
+    read_back[seq] = replace(read_back[seq], z=read_back[seq].z + off_m)
+    assert bool(differences(mission.items, read_back, dialect)) == told
+
+
+def test_a_number_may_be_off_by_two_steps_of_float32_and_no_more() -> None:
+    step = float(np.spacing(np.float32(3.0)))
+    for steps, told in ((-3, True), (-2, False), (0, False), (2, False), (3, True)):
+        ours = MissionItem(1, Frame.MISSION, Command.DO_CHANGE_SPEED, 1.0, 3.0, -1.0)
+        theirs = replace(ours, param2=3.0 + steps * step)
+        assert bool(differences([ours], [theirs], PX4)) == told, steps
+
+
+def test_a_landings_yaw_is_ardupilots_own_and_px4s_is_ours() -> None:
+    for dialect, told in ((ARDUPILOT, 0), (PX4, 1)):
+        items = list(encode(PATH, dialect).items)
+        (seq,) = (item.seq for item in items if item.command == Command.NAV_LAND)
+        items[seq] = replace(items[seq], param4=77.0)
+        assert len(differences(encode(PATH, dialect).items, items, dialect)) == told
+
+
+def test_an_unknown_command_is_told_by_its_number() -> None:
+    ours = replace(encode(PATH, PX4).items[0], command=4242)
+    assert differences([ours], [replace(ours, param1=ours.param1 + 1.0)], PX4)[0].startswith("item 0 (4242): param1 ")
+
+
+@pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
+def test_two_missions_are_alike_up_to_the_first_difference(dialect: Dialect) -> None:
+    items = encode(PATH, dialect).items
+    assert alike(items, items, dialect) == len(items)
+    assert alike(items, items[:4], dialect) == alike(items[:4], items, dialect) == 4
+    assert alike(items, [], dialect) == 0
+    for seq in range(1, len(items)):
+        other = [*items[:seq], replace(items[seq], autocontinue=not items[seq].autocontinue), *items[seq + 1 :]]
+        assert alike(items, other, dialect) == seq

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from missions import (
     FlightPath,
@@ -21,7 +24,9 @@ from missions import (
     separation_m,
     tracks_m,
 )
-from tests.missions.builders import FLEET, default_setup, line_east, network_of, path_through
+from missions.geo import FloatArray
+from missions.safety import FLAT_M, legs_m
+from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
 
 
 def test_tracks_lie_to_the_right_of_a_to_b() -> None:
@@ -77,6 +82,57 @@ def test_separation_of_constructed_paths(places_b: list[tuple[float, float, floa
     path_b = path_through("b", places_b)
     assert separation_m(path_a, path_b) == pytest.approx(least, abs=1e-3)
     assert separation_m(path_b, path_a) == pytest.approx(least, abs=1e-3)
+
+
+METRES = st.integers(-60, 60).map(float)
+PLACES = st.lists(st.tuples(METRES, METRES, st.integers(1, 40).map(float)), min_size=1, max_size=3)
+SHARES = np.linspace(0.0, 1.0, 61)
+
+
+def sampled_m(places_m: list[tuple[float, float, float]]) -> FloatArray:
+    """Return many points of a flight from the ground below its first place."""
+    corners = np.array([(*places_m[0][:2], 0.0), *places_m])
+    return np.concatenate([a + SHARES[:, np.newaxis] * (b - a) for a, b in pairwise(corners)])
+
+
+@given(PLACES, PLACES)
+def test_the_separation_is_the_least_distance_of_all_points(
+    places_a: list[tuple[float, float, float]], places_b: list[tuple[float, float, float]]
+) -> None:
+    points_a, points_b = sampled_m(places_a), sampled_m(places_b)
+    least = float(np.sqrt(((points_a[:, np.newaxis] - points_b[np.newaxis]) ** 2).sum(axis=2)).min())
+    found = separation_m(path_through("a", places_a), path_through("b", places_b))
+    # Neighbouring points are at most 2.9 m from each other, so no place of a leg is further than half of that from one.
+    assert least - 2.9 <= found <= least + 1e-3
+
+
+def test_the_conflict_is_told_from_a_millimetre_below_the_distance_on() -> None:
+    def conflicts(up_m: float) -> int:
+        paths = [path_through("a", [(0.0, 0.0, 20.0), (100.0, 0.0, 20.0)])]
+        paths.append(path_through("b", [(50.0, -50.0, up_m), (50.0, 50.0, up_m)]))
+        return len(check_separation(paths, 5.0))
+
+    assert [conflicts(up_m) for up_m in (24.998, 24.9995, 25.0, 25.5)] == [1, 0, 0, 0]
+
+
+def test_legs_begin_on_the_ground_of_the_vehicles_home() -> None:
+    path = path_through("a", [(10.0, 5.0, 20.0), (100.0, 5.0, 30.0)])
+    expected = [[[10.0, 5.0, 3.0], [10.0, 5.0, 23.0]], [[10.0, 5.0, 23.0], [100.0, 5.0, 33.0]]]
+    assert legs_m(path, FRAME, 3.0) == pytest.approx(np.array(expected), abs=1e-3)
+    assert legs_m(path, FRAME)[0, 0, 2] == 0.0
+
+
+@pytest.mark.parametrize(("relief_m", "stacked"), [(0.0, False), (FLAT_M, False), (FLAT_M + 0.1, True), (20.0, True)])
+def test_vehicles_come_home_in_their_layers_over_flat_ground_and_stacked_over_relief(
+    relief_m: float, *, stacked: bool
+) -> None:
+    network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(455.0, 30.0), (455.0 + relief_m, 30.0)])
+    layers = plan_layers(network, FLEET, height_m=15.0, layer_m=5.0, standoff_m=5.0)
+    top_m, step_m = 50.0 + relief_m, layers.spacing_m
+    # Over relief: the highest in its own layer, the others 5 m, 1 m of height keeping and a whole metre over the next.
+    apart = (21.0, 14.0, 7.0, 0.0)
+    expected = [top_m + 3 * step_m + up for up in apart] if stacked else [top_m + n * step_m for n in range(4)]
+    assert [layers.return_up_m(name) for name in FLEET] == pytest.approx(expected)
 
 
 def test_homes_at_different_heights_count() -> None:

@@ -13,6 +13,7 @@ from planner import (
     Plan,
     PlanError,
     Repair,
+    ReplanWindow,
     Route,
     Vehicle,
     build_instance,
@@ -84,6 +85,39 @@ def test_nobody_flies_twice_where_it_is_not_allowed() -> None:
     check_rows(instance, PLAN, fly_again=False)
 
 
+def test_vehicles_fly_again_unless_it_is_forbidden() -> None:
+    instance = line(4, 200.0, 200.0)
+    assert replan_window(instance, PLAN) == replan_window(instance, PLAN, fly_again=True)
+    assert loss_table(instance, PLAN) == loss_table(instance, PLAN, fly_again=True)
+    grounded = {(row.vehicle, row.from_s): row.verdict for row in loss_table(instance, PLAN, fly_again=False)}
+    assert grounded[1, 30] is not Repair.FEASIBLE
+    # Lost at 35 s, b leaves segment 3, and a is on its way home.
+    assert len(repairs_at(instance, PLAN, 35.0)) == len(repairs_at(instance, PLAN, 35.0, fly_again=True)) == 2
+    assert [one.remainder.lost for one in repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
+
+
+def test_the_re_plans_of_a_time_are_those_of_its_interval() -> None:
+    instance = line(4, 200.0, 200.0)
+    for at_s, began_s, lost in [(0.0, 0.0, {0, 1}), (29.0, 20.0, {0, 1}), (30.0, 30.0, {0, 1}), (79.0, 40.0, {1})]:
+        repairs = repairs_at(instance, PLAN, at_s)
+        assert {one.remainder.lost for one in repairs} == lost
+        for one in repairs:
+            left = remaining(instance, PLAN, one.remainder.lost, began_s)
+            assert one.remainder.open_segments == left.open_segments
+            assert evaluate(left.instance, one.plan, Cost.MINSUM).violations == ()
+    assert repairs_at(instance, PLAN, 81.0) == ()
+
+
+def test_the_shares_are_of_the_longest_route() -> None:
+    window = ReplanWindow(30.0, 10.0, 40.0, None)
+    assert (window.window_pct, window.certified_window_pct) == (25.0, 75.0)
+
+
+def test_a_plan_that_leaves_everything_out_has_an_empty_window_without_a_time() -> None:
+    window = replan_window(line(4, 80.0, 80.0), Plan((Route(0, ()), Route(1, ())), (0, 1, 2, 3)))
+    assert window == ReplanWindow(0.0, 0.0, 0.0, Breaking(0, 0.0, 0.0))
+
+
 def test_a_spare_on_the_ground_repairs_what_others_cannot() -> None:
     plan = Plan((*PLAN.routes, Route(2, ())))
     assert replan_window(line(4, 80.0, 80.0, 80.0), plan).window_pct == 100
@@ -103,7 +137,10 @@ def test_a_plan_beyond_its_budgets_has_an_empty_window() -> None:
 
 def test_nothing_to_do_is_a_full_window() -> None:
     idle = Plan((Route(0, ()), Route(1, ())))
+    assert replan_window(line(0, 1.0, 1.0), idle) == ReplanWindow(0.0, 0.0, 0.0, None)
     assert replan_window(line(0, 1.0, 1.0), idle).window_pct == 100
+    assert replan_window(line(0, 1.0, 1.0), idle).certified_window_pct == 100
+    assert repairs_at(line(0, 1.0, 1.0), idle, 0.0) == ()
     assert loss_table(line(0, 1.0, 1.0), idle) == ()
 
 

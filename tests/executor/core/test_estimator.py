@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import pytest
@@ -126,3 +127,194 @@ def test_cells() -> None:
     assert state.spread_since_s == 0.0
     assert state.cells == 3
     assert VoltageState(highest_v=13.05, voltage_v=13.05).cells == 3, "cells that are charged higher"
+
+
+def test_after_a_jump_it_is_as_sure_as_after_the_first_report() -> None:
+    first, known = estimator.begun(92.0, Prior()), flown(1.0, 600)
+    after = estimator.jumped(known, 92.0)
+    assert (after.remaining_pct, after.var_remaining, after.covariance) == (92.0, first.var_remaining, 0.0)
+    assert after.var_factor == known.var_factor
+
+
+def test_a_report_that_is_rounded_to_percents_may_be_off_by_half_of_one() -> None:
+    """The variance of a number that lies anywhere within a percent is a twelfth."""
+    assert estimator.begun(90.0, Prior()).var_remaining == pytest.approx(1.0 / 12.0)
+
+
+def test_a_counter_is_believed_more_than_percents() -> None:
+    known = estimator.flown(flown(1.0, 60), 1.0, 25.0)
+    by_counter = estimator.refined(known, known.remaining_pct + 0.5)
+    by_percent = estimator.corrected(known, known.remaining_pct + 0.5, 1.0)
+    assert known.remaining_pct < by_percent.remaining_pct < by_counter.remaining_pct <= known.remaining_pct + 0.5
+    assert by_counter.var_remaining < by_percent.var_remaining <= known.var_remaining
+
+
+@pytest.mark.parametrize("seconds", [1, 60, 600])
+def test_the_estimate_stays_between_what_was_carried_on_and_what_was_reported(seconds: int) -> None:
+    known = flown(1.2, seconds)
+    for off in (-2.0, -0.5, 0.5, 2.0):
+        after = estimator.corrected(known, known.remaining_pct + off, 1.0)
+        moved = after.remaining_pct - known.remaining_pct
+        assert 0.0 < moved / off < 1.0
+        assert after.var_remaining <= known.var_remaining
+        # Less left than expected: it uses more than was believed.
+        assert (after.factor - known.factor) * off <= 0.0
+
+
+def test_a_wavering_battery_is_followed_less() -> None:
+    known = flown(1.0, 60)
+    steady, rough = (estimator.corrected(known, known.remaining_pct - 1.0, 1.0, roughness) for roughness in (0.0, 3.0))
+    assert steady.remaining_pct < rough.remaining_pct < known.remaining_pct
+
+
+def test_reports_in_quick_succession_say_the_same_twice() -> None:
+    known = flown(1.0, 60)
+    soon, late = (estimator.corrected(known, known.remaining_pct - 1.0, since_s) for since_s in (0.5, 60.0))
+    assert late.remaining_pct < soon.remaining_pct
+
+
+def test_on_the_ground_the_factor_does_not_wander() -> None:
+    known = flown(1.0, 60)
+    waited = estimator.flown(known, 0.0, 600.0)
+    assert (waited.remaining_pct, waited.factor, waited.var_factor) == (
+        known.remaining_pct,
+        known.factor,
+        known.var_factor,
+    )
+    assert estimator.flown(known, 1e-9, 600.0).var_factor > known.var_factor
+
+
+def test_what_is_flown_costs_what_the_factor_says() -> None:
+    known = Estimate(80.0, 1.5, 0.1, 0.0, 0.04)
+    after = estimator.flown(known, 10.0, 100.0)
+    assert after.remaining_pct == pytest.approx(65.0)
+    # A factor that is off by 0.2 makes 10 % wrong by 2 %, and a high one leaves less.
+    assert after.var_remaining == pytest.approx(0.1 + 4.0, rel=0.2)
+    assert after.covariance == pytest.approx(-0.4)
+
+
+CELLS = [
+    # reported volts, cells that say so themselves, least number in series, weakest
+    (12.6, (), 3, 4.2),
+    (13.2, (), 3, 4.4),
+    (13.3, (), 4, 3.325),
+    (4.0, (), 1, 4.0),
+    (11.0, (3.8, 3.8, 3.4), 3, 3.4),
+]
+
+
+@pytest.mark.parametrize(("pack", "cells", "number", "weakest"), CELLS)
+def test_the_weakest_cell(pack: float, cells: tuple[float, ...], number: int, weakest: float) -> None:
+    state = measured(VoltageState(), Report(pack, 20.0, cells), LIMITS, 0.0, flying=True)
+    assert state.cells == number
+    assert state.weakest_v == pytest.approx(weakest)
+    assert VoltageState().weakest_v is None
+    assert VoltageState(cells_v=(3.8,)).spread_v == 0.0
+    assert VoltageState(cells_v=(3.8, 3.6)).spread_v == pytest.approx(0.2)
+
+
+def test_a_low_cell_is_low_since_it_fell_and_no_longer_once_it_is_not() -> None:
+    state = volts((12.6, 30.0), (9.3, 30.0), (9.2, 30.0), (9.2, 30.0))
+    assert state.low_since_s == 2.0, "3.1 V is not below 3.1 V"
+    assert measured(state, Report(9.4, 30.0), LIMITS, 4.0, flying=True).low_since_s is None
+
+
+def test_nothing_is_compared_until_the_take_off_has_settled() -> None:
+    assert volts(*[(12.0, 30.0)] * 8).usual_v is None
+    assert volts(*[(12.0, 30.0)] * 9).usual_v == 12.0
+
+
+def test_a_step_that_stays_for_a_minute_is_the_new_usual() -> None:
+    steady = [(12.0, 30.0)] * 30
+    assert volts(*steady, *[(10.8, 30.0)] * 60).usual_v == pytest.approx(12.0)
+    after = volts(*steady, *[(10.8, 30.0)] * 61)
+    assert (after.usual_v, after.dropped_s) == (10.8, None)
+
+
+def test_half_the_threshold_is_no_noise() -> None:
+    steady = [(12.0, 30.0)] * 30
+    assert volts(*steady, (11.71, 30.0)).dropped_s is None
+    assert volts(*steady, (11.69, 30.0)).dropped_s == 30.0
+    assert volts(*steady, (11.4, None)).drop == pytest.approx(0.05)
+
+
+def test_the_usual_follows_within_twenty_seconds() -> None:
+    after = volts(*[(12.0, 30.0)] * 30, *[(11.9, 30.0)] * 20)
+    assert after.usual_v == pytest.approx(11.9 + 0.1 / math.e, abs=0.003)
+
+
+def test_a_load_explains_only_so_much() -> None:
+    steady = [(12.0, 10.0)] * 30
+    three, ten = volts(*steady, (11.0, 30.0)), volts(*steady, (11.0, 100.0))
+    assert three.drop == ten.drop == pytest.approx(1.0 - 11.0 * 1.06 / 12.0)
+
+
+def one(drift: Drift, used: float, now_s: float, *, expected: float = 0.0, elapsed_s: float = 1.0) -> Drift:
+    return followed(drift, used, expected, slack_pct=0.0, elapsed_s=elapsed_s, now_s=now_s, memory_s=math.inf)
+
+
+def test_a_jump_is_set_aside_with_its_time_and_its_size() -> None:
+    told = one(Drift(), 3.5, 100.0, expected=0.5)
+    assert (told.excess_pct, told.reports, told.jumped_s, told.jumped_pct) == (0.0, 0, 100.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("used", "elapsed_s", "jumps"),
+    [
+        (2.0, 1.0, False),
+        (2.1, 1.0, True),
+        (7.0, 6.0, True),
+        (7.0, 6.1, False),
+        (4.0, 4.0, False),
+        (4.1, 4.0, True),
+    ],
+)
+def test_what_is_a_jump(used: float, elapsed_s: float, *, jumps: bool) -> None:
+    told = one(Drift(), used, 100.0, elapsed_s=elapsed_s)
+    assert (told.excess_pct == 0.0) is jumps
+    assert (told.jumped_s == 100.0) is jumps
+
+
+def test_two_jumps_running_are_summed_and_one_a_while_later_is_alone() -> None:
+    first = one(Drift(), 4.0, 100.0)
+    fall = one(first, 5.0, 102.0)
+    assert (fall.excess_pct, fall.used_pct, fall.reports, fall.biggest_pct) == (9.0, 9.0, 2, 5.0)
+    assert (fall.since_s, fall.jumped_s, fall.jumped_pct) == (100.0, 102.0, 0.0)
+    alone = one(first, 5.0, 102.1)
+    assert (alone.excess_pct, alone.used_pct, alone.reports, alone.biggest_pct) == (5.0, 5.0, 1, 5.0)
+    assert alone.since_s == 101.1
+    assert one(first, 5.0, 160.0).excess_pct == 5.0
+    assert one(first, 5.0, 160.1).excess_pct == 0.0, "after a minute it is another one that is set aside"
+
+
+def test_the_sum_keeps_what_it_is_made_of() -> None:
+    told = one(one(Drift(), 1.0, 100.0, expected=0.25), 1.5, 101.0, expected=0.25)
+    assert (told.excess_pct, told.used_pct, told.expected_pct) == (2.0, 2.5, 0.5)
+    assert (told.reports, told.biggest_pct, told.since_s, told.lasted_s(105.0)) == (2, 1.25, 99.0, 6.0)
+    assert Drift().lasted_s(105.0) == 0.0
+    assert one(told, -2.0, 102.0) == Drift()
+    assert one(told, -1.9, 102.0).excess_pct == pytest.approx(0.1)
+
+
+def test_an_excess_is_forgotten_but_for_a_third() -> None:
+    told = followed(Drift(3.0), 0.0, 0.0, slack_pct=0.0, elapsed_s=90.0, now_s=200.0, memory_s=90.0)
+    assert told.excess_pct == pytest.approx(3.0 / math.e)
+
+
+@pytest.mark.parametrize(
+    ("excess", "biggest", "reports", "drain"),
+    [
+        (2.0, 0.8, 3, True),
+        (1.9, 0.1, 9, False),
+        (2.0, 0.9, 3, False),
+        (2.0, 0.5, 2, False),
+        (3.4, 1.0, 2, True),
+        (3.3, 1.0, 2, False),
+        (3.4, 1.0, 1, False),
+        (8.0, 8.0, 1, True),
+        (7.9, 7.9, 1, False),
+    ],
+)
+def test_what_is_a_drain(excess: float, biggest: float, reports: int, *, drain: bool) -> None:
+    told = Drift(excess_pct=excess, biggest_pct=biggest, reports=reports)
+    assert exceeds(told, 2.0, 8.0) is drain

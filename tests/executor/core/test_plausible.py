@@ -99,3 +99,61 @@ def test_cells_that_are_none(cell: float) -> None:
 )
 def test_everything_else(said: Message, known: Message | None) -> None:
     assert plausible(said) == known
+
+
+PLACED = Position(1.0, 49.6, 15.6, 450.0, 20.0, 1.0, 2.0, 3.0, 90.0)
+EDGES: list[tuple[Message, dict[str, tuple[object, object]]]] = [
+    # For each field: the last figure that can be, and the first that cannot.
+    (
+        PLACED,
+        {
+            "lat_deg": (90.0, 90.1),
+            "lon_deg": (180.0, 180.1),
+            "alt_msl_m": (20_000.0, 20_000.1),
+            "alt_rel_m": (-1000.0, -1000.1),
+            "north_m_s": (150.0, 150.1),
+            "east_m_s": (-150.0, -150.1),
+            "down_m_s": (150.0, 150.1),
+            "heading_deg": (360.0, 360.1),
+            "boot_s": (0.0, math.inf),
+        },
+    ),
+    (
+        PACK,
+        {
+            "remaining_pct": (100.0, 100.1),
+            "voltage_v": (500.0, 500.1),
+            "current_a": (1000.0, 1000.1),
+            "consumed_ah": (1000.0, 1000.1),
+            "cells_v": ((0.5, 4.9), (0.5, 5.0)),
+        },
+    ),
+    (PACK, {"remaining_pct": (0.0, -0.1), "voltage_v": (1.0, 0.9), "current_a": (0.0, -0.1), "consumed_ah": (0.0, -0.1)}),
+    (PACK, {"cells_v": ((0.5, 3.8), (0.4, 3.8))}),
+    (SystemStatus(50.0, 15.0, 0, None), {"remaining_pct": (100.0, 100.1), "voltage_v": (500.0, 500.1)}),
+    (SystemStatus(50.0, 15.0, 0, None), {"remaining_pct": (0.0, -0.1), "voltage_v": (1.0, 0.9)}),
+    (Wind(3.0, 90.0), {"speed_m_s": (150.0, 150.1), "from_deg": (360.0, 360.1)}),
+    (Wind(3.0, 90.0), {"speed_m_s": (0.0, -0.1), "from_deg": (0.0, -0.1)}),
+    (Gps(3, 12), {"fix": (8, 9)}),
+    (Gps(3, 12), {"fix": (0, -1)}),
+    (MissionCurrent(3, 9, None), {"seq": (65534, 65535)}),
+    (MissionCurrent(3, 9, None), {"seq": (0, -1)}),
+    (MissionReached(3), {"seq": (65534, 65535)}),
+    (MissionReached(3), {"seq": (0, -1)}),
+]
+CASES = [(said, name, good, bad) for said, edges in EDGES for name, (good, bad) in edges.items()]
+
+
+@pytest.mark.parametrize(("said", "name", "good", "bad"), CASES)
+def test_the_range_of_each_field_ends_where_it_should(said: Message, name: str, good: object, bad: object) -> None:
+    assert getattr(plausible(replace(said, **{name: good})), name) == good  # type: ignore[type-var]
+    found = plausible(replace(said, **{name: bad}))  # type: ignore[type-var]
+    assert found is None or getattr(found, name) in {None, ()}
+    if found is not None:
+        assert replace(found, **{name: good}) == replace(said, **{name: good}), "the other fields stay"
+
+
+def test_an_item_beyond_the_number_of_items_leaves_that_number_unknown() -> None:
+    assert plausible(MissionCurrent(9, 9, None)) == MissionCurrent(9, 9, None)
+    assert plausible(MissionCurrent(10, 9, None)) == MissionCurrent(10, None, None)
+    assert plausible(MissionCurrent(10, 65535, None)) == MissionCurrent(10, 65535, None)

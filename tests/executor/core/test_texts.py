@@ -105,3 +105,30 @@ def test_two_hundred_strangers_are_a_few_lines_and_no_room_is_taken_from_a_secon
     assert len(flight.state.vehicles["uav1"].strangers) == MOST_NAMED
     flight.happen(Heard("uav1", DoubleHeard(1, ("A", "B"))))
     assert "uav1: system 1 speaks from A and B: two vehicles have the same number" in flight.said()
+
+
+def test_a_dozen_important_lines_half_of_that_warnings_and_three_of_other_components() -> None:
+    for text, most in [
+        ([StatusText(2, f"text {number}") for number in range(20)], 12),
+        ([StatusText(4, f"text {number}") for number in range(20)], 6),
+        ([ComponentText(154, 4, f"text {number}") for number in range(20)], 3),
+    ]:
+        words = Words()
+        words.say(*text)
+        assert len(words.lines) == most
+
+
+def test_what_is_less_than_a_warning_is_not_shown() -> None:
+    words = Words()
+    words.say(StatusText(5, "a notice"), ComponentText(154, 5, "a notice"))
+    assert words.lines == []
+    words.say(StatusText(4, "a warning"), ComponentText(154, 4, "a warning"))
+    assert len(words.lines) == 2
+
+
+def test_each_rank_has_its_own_room() -> None:
+    words = Words()
+    words.say(*[StatusText(3, f"error {number}") for number in range(20)])
+    words.say(*[ComponentText(154, 2, f"aboard {number}") for number in range(20)])
+    words.say(*[StatusText(2, f"critical {number}") for number in range(20)])
+    assert [sum(word in line for line in words.lines) for word in ("error", "aboard", "critical")] == [6, 3, 12]

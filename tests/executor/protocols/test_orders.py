@@ -39,3 +39,17 @@ def test_an_interval_is_in_microseconds(hz: float, interval_us: float) -> None:
 
 def test_a_message_is_asked_for_by_its_number() -> None:
     assert orders.request_message(148) == SendCommand(512, (148.0, *ZEROS[1:]))
+
+
+def test_a_speed_is_over_ground_and_leaves_the_throttle_alone() -> None:
+    assert orders.change_speed(3.5) == SendCommand(178, (1.0, 3.5, -1.0, *ZEROS[3:]))
+
+
+def test_the_motors_are_stopped_by_force_only_with_the_number_for_that() -> None:
+    assert orders.disarm(force=False) == SendCommand(400, ZEROS)
+    assert orders.disarm(force=True) == SendCommand(400, (0.0, 21196.0, *ZEROS[2:]))
+
+
+def test_what_a_vehicle_is_asked_to_say() -> None:
+    assert orders.run_prearm_checks() == SendCommand(401, ZEROS)
+    assert orders.send_banner() == SendCommand(42428, ZEROS)

@@ -1,0 +1,1 @@
+"""A mutation run: small changes to the decisions, each of which some test should notice."""

@@ -1,0 +1,62 @@
+"""Which files the modules are, and which tests are theirs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+READERS = ("planner/*.py", "missions/*.py", "executor/*.py", "executor/core/*.py", "executor/protocols/*.py")
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """Some files that decide one thing, and the tests that are to show it."""
+
+    files: tuple[str, ...]
+    """Patterns."""
+    tests: tuple[str, ...]
+    readers: tuple[str, ...] = READERS
+    """Patterns of the files that may read what its files define."""
+
+    def paths(self, root: Path) -> list[str]:
+        """Return its files, from the root of the tree."""
+        return sorted(str(path.relative_to(root)) for pattern in self.files for path in root.glob(pattern))
+
+
+MODULES = {
+    "core": Module(
+        ("executor/core/*.py",),
+        (
+            "tests/executor/core",
+            "tests/executor/test_heights.py",
+            "tests/executor/test_record.py",
+            "tests/executor/test_replay.py",
+            "tests/executor/test_publishing.py",
+            "tests/properties/test_outbox.py",
+            "tests/properties/test_texts.py",
+            "tests/properties/test_wire.py",
+            "tests/properties/test_wishes.py",
+            "tests/test_architecture.py",
+        ),
+    ),
+    "protocols": Module(
+        ("executor/protocols/*.py",),
+        (
+            "tests/executor/protocols",
+            "tests/executor/runtime/test_dialogue.py",
+            "tests/executor/runtime/test_procedures.py",
+            "tests/properties/test_command_machine.py",
+            "tests/properties/test_download_machine.py",
+            "tests/properties/test_upload_machine.py",
+            "tests/test_architecture.py",
+        ),
+    ),
+    "compare": Module(
+        ("missions/compare.py",), ("tests/missions/test_compare.py", "tests/properties/test_missions_items.py")
+    ),
+    "safety": Module(("missions/safety.py",), ("tests/missions/test_safety.py", "tests/missions/test_clearance.py")),
+    "replan": Module(("planner/replan.py",), ("tests/planner/test_replan.py", "tests/planner/test_window.py")),
+    "window": Module(
+        ("planner/window.py",), ("tests/planner/test_window.py", "tests/properties/test_planner_window.py")
+    ),
+}
