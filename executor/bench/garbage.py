@@ -14,6 +14,8 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.sharedctypes import Synchronized
 from multiprocessing.synchronize import Event
 
+from executor.adapters.mavlink.codec import Codec
+
 FRAMES_S = 14.0
 """Frames that a simulated ArduPilot vehicle sends in a second of flight, with all streams that are asked for."""
 STEP_S = 0.005
@@ -24,27 +26,27 @@ STRANGER = 250
 """Its system number; a vehicle of a measured fleet has none above 200."""
 VARIETY = 300
 """Different datagrams of each kind."""
+SAID: tuple[tuple[str, dict[str, object]], ...] = (
+    ("HEARTBEAT", {"type": 2, "autopilot": 3, "base_mode": 81, "system_status": 4, "mavlink_version": 3}),
+    ("ATTITUDE", dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.25)
+     | {"time_boot_ms": 4711}),
+    ("GLOBAL_POSITION_INT", dict.fromkeys(("alt", "relative_alt", "vx", "vy", "vz", "hdg"), 900)
+     | {"time_boot_ms": 4711, "lat": 496_000_000, "lon": 156_000_000}),
+    ("STATUSTEXT", {"severity": 6, "text": "nobody that you know", "id": 0, "chunk_seq": 0}),
+)  # fmt: skip
+"""What a stranger says."""
 LONGEST = 263
 """Bytes of random noise at most: as a frame of MAVLink 2 without a signature is."""
 
 
 def datagrams(seed: int) -> list[bytes]:
     """Return a third each of random bytes, frames with one byte changed, and whole frames of a stranger, mixed."""
-    from pymavlink.dialects.v20 import ardupilotmega as mav
-
-    chance = random.Random(seed)
-    codec = mav.MAVLink(None, srcSystem=STRANGER, srcComponent=1)
+    chance, codec = random.Random(seed), Codec()
     found = []
     for number in range(VARIETY):
-        place = (chance.randrange(-900_000_000, 900_000_000), chance.randrange(-1_800_000_000, 1_800_000_000))
-        frames = (
-            mav.MAVLink_heartbeat_message(2, 3, 81, number, 4, 3),
-            mav.MAVLink_attitude_message(number, chance.random(), chance.random(), chance.random(), 0.0, 0.0, 0.0),
-            mav.MAVLink_global_position_int_message(number, *place, 400_000, 50_000, 1, 2, 3, 9_000),
-            mav.MAVLink_statustext_message(6, b"nobody that you know", 0, 0),
-        )
-        whole = bytes(frames[number % len(frames)].pack(codec))
-        codec.seq = (codec.seq + 1) % 256
+        name, fields = SAID[number % len(SAID)]
+        read = codec.read_fields(name, STRANGER, 1, fields | ({"custom_mode": number} if name == "HEARTBEAT" else {}))
+        whole = b"" if read is None else read[0]
         damaged = bytearray(whole)
         damaged[chance.randrange(10, len(whole))] ^= chance.randrange(1, 256)
         found += [chance.randbytes(chance.randrange(1, LONGEST)), bytes(damaged), whole]

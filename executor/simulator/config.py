@@ -111,7 +111,7 @@ class SimVehicle:
         """
         vehicle_endpoint(self.connection)
         checks = {
-            "sysid": (1 <= self.sysid <= 250, "1 to 250"),
+            "sysid": (1 <= self.sysid <= 254, "1 to 254"),
             "home_lat_deg": (abs(self.home_lat_deg) <= 89, "-89 to 89"),
             "home_lon_deg": (abs(self.home_lon_deg) <= 180, "-180 to 180"),
             "home_alt_m": (math.isfinite(self.home_alt_m), "a number"),

@@ -74,6 +74,11 @@ def test_one_port_on_two_other_machines_is_no_clash() -> None:
     assert len(check_site(content(*hosts), "site.toml").vehicle) == 2
 
 
+def test_every_system_but_ours_can_be_a_vehicle() -> None:
+    site = check_site(content(*(vehicle(number, connection=SHARED) for number in range(1, 255))), "site.toml")
+    assert [one.sysid for one in site.vehicle] == list(range(1, 255))
+
+
 def test_vehicles_may_share_a_connection() -> None:
     site = check_site(content(*(vehicle(number, connection=SHARED) for number in (1, 2))), "site.toml")
     assert site.vehicle[0].link == site.vehicle[1].link

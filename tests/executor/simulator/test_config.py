@@ -39,7 +39,8 @@ def test_another_connection_is_refused_in_one_line(connection: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"sysid": 0}, "sysid is 0, expected 1 to 250"),
+        ({"sysid": 0}, "sysid is 0, expected 1 to 254"),
+        ({"sysid": 255}, "sysid is 255, expected 1 to 254"),
         ({"charge_pct": 0.0}, "charge_pct is 0.0"),
         ({"charge_pct": float("nan")}, "charge_pct is nan"),
         ({"health": 0.0}, "health is 0.0"),
