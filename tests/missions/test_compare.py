@@ -87,7 +87,7 @@ def test_a_place_may_be_off_by_one_step_of_its_degrees(dialect: Dialect, key: st
     mission = encode(PATH, dialect)
     seq = mission.arrival_seq(2)
     read_back = list(mission.items)
-    read_back[seq] = replace(read_back[seq], **{key: getattr(read_back[seq], key) + moved})  # type: ignore[arg-type]
+    read_back[seq] = replace(read_back[seq], **{key: getattr(read_back[seq], key) + moved})
     assert bool(differences(mission.items, read_back, dialect)) == (abs(moved) > 1)
 
 

@@ -56,7 +56,7 @@ def test_the_baud_rates_are_those_of_serial_ports() -> None:
     for rate in RATES:
         assert parse_connection(f"serial:///dev/ttyUSB0:{rate}").number == rate
     for rate in (0, 9599, 9601, 57599, 57601, 115201, 921601, 2999999):
-        with pytest.raises(ValueError, match="expected a baud rate of 9600, 19200, .*, 3000000, got"):
+        with pytest.raises(ValueError, match=r"expected a baud rate of 9600, 19200, .*, 3000000, got"):
             parse_connection(f"serial:///dev/ttyUSB0:{rate}")
 
 
@@ -65,7 +65,7 @@ def test_the_ports_of_a_network(port: int, *, good: bool) -> None:
     if good:
         assert parse_connection(f"udpin://0.0.0.0:{port}").number == port
     else:
-        with pytest.raises(ValueError, match="^expected udpin://"):
+        with pytest.raises(ValueError, match=r"^expected udpin://"):
             parse_connection(f"udpin://0.0.0.0:{port}")
 
 

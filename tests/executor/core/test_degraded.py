@@ -72,7 +72,9 @@ def test_a_full_buffer_is_the_radios_own_complaint() -> None:
     assert LinkQuality(radio=Radio(None, None, None, None, None)).weak == ""
 
 
-def radio(rssi: int | None = 120, noise: int | None = 40, far: int | None = 110, buffer: int | None = 90) -> LinkQuality:
+def radio(
+    rssi: int | None = 120, noise: int | None = 40, far: int | None = 110, buffer: int | None = 90
+) -> LinkQuality:
     return linkquality.heard_radio(LinkQuality(), Radio(rssi, far, noise, 40, buffer), NOW_S)
 
 

@@ -482,7 +482,11 @@ EDGES: list[tuple[str, VehicleState, VehicleState]] = [
     ("position", flying(jump=(120.0, NOW_S - 3.1)), flying(jump=(120.0, NOW_S - 3.0))),
     ("stall", flying(anchor=at(age_s=89.9)), flying(anchor=at(age_s=90.0))),
     ("stall", flying(anchor=at(age_s=90.0), held_s=NOW_S - 1.0), flying(anchor=at(age_s=90.0))),
-    ("voltage-step", flying(volts=volts(drop=0.0499, dropped_s=NOW_S)), flying(volts=volts(drop=0.05, dropped_s=NOW_S))),
+    (
+        "voltage-step",
+        flying(volts=volts(drop=0.0499, dropped_s=NOW_S)),
+        flying(volts=volts(drop=0.05, dropped_s=NOW_S)),
+    ),
     (
         "voltage-step",
         flying(volts=volts(drop=0.0649, dropped_s=NOW_S, known_load=False)),

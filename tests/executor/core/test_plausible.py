@@ -102,7 +102,7 @@ def test_everything_else(said: Message, known: Message | None) -> None:
 
 
 PLACED = Position(1.0, 49.6, 15.6, 450.0, 20.0, 1.0, 2.0, 3.0, 90.0)
-EDGES: list[tuple[Message, dict[str, tuple[object, object]]]] = [
+EDGES: list[tuple[Any, dict[str, tuple[Any, Any]]]] = [
     # For each field: the last figure that can be, and the first that cannot.
     (
         PLACED,
@@ -128,7 +128,10 @@ EDGES: list[tuple[Message, dict[str, tuple[object, object]]]] = [
             "cells_v": ((0.5, 4.9), (0.5, 5.0)),
         },
     ),
-    (PACK, {"remaining_pct": (0.0, -0.1), "voltage_v": (1.0, 0.9), "current_a": (0.0, -0.1), "consumed_ah": (0.0, -0.1)}),
+    (
+        PACK,
+        {"remaining_pct": (0.0, -0.1), "voltage_v": (1.0, 0.9), "current_a": (0.0, -0.1), "consumed_ah": (0.0, -0.1)},
+    ),
     (PACK, {"cells_v": ((0.5, 3.8), (0.4, 3.8))}),
     (SystemStatus(50.0, 15.0, 0, None), {"remaining_pct": (100.0, 100.1), "voltage_v": (500.0, 500.1)}),
     (SystemStatus(50.0, 15.0, 0, None), {"remaining_pct": (0.0, -0.1), "voltage_v": (1.0, 0.9)}),
@@ -145,9 +148,9 @@ CASES = [(said, name, good, bad) for said, edges in EDGES for name, (good, bad) 
 
 
 @pytest.mark.parametrize(("said", "name", "good", "bad"), CASES)
-def test_the_range_of_each_field_ends_where_it_should(said: Message, name: str, good: object, bad: object) -> None:
-    assert getattr(plausible(replace(said, **{name: good})), name) == good  # type: ignore[type-var]
-    found = plausible(replace(said, **{name: bad}))  # type: ignore[type-var]
+def test_the_range_of_each_field_ends_where_it_should(said: Any, name: str, good: Any, bad: Any) -> None:
+    assert getattr(plausible(replace(said, **{name: good})), name) == good
+    found = plausible(replace(said, **{name: bad}))
     assert found is None or getattr(found, name) in {None, ()}
     if found is not None:
         assert replace(found, **{name: good}) == replace(said, **{name: good}), "the other fields stay"

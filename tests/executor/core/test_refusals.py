@@ -224,8 +224,16 @@ ASKED = [
     (Action.DISARM, DOWN, "stop its motors by force? If it flies after all, it falls"),
     (Action.INCLUDE, grounded(), "is its pad clear of people?"),
     (Action.INCLUDE, flying(stage=Stage.PILOT), ""),
-    (Action.HOLD, flying(stage=Stage.PILOT, cause=Cause.PERSON), "take it out of the pilot's hands? Speak to the pilot first"),
-    (Action.LAND, flying(stage=Stage.PILOT, cause=Cause.PERSON), "take it out of the pilot's hands? Speak to the pilot first"),
+    (
+        Action.HOLD,
+        flying(stage=Stage.PILOT, cause=Cause.PERSON),
+        "take it out of the pilot's hands? Speak to the pilot first",
+    ),
+    (
+        Action.LAND,
+        flying(stage=Stage.PILOT, cause=Cause.PERSON),
+        "take it out of the pilot's hands? Speak to the pilot first",
+    ),
     (Action.EXCLUDE, flying(stage=Stage.PILOT), ""),
     (Action.HOLD, flying(), ""),
 ]

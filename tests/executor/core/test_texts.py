@@ -108,13 +108,14 @@ def test_two_hundred_strangers_are_a_few_lines_and_no_room_is_taken_from_a_secon
 
 
 def test_a_dozen_important_lines_half_of_that_warnings_and_three_of_other_components() -> None:
-    for text, most in [
+    floods: list[tuple[list[StatusText] | list[ComponentText], int]] = [
         ([StatusText(2, f"text {number}") for number in range(20)], 12),
         ([StatusText(4, f"text {number}") for number in range(20)], 6),
         ([ComponentText(154, 4, f"text {number}") for number in range(20)], 3),
-    ]:
+    ]
+    for flood, most in floods:
         words = Words()
-        words.say(*text)
+        words.say(*flood)
         assert len(words.lines) == most
 
 
