@@ -10,7 +10,7 @@ import multiprocessing
 import random
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from multiprocessing.sharedctypes import Synchronized
 from multiprocessing.synchronize import Event
 
@@ -26,7 +26,7 @@ STRANGER = 250
 """Its system number; a vehicle of a measured fleet has none above 200."""
 VARIETY = 300
 """Different datagrams of each kind."""
-SAID: tuple[tuple[str, dict[str, object]], ...] = (
+SAID: tuple[tuple[str, Mapping[str, object]], ...] = (
     ("HEARTBEAT", {"type": 2, "autopilot": 3, "base_mode": 81, "system_status": 4, "mavlink_version": 3}),
     ("ATTITUDE", dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.25)
      | {"time_boot_ms": 4711}),
