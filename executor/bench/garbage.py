@@ -45,7 +45,8 @@ def datagrams(seed: int) -> list[bytes]:
     found = []
     for number in range(VARIETY):
         name, fields = SAID[number % len(SAID)]
-        read = codec.read_fields(name, STRANGER, 1, fields | ({"custom_mode": number} if name == "HEARTBEAT" else {}))
+        more = {"custom_mode": number} if name == "HEARTBEAT" else {}
+        read = codec.read_fields(name, STRANGER, 1, {**fields, **more})
         whole = b"" if read is None else read[0]
         damaged = bytearray(whole)
         damaged[chance.randrange(10, len(whole))] ^= chance.randrange(1, 256)
