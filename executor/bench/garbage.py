@@ -28,10 +28,10 @@ VARIETY = 300
 """Different datagrams of each kind."""
 SAID: tuple[tuple[str, Mapping[str, object]], ...] = (
     ("HEARTBEAT", {"type": 2, "autopilot": 3, "base_mode": 81, "system_status": 4, "mavlink_version": 3}),
-    ("ATTITUDE", dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.25)
-     | {"time_boot_ms": 4711}),
-    ("GLOBAL_POSITION_INT", dict.fromkeys(("alt", "relative_alt", "vx", "vy", "vz", "hdg"), 900)
-     | {"time_boot_ms": 4711, "lat": 496_000_000, "lon": 156_000_000}),
+    ("ATTITUDE", {**dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.25),
+                  "time_boot_ms": 4711}),
+    ("GLOBAL_POSITION_INT", {**dict.fromkeys(("alt", "relative_alt", "vx", "vy", "vz", "hdg"), 900),
+                             "time_boot_ms": 4711, "lat": 496_000_000, "lon": 156_000_000}),
     ("STATUSTEXT", {"severity": 6, "text": "nobody that you know", "id": 0, "chunk_seq": 0}),
 )  # fmt: skip
 """What a stranger says."""
