@@ -21,11 +21,10 @@ from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, Taken,
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
 from tests.executor.builders import vehicle
-from tests.executor.core.test_faults import AUTO, CONTEXT, FLEET, NOW_S, RTL, SETUP, at, flying, pack, volts
+from tests.executor.core.test_faults import AUTO, CONTEXT, FLEET, NOW_S, RTL, SETUP, at, flying, mission, pack, volts
 
 FAULT = Fault(FaultKind.BATTERY, "why", NOW_S)
-BOARD = flying().board
-assert BOARD is not None
+BOARD = mission()
 LAST = len(BOARD.legs) - 1
 INSPECT = next(index for index, point in enumerate(BOARD.path.waypoints) if point.phase is Phase.INSPECT)
 

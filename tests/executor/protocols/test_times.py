@@ -13,7 +13,6 @@ from executor.core.messages import (
     MissionItemReceived,
     MissionRequest,
     SendCommand,
-    SendMissionCount,
     SendMissionItem,
     SendMissionRequest,
 )
