@@ -177,3 +177,18 @@ def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
     assert landed(fix=replace(fix, place_m=(pad_e + 15.1, pad_n))).why_not == "it is not on its pad"
     assert landed(heartbeat=Heartbeat(3, RTL, False, 3)).why_not == "it came home by itself"
     assert landed(battery=battery.BatteryState()).why_not == "nobody knows what it used"
+
+
+def test_who_was_in_its_climb_has_the_rest_of_that_before_it() -> None:
+    climb_m = WAYPOINTS[0].alt_rel_m
+    assert WAYPOINTS[0].phase is Phase.TAKEOFF
+    for share in (0.0, 0.5, 1.0):
+        low = replace(at(), boot_s=BEGAN_S, place_m=PLACES_M[0], alt_rel_m=share * climb_m)
+        way = (1.0 - share) * LEGS[0].duration_s + way_s(1, 0.0, *HOME)
+        before = Before(low, 0, None, None, 90.0)
+        tolerance_s = min(LEGS[FIRST].duration_s, LEGS[SECOND].duration_s) * (1.0 - 1.0 / 1.3)
+        for late_s, counts in ((tolerance_s - 0.1, True), (tolerance_s + 0.1, False)):
+            for sign in (-1.0, 1.0):
+                fix = on_leg(*HOME, BEGAN_S + way + sign * late_s)
+                told = found(TRANSIT, HOME, before=before, fix=fix)
+                assert (told.segments == (0, 1)) is counts, (share, sign * late_s)
