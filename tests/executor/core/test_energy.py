@@ -10,17 +10,15 @@ import pytest
 from executor.core import battery, blackout, energy
 from executor.core.estimator import Estimate
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.core.test_faults import CONTEXT, NOW_S, SETUP, at, flying, pack
+from tests.executor.core.test_faults import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
 
-BOARD = flying().board
-assert BOARD is not None
+BOARD = mission()
 LAST = len(BOARD.legs) - 1
 LEVEL = [index for index in range(1, LAST + 1) if math.dist(BOARD.places_m[index - 1], BOARD.places_m[index]) > 1.0]
 
 
 def on_leg(waypoint: int, share: float) -> VehicleState:
     """Return a vehicle that has so much of a leg behind it."""
-    assert BOARD is not None
     (east_a, north_a), (east_b, north_b) = BOARD.places_m[waypoint - 1], BOARD.places_m[waypoint]
     place_m = (east_a + share * (east_b - east_a), north_a + share * (north_b - north_a))
     return flying(waypoint=waypoint, fix=replace(at(), place_m=place_m))
@@ -29,7 +27,6 @@ def on_leg(waypoint: int, share: float) -> VehicleState:
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
 @pytest.mark.parametrize("waypoint", LEVEL)
 def test_the_rest_of_the_way_is_the_rest_of_its_legs(waypoint: int, share: float) -> None:
-    assert BOARD is not None
     state = on_leg(waypoint, share)
     for goal in range(waypoint, LAST + 1):
         ahead = BOARD.legs[waypoint + 1 : goal + 1]
@@ -43,7 +40,6 @@ def test_the_rest_of_the_way_is_the_rest_of_its_legs(waypoint: int, share: float
 
 
 def test_on_the_pad_the_whole_mission_is_ahead() -> None:
-    assert BOARD is not None
     whole_s, whole_pct = sum(leg.duration_s for leg in BOARD.legs), sum(leg.energy_pct for leg in BOARD.legs)
     for state in (flying(waypoint=0), flying(waypoint=0, fix=None)):
         assert energy.time_to_reach_s(state, LAST) == pytest.approx(whole_s)
@@ -54,7 +50,6 @@ def test_on_the_pad_the_whole_mission_is_ahead() -> None:
 
 
 def test_who_is_beside_its_leg_has_no_more_than_the_leg_to_fly() -> None:
-    assert BOARD is not None
     waypoint = LEVEL[0]
     far = flying(waypoint=waypoint, fix=replace(at(), place_m=(9000.0, 9000.0)))
     assert energy.time_to_reach_s(far, waypoint) == BOARD.legs[waypoint].duration_s

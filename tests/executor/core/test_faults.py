@@ -12,7 +12,7 @@ from executor.core import battery, faults
 from executor.core.battery import BatteryState
 from executor.core.faults import TABLE, judge
 from executor.core.messages import Heartbeat
-from executor.core.vehicle import Cause, Fix, Stage, VehicleState
+from executor.core.vehicle import Cause, Fix, OnBoard, Stage, VehicleState
 from executor.core.voltage import VoltageState
 from executor.core.watching import Finding, Verdict, View, Watchpoint
 from missions import Phase
@@ -79,6 +79,13 @@ def flying(**changes: object) -> VehicleState:
         "waypoint": 2,
     }
     return vehicle(FLEET, "uav1", **(healthy | changes))
+
+
+def mission() -> OnBoard:
+    """Return what it carries."""
+    board = flying().board
+    assert board is not None
+    return board
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,9 @@ from executor.core.meanwhile import NOTHING, Inferred, flown_meanwhile
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Before, Fix, VehicleState
 from missions import Phase
-from tests.executor.core.test_faults import AUTO, CONTEXT, RTL, SETUP, at, flying, pack
+from tests.executor.core.test_faults import AUTO, CONTEXT, RTL, SETUP, at, flying, mission, pack
 
-BOARD = flying().board
-assert BOARD is not None
+BOARD = mission()
 WAYPOINTS, LEGS, PLACES_M = BOARD.path.waypoints, BOARD.legs, BOARD.places_m
 VISITS = [index for index, point in enumerate(WAYPOINTS) if point.phase is Phase.INSPECT]
 FIRST, SECOND = VISITS
@@ -46,7 +45,6 @@ def found(
     before = Before(on_leg(*begin), begin[0], run, run_visit, 90.0)
     fix = on_leg(*end, BEGAN_S + way_s(*begin, *end) + late_s)
     state = flying(**({"before": before, "fix": fix, "waypoint": end[0]} | changes))
-    assert BOARD is not None
     return flown_meanwhile(CONTEXT, state, BOARD, state.waypoint)
 
 
@@ -65,7 +63,6 @@ def test_one_whose_beginning_is_known_not_to_count_does_not() -> None:
 
 
 def test_the_one_under_way_is_joined_as_if_its_beginning_had_been_seen() -> None:
-    assert BOARD is not None
     under_way = found(TRANSIT, (SECOND, 0.5))
     assert (under_way.segments, under_way.joins, under_way.why_not) == ((0,), 1, "")
     # The rest of it, flown as it should be, makes it whole.
@@ -152,7 +149,6 @@ def landed(late_s: float = 0.0, used: float = 1.0, extra_pct: float = 0.0, **cha
     fix = replace(at(), boot_s=BEGAN_S + rest_s + late_s, place_m=SETUP.pad_m, alt_rel_m=0.0)
     told: dict[str, object] = {"before": before, "fix": fix, "battery": known, "heartbeat": DOWN, "waypoint": 0}
     state: VehicleState = flying(**(told | changes))
-    assert BOARD is not None
     return flown_meanwhile(CONTEXT, state, BOARD, state.waypoint)
 
 
@@ -181,3 +177,18 @@ def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
     assert landed(fix=replace(fix, place_m=(pad_e + 15.1, pad_n))).why_not == "it is not on its pad"
     assert landed(heartbeat=Heartbeat(3, RTL, False, 3)).why_not == "it came home by itself"
     assert landed(battery=battery.BatteryState()).why_not == "nobody knows what it used"
+
+
+def test_who_was_in_its_climb_has_the_rest_of_that_before_it() -> None:
+    climb_m = WAYPOINTS[0].alt_rel_m
+    assert WAYPOINTS[0].phase is Phase.TAKEOFF
+    for share in (0.0, 0.5, 1.0):
+        low = replace(at(), boot_s=BEGAN_S, place_m=PLACES_M[0], alt_rel_m=share * climb_m)
+        way = (1.0 - share) * LEGS[0].duration_s + way_s(1, 0.0, *HOME)
+        before = Before(low, 0, None, None, 90.0)
+        tolerance_s = min(LEGS[FIRST].duration_s, LEGS[SECOND].duration_s) * (1.0 - 1.0 / 1.3)
+        for late_s, counts in ((tolerance_s - 0.1, True), (tolerance_s + 0.1, False)):
+            for sign in (-1.0, 1.0):
+                fix = on_leg(*HOME, BEGAN_S + way + sign * late_s)
+                told = found(TRANSIT, HOME, before=before, fix=fix)
+                assert (told.segments == (0, 1)) is counts, (share, sign * late_s)
