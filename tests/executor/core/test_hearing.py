@@ -142,12 +142,12 @@ def test_a_heartbeat_that_positions_refute_is_believed_when_the_next_one_says_th
         assert first.heartbeat == OFF
         return
     assert (first.heartbeat, first.heartbeat_s, first.heard_s) == (before.heartbeat, before.heartbeat_s, NOW_S)
-    fresh = replace(first, fix=replace(at(), at_s=NOW_S + 0.5), heartbeat_s=NOW_S - 1.0)
-    again = after(fresh, OFF, at_s=NOW_S + 0.79)
+    fresh = replace(first, fix=replace(at(), at_s=NOW_S + 2.0), heartbeat_s=NOW_S - 0.5)
+    again = after(fresh, OFF, at_s=NOW_S + 2.49)
     assert again.heartbeat == before.heartbeat
-    believed = after(fresh, OFF, at_s=NOW_S + 0.81)
-    assert (believed.heartbeat, believed.doubted, believed.disarmed_s) == (OFF, None, NOW_S + 0.81)
-    assert after(fresh, ARMED, at_s=NOW_S + 0.81).doubted is None
+    believed = after(fresh, OFF, at_s=NOW_S + 2.51)
+    assert (believed.heartbeat, believed.doubted, believed.disarmed_s) == (OFF, None, NOW_S + 2.51)
+    assert after(fresh, ARMED, at_s=NOW_S + 2.51).doubted is None
 
 
 def test_a_mode_is_as_old_as_its_first_heartbeat() -> None:
