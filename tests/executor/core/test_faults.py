@@ -651,3 +651,21 @@ UNPLANNED_ROWS: list[tuple[str, dict[str, object], Verdict]] = [
 @pytest.mark.parametrize(("name", "changes", "expected"), UNPLANNED_ROWS)
 def test_where_no_plan_is_known(name: str, changes: dict[str, object], expected: Verdict) -> None:
     assert unplanned(name, **changes) is expected
+
+
+WAITS_S = {
+    "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
+    "battery-plunge": 0.4, "battery-drain": 2.5, "reserve": 5.0, "mode": 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
+def test_how_long_it_must_last(row: Row) -> None:
+    """A text may come after the mode that it explains, a report may be one that is corrected; a fall is no matter of
+    seconds."""
+    wait_s = WAITS_S.get(row.name, 0.0)
+    _, state = raised(row.fails, NOW_S)
+    for passed_s in (wait_s - 0.1, wait_s + 0.1):
+        if passed_s >= 0.0:
+            found, _ = raised(later(state, passed_s), NOW_S + passed_s)
+            assert (row.name in found) is (passed_s > wait_s)

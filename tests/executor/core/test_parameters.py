@@ -67,6 +67,22 @@ def test_the_newer_name_of_ardupilots_return_is_in_metres() -> None:
     assert proposal.changes[0].unit == "m"
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "name", "kind", "value"),
+    [
+        ("ardupilot", "RTL_ALT", INT32, 2034.0),
+        ("ardupilot", "RTL_ALT", REAL32, 2034.0),
+        ("ardupilot", "RTL_ALT_M", REAL32, 20.4),
+        ("ardupilot", "RTL_ALT_M", INT32, 21.0),
+        ("px4", "RTL_RETURN_ALT", REAL32, 20.4),
+    ],
+)
+def test_a_height_is_rounded_up_to_what_its_parameter_holds(autopilot: str, name: str, kind: int, value: float) -> None:
+    """Whole centimetres, tenths of a metre, or whole metres: never below its layer, which is at 20.333 m."""
+    context = fleet_of(autopilot=autopilot, inspection={"height_m": 20.333}).context
+    assert new_values(proposed(context, "uav1", kind, **{name: 5.0}))[name] == value
+
+
 def test_px4_returns_in_its_own_layer() -> None:
     proposal = proposed(PX4S, "uav2", RTL_RETURN_ALT=60.0, RTL_DESCEND_ALT=10.0, RTL_CONE_ANG=45.0, RTL_LAND_DELAY=0.0)
     height_m = PX4S.return_height_m("uav2")

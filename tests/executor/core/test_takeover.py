@@ -90,6 +90,7 @@ def test_a_site_may_take_it_back_without_asking() -> None:
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
     flight.crafts["uav2"].mode = mission(flight)
     flight.run(lambda: flight.stage("uav2") is Stage.FLYING)
+    assert flight.given(Resume) == [Resume("uav2", 3.0)], "the change of mode has made it forget its speed"
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
 

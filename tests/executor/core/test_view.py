@@ -15,8 +15,8 @@ from executor.core.estimator import Projection
 from executor.core.homeward import Answer, advice
 from executor.core.linkquality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
-from executor.core.replanning import survivor
-from executor.core.state import FleetState, Outlook, SaidLine
+from executor.core.replanning import heard_again, survivor
+from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
 from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, Taken, VehicleState
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
@@ -262,3 +262,31 @@ def test_what_it_can_still_spend_leaves_the_reserve_and_what_a_landing_costs() -
     assert full is not None
     allowed = SETUP.budget_pct * CONTEXT.overhead + CONTEXT.fixed_pct
     assert full.budget_pct == pytest.approx(min(85.0, allowed) - CONTEXT.fixed_pct - 1.0)
+
+
+def left_over(*uncovered: int, **changes: object) -> FleetState:
+    record = ReplanRecord(1, "why", False, uncovered, 1.0, NOW_S - 9.0, NOW_S - 5.0, 1.0)
+    state = FleetState(MappingProxyType({}), given_up=frozenset({2, 3, 5}), records=(record,))
+    return replace(state, **changes)  # type: ignore[arg-type]
+
+
+def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
+    after = heard_again(left_over(2, 3), flying(), NOW_S)
+    assert (after.given_up, after.urgent, after.trigger_s) == (frozenset({5}), True, NOW_S)
+    assert after.trigger == "uav1: is heard again"
+
+
+@pytest.mark.parametrize(
+    ("state", "one"),
+    [
+        (left_over(), flying()),
+        (left_over(7), flying()),
+        (left_over(2, records=()), flying()),
+        (left_over(2, recalled=True), flying()),
+        (left_over(2, considered=frozenset({"uav1"})), flying()),
+        (left_over(2), flying(fault=FAULT)),
+        (left_over(2), flying(stage=Stage.RETURNING)),
+    ],
+)
+def test_nothing_is_planned_anew_for_who_changes_nothing(state: FleetState, one: VehicleState) -> None:
+    assert heard_again(state, one, NOW_S) == state
