@@ -14,6 +14,8 @@ settings.load_profile("faultline")
 # ResourceWarning in some later test. Nobody here wants that loop.
 asyncio.set_event_loop(None)
 
-# A shell that starts the tests in the background has Ctrl-C ignored, which every process started by them would inherit.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# Whoever starts the tests in the background, or with nohup, has these ignored, which every process would inherit.
+for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    number = getattr(signal, name, None)
+    if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
