@@ -69,7 +69,7 @@ def judged(toy: Path, *afters: str, reasons: Mapping[Key, str] | None = None) ->
     """Judge the changes of the toy after which a line reads so."""
     todo = [one for one in candidates(TOYS, toy) if one.key[2] in afters]
     assert len(todo) == len(afters)
-    return run(todo, TOYS, reasons or {}, toy / "store", Limits(slack_s=2.0))
+    return run(todo, TOYS, reasons or {}, toy / "store", Limits(slack_s=8.0))
 
 
 def test_what_the_tests_show_is_killed_and_what_they_leave_open_survives(

@@ -156,7 +156,7 @@ def test_the_range_of_each_field_ends_where_it_should(said: Any, name: str, good
         assert replace(found, **{name: good}) == replace(said, **{name: good}), "the other fields stay"
 
 
-def test_an_item_beyond_the_number_of_items_leaves_that_number_unknown() -> None:
+def test_an_item_beyond_the_number_of_items_is_one_of_another_mission() -> None:
     assert plausible(MissionCurrent(9, 9, None)) == MissionCurrent(9, 9, None)
-    assert plausible(MissionCurrent(10, 9, None)) == MissionCurrent(10, None, None)
+    assert plausible(MissionCurrent(10, 9, None)) == MissionCurrent(10, 9, None)
     assert plausible(MissionCurrent(10, 65535, None)) == MissionCurrent(10, 65535, None)
