@@ -25,7 +25,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=300, help="how many changes, chosen at random")
     parser.add_argument("--seed", type=int, default=1, help="of the choice")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="no new change after this")
-    parser.add_argument("--patience", type=float, default=60.0, help="seconds of tests for each, the quickest first")
+    parser.add_argument("--patience", type=float, default=60.0, help="seconds of tests for each, the best first")
     parser.add_argument("--least", type=float, default=0.9, help="the share that tests have to notice")
     parser.add_argument("--list", action="store_true", help="print the changes that would be tried, and try none")
     parser.add_argument("--store", type=Path, help=argparse.SUPPRESS)

@@ -318,3 +318,13 @@ def test_an_excess_is_forgotten_but_for_a_third() -> None:
 def test_what_is_a_drain(excess: float, biggest: float, reports: int, *, drain: bool) -> None:
     told = Drift(excess_pct=excess, biggest_pct=biggest, reports=reports)
     assert exceeds(told, 2.0, 8.0) is drain
+
+
+def test_after_a_landing_everything_is_usual_anew() -> None:
+    flown_v = volts(*[(12.0, 30.0)] * 30, (9.0, 30.0))
+    assert flown_v.dropped_s is not None
+    down = measured(flown_v, Report(9.0, 5.0), LIMITS, 31.0, flying=False)
+    assert (down.usual_v, down.usual_a, down.drop, down.dropped_s, down.low_since_s, down.began_s) == (
+        None, None, 0.0, None, None, None,
+    )  # fmt: skip
+    assert (down.highest_v, down.voltage_v) == (12.0, 9.0)

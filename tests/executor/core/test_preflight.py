@@ -295,3 +295,10 @@ def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
     if warned:
         assert check.text.startswith("frames are not signed, and uav1 is reached over a network: whoever can send")
     assert preflight.talkers(links, signed=True).severity is Severity.OK
+
+
+@pytest.mark.parametrize(("waited", "severity"), [(19.9, Severity.OK), (20.0, Severity.OK), (20.1, Severity.WARNING)])
+def test_a_time_out_that_is_as_long_as_the_vehicles_own_is_kept(waited: float, severity: Severity) -> None:
+    own = failsafes.link_failsafe(ARDUPILOT, said().parameters)
+    assert preflight.link(said(), own, waited_s=waited, wanted_s=20.0).severity is severity
+    assert preflight.link(said(), own, waited_s=waited, wanted_s=None).severity is Severity.OK
