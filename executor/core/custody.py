@@ -59,7 +59,10 @@ def judged(
         # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
         return changed(after, cause=Cause.OURS)
     cause = cause_of(context, absences, before, after, now_s)
-    return changed(after, cause=cause, certain=cause is Cause.PERSON and _persons_still(context, before, after))
+    certain = cause is Cause.PERSON and _persons_still(context, before, after)
+    left = old.custom_mode in after.ordered_modes and beat.custom_mode not in after.ordered_modes
+    # An order that was followed, and left again, explains no later mode.
+    return changed(after, cause=cause, certain=certain, ordered_modes=frozenset() if left else after.ordered_modes)
 
 
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:

@@ -34,6 +34,8 @@ LAUNCH_S = 60.0
 """The launch is the crew's word for a take-off this soon after it; whoever starts later needs another."""
 ON_PAD_M = 6.0
 PLACE_M = 12.0
+FALLS_FROM_M = 2.0
+"""Who stops lower than this stands where it was."""
 """What is said of a place is true within this."""
 SHOWN_S = 4.0
 """The page shows a takeover, or a wreck, within this."""
@@ -267,6 +269,7 @@ class Judge:
         over = self.happened(name, "disarmed", "crash", "landed")
         for one in self.happened(name, "failsafe ", "descends"):
             ends = [later.t_s for later in over if later.t_s > one.t_s]
+            ends += [order.t_s for order in self.orders(name) if order.t_s > one.t_s and self._wished(name, order.t_s)]
             if one.what == "descends":
                 ends += [later.t_s for later in self.happened(name, "mode ", "wreck") if later.t_s > one.t_s]
             yield Span(one.t_s, min(ends, default=self.end_s), one.what)
@@ -321,17 +324,17 @@ class Judge:
         name = found["name"]
         if self.armed(name, at_s):
             return "its motors are on"
-        ended = [
-            one.what for one in self.happened(name, "kill", "crash", "on_pad", "landed", "fell") if one.t_s <= at_s
-        ]
+        ended = self._came_down(name, at_s)
         if not ended or ended[-1] != "landed":
             return f"it did not land, it was: {ended[-1] if ended else 'never in the air'}"
         away_m = self.from_pad_m(name, at_s)
         if away_m > self.on_pad_m and not COORDINATES.search(line.text) and "off its pad" not in line.text:
             return f"{away_m:.0f} m from its pad, which is not said"
         told = re.search(r"with (\d+) %", line.text)
+        # A battery may be emptied on the ground, by a fault, before the line is said.
+        landed = [one.charge_pct or 0.0 for one in self.happened(name, "landed") if one.t_s <= at_s]
         charge_pct = self.at(name, at_s).charge_pct or 0.0
-        if told is not None and abs(int(told[1]) - charge_pct) > 4.0:
+        if told is not None and min(abs(int(told[1]) - one) for one in (charge_pct, landed[-1])) > 4.0:
             return f"its battery holds {charge_pct:.0f} %"
         return ""
 
@@ -453,8 +456,19 @@ class Judge:
         before = [one for one in causes if one.t_s <= at_s]
         return bool(before) and max(before, key=lambda one: one.t_s).what.startswith("failsafe")
 
+    def _came_down(self, name: str, at_s: float) -> list[str]:
+        """Return how it came down; a motor that stops where it stands after its landing is no fall."""
+        ends: list[str] = []
+        falls = True
+        for one in self.happened(name, "kill", "crash", "on_pad", "landed", "fell"):
+            if one.what in {"kill", "crash"}:
+                falls = one.up_m is None or one.up_m > FALLS_FROM_M
+            if one.t_s <= at_s and (falls or one.what in {"on_pad", "landed"}):
+                ends.append(one.what)
+        return ends
+
     def _landed_untrue(self, name: str, at_s: float) -> str:
-        ended = [one.what for one in self.happened(name, "kill", "crash", "landed", "fell") if one.t_s <= at_s]
+        ended = [what for what in self._came_down(name, at_s) if what != "on_pad"]
         return f"it did not land, it was: {ended[-1]}" if ended and ended[-1] != "landed" else ""
 
     # What was kept from the crew.

@@ -6,6 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from executor.core.commands import Say
 from executor.core.intents import Action
@@ -64,6 +65,9 @@ class StormJudge(Judge):
             Span(one.from_s, one.to_s + BEARS_S, one.what) if one.what == "reboot" else one
             for one in super().silences(name)
         ]
+        # Who was frozen lives in its own time from then on: its silences end later by as much.
+        lags = [(at_s, one.for_s) for at_s, one in self._began(name, frozenset({"frozen"}))]
+        spans = [replace(one, to_s=one.to_s + sum(lag for at_s, lag in lags if at_s < one.to_s)) for one in spans]
         spans += [
             Span(at_s, at_s + one.for_s + (ASKS_S if one.kind == "ground killed" else 2.0), one.kind)
             for at_s, one in self._began(name, CUTS_OFF)
@@ -90,7 +94,18 @@ class StormJudge(Judge):
 
     def _by_others(self, name: str) -> list[Truth]:
         """Return what others did to it; a switch that is moved while the motors are off takes nothing."""
-        return [one for one in super()._by_others(name) if one.what == "kill" or self.armed(name, one.t_s)]
+        return [
+            one
+            for one in super()._by_others(name)
+            if one.what == "kill" or (self.armed(name, one.t_s) and not self._lands_anyway(name, one))
+        ]
+
+    def _lands_anyway(self, name: str, one: Truth) -> bool:
+        """Return whether a landing was chosen for a PX4 that lands: it leaves its mission for that mode by itself."""
+        if self.flown.autopilot != "px4" or not one.what.endswith(" LAND"):
+            return False
+        was_away = any(self.from_pad_m(name, at.t_s) > self.on_pad_m for at in self._of[name] if at.t_s < one.t_s)
+        return was_away and self.from_pad_m(name, one.t_s) < self.on_pad_m
 
     def _forged(self, name: str, at_s: float) -> bool:
         """Return whether somebody lied about it before."""

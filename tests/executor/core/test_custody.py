@@ -9,7 +9,7 @@ import pytest
 from executor.core import carried
 from executor.core.blackout import taken_up
 from executor.core.carried import Carried, items_expected
-from executor.core.custody import cause_of, looked_at_again, missed_us, takes_over
+from executor.core.custody import cause_of, judged, looked_at_again, missed_us, takes_over
 from executor.core.messages import Heartbeat, MissionCurrent
 from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Before, Cause, Stage, VehicleState
@@ -57,6 +57,16 @@ CAUSES: list[tuple[VehicleState, Cause]] = [
 @pytest.mark.parametrize(("state", "cause"), CAUSES, ids=[f"{n}-{row[1].value}" for n, row in enumerate(CAUSES)])
 def test_the_cause_of_a_mode(state: VehicleState, cause: Cause) -> None:
     assert cause_of(CONTEXT, (), flying(), state, NOW_S) is cause
+
+
+def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> None:
+    told = flying(stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
+    landing = went(LAND, stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
+    away = judged(CONTEXT, (), told, landing, NOW_S)
+    again = replace(away, heartbeat=Heartbeat(3, AUTO, True, 4), mode_since_s=NOW_S + 4.0)
+    assert judged(CONTEXT, (), away, again, NOW_S + 4.0).cause is Cause.PERSON
+    followed_late = replace(landing, heartbeat=Heartbeat(3, AUTO, True, 4))
+    assert judged(CONTEXT, (), flying(heartbeat=HELD), followed_late, NOW_S).cause is Cause.OURS
 
 
 def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
