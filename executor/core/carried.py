@@ -4,6 +4,9 @@ MISSION_CURRENT comes at least once a second. Both autopilots send how many item
 them as `mission_id`. ArduPilot says "Flight plan received" after every upload, to its sender alone, and while it flies
 its mission "Auto mission changed, restarted command" with every item that it stores, to everybody. A shorter mission
 leaves it at an index beyond the new end.
+
+A text is one packet, and anybody can send it: what it says is looked up on board before it is believed, and nothing new
+is put on board meanwhile.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import re
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene
+from executor.core.events import Match
 from executor.core.messages import MissionCurrent
 from executor.core.plausible import NO_ITEM
 
@@ -19,6 +23,10 @@ SURE_S = 0.9
 """Two reports must agree; they come twice a second."""
 SETTLES_S = 5.0
 """So long after an upload of ours a report, or a text, may be of before it."""
+READ_AGAIN_S = 5.0
+"""Between two readings of the mission on board."""
+READS_S = 20.0
+"""So long reading it may take: who stores a mission answers no question, nor does a dialogue that was broken off."""
 _RECEIVED = re.compile(r"^(flight plan received|auto mission changed)", re.IGNORECASE)
 
 
@@ -34,6 +42,24 @@ class Carried:
     """Since when it carries another one; None if it does not."""
     words: str = ""
     """How that is known."""
+    told_s: float | None = None
+    """Since when a text says that it was given one, which nobody has looked up yet."""
+    asked_s: float | None = None
+    """Since when it is being read."""
+    read_s: float = float("-inf")
+    """When it was read last."""
+    by_items: bool = False
+    """Whether its items are others, by what was read: as many as ours are no sign that they are ours again."""
+
+    def doubted(self) -> bool:
+        """Return whether it may carry another mission."""
+        return self.foreign_s is not None or self.told_s is not None
+
+    def to_be_read(self, now_s: float) -> bool:
+        """Return whether it is time to look up what it carries."""
+        if self.told_s is None or now_s - self.read_s < READ_AGAIN_S:
+            return False
+        return self.asked_s is None or now_s - self.asked_s >= READS_S
 
     def sure(self, now_s: float) -> bool:
         """Return whether it carries another mission for certain."""
@@ -57,19 +83,29 @@ def reported(carried: Carried, message: MissionCurrent, expected: int, now_s: fl
         if carried.id is None or now_s - carried.ours_s < SETTLES_S:
             return replace(carried, id=number, foreign_s=None, words="")
         return _foreign(carried, "as many items as ours, and others", now_s)
-    if carried.foreign_s is None or (not number and carried.words == RECEIVED):
+    if carried.foreign_s is None or (not number and carried.by_items):
         return carried
-    return replace(carried, foreign_s=None, words="")
-
-
-RECEIVED = "it says that it has received one"
+    return replace(carried, foreign_s=None, words="", by_items=False)
 
 
 def texted(carried: Carried, text: str, now_s: float) -> Carried:
     """Take a text of a vehicle that is being sent nothing from here."""
-    if not _RECEIVED.search(text) or now_s - carried.ours_s < SETTLES_S:
+    if not _RECEIVED.search(text) or now_s - carried.ours_s < SETTLES_S or carried.told_s is not None:
         return carried
-    return _foreign(carried, RECEIVED, now_s)
+    return replace(carried, told_s=now_s)
+
+
+def read(carried: Carried, match: Match | None, now_s: float) -> Carried:
+    """Take what was read from it, against the mission that is ours; None if nothing could be read."""
+    known = replace(carried, told_s=None, asked_s=None, read_s=now_s)
+    if match is None:
+        return replace(
+            _foreign(known, "it says that it was given one, and does not let it be read", now_s), by_items=True
+        )
+    if match.whole:
+        return replace(known, foreign_s=None, words="", by_items=False)
+    words = f"read back: others from item {match.alike} on"
+    return replace(_foreign(known, words, now_s), words=words, by_items=True)
 
 
 def _foreign(carried: Carried, words: str, now_s: float) -> Carried:

@@ -88,6 +88,13 @@ class AskStreams:
 
 
 @dataclass(frozen=True, slots=True)
+class ReadMission:
+    """Look up what the vehicle carries: it says that it was given a mission, and not from here."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
 class HandsOff:
     """Say nothing more to the vehicle: a person has it. What is half on board is still made whole."""
 
@@ -154,6 +161,7 @@ Command = (
     | Disarm
     | HandsOff
     | AskStreams
+    | ReadMission
     | Solve
     | Compose
     | CancelSolve

@@ -136,6 +136,17 @@ class Found:
     matches: tuple[Match, ...]
     """Against every mission that it may have been given."""
 
+    def against(self, revision: int) -> Match | None:
+        """Return how much of a revision's mission is on board; None if that was not looked at, or nothing was read."""
+        return next((one for one in self.matches if one.revision == revision), None)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRead:
+    """What a vehicle carries was looked up in flight."""
+
+    found: Found
+
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
@@ -198,6 +209,7 @@ Event = (
     | ReturnAllOrdered
     | Reopened
     | Resumed
+    | MissionRead
     | IntentReceived
     | OrderEnded
     | LossJudged

@@ -20,6 +20,7 @@ from executor.core import (
     homeward,
     offers,
     operator,
+    reading,
     replanning,
     resuming,
     silence,
@@ -29,7 +30,7 @@ from executor.core import (
 )
 from executor.core.carried import Carried
 from executor.core.changed import changed
-from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, Say, SendHome, Start
+from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
 from executor.core.declare import declare
@@ -41,6 +42,7 @@ from executor.core.events import (
     IntentReceived,
     LaunchOrdered,
     LossJudged,
+    MissionRead,
     MissionsWanted,
     OrderEnded,
     Reopened,
@@ -112,14 +114,16 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
             return operator.step(context, state, event, now_s)
         case Reopened():
             return resuming.reopened(state, event, now_s)
-        case Resumed():
-            return _resumed(context, state, event, now_s)
+        case Resumed() | MissionRead():
+            return _found(context, state, event, now_s)
         case Asked(question, text, lines):
             asked = Question(question, text, lines)
             return replace(state, briefing=replace(state.briefing, question=asked, answered="")), ()
 
 
-def _resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Stepped:
+def _found(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
+    if isinstance(event, MissionRead):
+        return reading.read(state, event.found, now_s)
     taken = resuming.resumed(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
     for ended in taken.ended:
@@ -348,6 +352,9 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     if vehicle.stage is not Stage.PILOT and not custody.in_other_hands(vehicle) and streams.to_be_asked(view):
         vehicle = changed(vehicle, streams_asked_s=now_s)
         commands.append(AskStreams(name))
+    if reading.wanted(vehicle, now_s):
+        vehicle = changed(vehicle, carried=replace(vehicle.carried, asked_s=now_s))
+        commands.append(ReadMission(name))
     judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)

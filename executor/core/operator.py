@@ -234,7 +234,12 @@ def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     state, commands = _recall(context, state, now_s)
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
     commands = commands[1:]  # the first line says what the intent's own does
-    return _Ordered(state, "everybody is told to return", commands, told, level=Level.WARNING)
+    text = "everybody is told to return"
+    if not told and state.silent_since_s is not None:
+        text = "nobody is heard; who is heard again is told to return"
+    elif not told:
+        text = "nobody flies its mission; nobody takes off any more"
+    return _Ordered(state, text, commands, told, level=Level.WARNING)
 
 
 def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:

@@ -45,6 +45,7 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
     heard = state.heard_s is not None and not state.stale and now_s - state.heard_s < context.limits.link_stale_s
     out = state.fault is not None or state.stubborn or state.excluded or state.held_s is not None
+    out = out or state.carried.doubted()
     if out or not heard or state.battery.remaining_pct is None:
         return None
     if state.stage in {Stage.GROUND, Stage.LANDED}:

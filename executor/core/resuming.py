@@ -151,7 +151,7 @@ def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -
         return _half_uploaded(context, state, plan, found, now_s)
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.board is None:
         return state.put(changed(vehicle, before=None)), _Taken()
-    match = _match(found, vehicle.board.revision)
+    match = found.against(vehicle.board.revision)
     if match is not None and not match.whole and vehicle.armed:
         why = f"carries another mission than the one that was put on board, from item {match.alike} on"
         return state.put(changed(vehicle, before=None)), _Taken(strange=((found.vehicle, why),))
@@ -161,17 +161,13 @@ def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -
     return state, _Taken(said)
 
 
-def _match(found: Found, revision: int) -> Match | None:
-    return next((one for one in found.matches if one.revision == revision), None)
-
-
 def _half_uploaded(
     context: Context, state: FleetState, plan: Replan, found: Found, now_s: float
 ) -> tuple[FleetState, _Taken]:
     """Bring an upload to its end that was under way, or about to begin, or over without our knowing."""
     vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
     revision = plan.solve.revision
-    new = _match(found, revision)
+    new = found.against(revision)
     board = vehicle.board
     said: tuple[Command, ...] = ()
     if new is not None and new.whole:
@@ -180,7 +176,7 @@ def _half_uploaded(
             board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
             state, said = caught_up(context, state, vehicle, board, found.seq)
         return state, _Taken(said, ended)
-    old = None if board is None else _match(found, board.revision)
+    old = None if board is None else found.against(board.revision)
     if not mission.fresh and board is not None and (old is None or old.whole):
         state, said = caught_up(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
@@ -231,7 +227,7 @@ def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[
         return state, again
     vehicle, mission = state.vehicles[name], plan.missions[name]
     flown = {segment for visit in mission.visits if state.inspected.get(segment := segment_of(visit), name) != name}
-    old = None if vehicle.board is None else _match(found, vehicle.board.revision)
+    old = None if vehicle.board is None else found.against(vehicle.board.revision)
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
     why = f"others flew {replanning.listed(context, frozenset(flown))} of its new mission meanwhile"

@@ -100,7 +100,8 @@ def _returned(
 
 def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold: Taken, now_s: float) -> Stepped:
     state = state.put(changed(vehicle, taken=replace(hold, given_away=True)))
-    trigger = f"{vehicle.name}: with its pilot for {context.pilot_grace_s:g} s"
+    who = "with its pilot" if vehicle.carried.foreign_s is None else "on another station's mission"
+    trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"
     state, more = withdrawn(state, vehicle.name, trigger, now_s)
     return state, (Say(Level.WARNING, f"{trigger}; its segments are free for the others"), *more)
 

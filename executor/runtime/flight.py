@@ -16,6 +16,7 @@ from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
+from executor.core.resuming import found_on
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.runtime import procedures, reunion, streams
@@ -208,8 +209,9 @@ class Flight:
                 self._job(vehicle, partial(self._disarm, command), failed)
             case commands.HandsOff(vehicle):
                 self._hands_off(vehicle)
-            case commands.AskStreams(vehicle):
-                self._ask_aside(vehicle)
+            case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
+                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read
+                self._aside(vehicle, asks(vehicle))
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
                 self._spawn(self._ended("the solver", partial(self._solver.solve, command), nothing), "solver")
@@ -246,12 +248,13 @@ class Flight:
             if whole:
                 self._whole.add(vehicle)
 
-    def _ask_aside(self, vehicle: str) -> None:
-        """Ask a vehicle for its streams again, unless it is being told something: that can wait, and is asked again."""
+    def _aside(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
+        """Ask a vehicle something, unless it is being told something: that can wait, and is asked again."""
         job = self._jobs.get(vehicle)
         if job is not None and not job.done():
+            work.close()
             return
-        task = self._spawn(self._ask_streams(vehicle), vehicle)
+        task = self._spawn(work, vehicle)
         if task is not None:
             self._jobs[vehicle] = task
             self._whole.discard(vehicle)
@@ -318,6 +321,14 @@ class Flight:
     async def _disarm(self, command: commands.Disarm) -> Event:
         done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
         return events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
+
+    async def _read(self, vehicle: str) -> None:
+        unread = events.MissionRead(events.Found(vehicle, heard=True, seq=None, items=None, matches=()))
+        await self._ended(f"a question to {vehicle}", partial(self._found, vehicle), lambda _: unread)
+
+    async def _found(self, vehicle: str) -> Event:
+        items = await procedures.read_mission(self._links[vehicle], self._clock)
+        return events.MissionRead(found_on(self.context, self.state, vehicle, items, None))
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:

@@ -114,6 +114,12 @@ async def put_on_board(
     return Done(accepted=False, reason=reason, mixed=mixed)
 
 
+async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | None:
+    """Read the mission on board; None if it does not let it be read."""
+    download = await converse(Download(), link, clock)
+    return download.items if isinstance(download.outcome, Accepted) else None
+
+
 async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> Upload:
     """Upload a mission once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S

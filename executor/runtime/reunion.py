@@ -15,10 +15,7 @@ from executor.core.resuming import found_on
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from executor.errors import ConnectionFailed
-from executor.protocols.download import Download
-from executor.protocols.machine import Accepted
-from executor.runtime import streams
-from executor.runtime.dialogue import converse
+from executor.runtime import procedures, streams
 from missions import Dialect, MissionItem
 
 ONE_REAL_S = 5.0
@@ -108,9 +105,7 @@ async def _all(answers: Mapping[str, _Answer], expected: list[str]) -> None:
 
 
 async def _read(link: Link, clock: Clock, dialect: Dialect, answer: _Answer) -> None:
-    download = await converse(Download(), link, clock)
-    if isinstance(download.outcome, Accepted):
-        answer.items = download.items
+    answer.items = await procedures.read_mission(link, clock)
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
             await streams.asked_for(link, clock, dialect)

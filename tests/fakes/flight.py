@@ -23,6 +23,7 @@ from executor.core.commands import (
     Hold,
     LandNow,
     Level,
+    ReadMission,
     Resume,
     Say,
     SendHome,
@@ -33,9 +34,12 @@ from executor.core.commands import (
 from executor.core.context import Context
 from executor.core.events import (
     Event,
+    Found,
     Heard,
     IntentReceived,
     LaunchOrdered,
+    Match,
+    MissionRead,
     MissionsWanted,
     OrderEnded,
     ReturnEnded,
@@ -87,6 +91,9 @@ class Craft:
     """It says how many items it carries."""
     total: int | None = None
     foreign: int | None = None
+    alike: int | None = None
+    """Of its items, from the first on, that are ours, once another station has put as many on board."""
+    unreadable: bool = False
     """How many items another station has put on board."""
     mission_id: int | None = None
     stuck: bool = False
@@ -373,6 +380,8 @@ class Story:
                 self.later(0.4, lambda: self._disarmed(name, force=force))
             case HandsOff(name):
                 self._talks(name)
+            case ReadMission(name):
+                self.later(0.6, lambda: self._read(name))
             case AskStreams(name):
                 self.crafts[name].asked_again += 1
             case Say() | CancelSolve():
@@ -399,6 +408,16 @@ class Story:
             return planned.pop(0)
         craft.load(command.path)
         return UploadEnded(command.vehicle, command.revision, accepted=True, mixed=False, reason="")
+
+    def _read(self, name: str) -> Event:
+        craft, board = self.crafts[name], self.state.vehicles[name].board
+        assert board is not None
+        if craft.unreadable:
+            return MissionRead(Found(name, heard=True, seq=None, items=None, matches=()))
+        items = len(board.waypoint_of)
+        alike = items if craft.alike is None else craft.alike
+        match = Match(board.revision, alike, whole=alike == items)
+        return MissionRead(Found(name, heard=True, seq=None, items=items, matches=(match,)))
 
     def _returned(self, name: str) -> Event | None:
         craft = self.crafts[name]

@@ -149,12 +149,15 @@ def test_another_stations_mission(autopilot: Autopilot, same_count: bool, tmp_pa
     flight = flown(autopilot, story, tmp_path)
     ended_well(flight, [])
     taken, _ = taken_s(flight)
+    # A text is looked up on board first: until the other station has stored all of it, nobody may read it.
     late_s = taken - said_so_s(flight, by_text=same_count and autopilot is ARDUPILOT)
     assert late_s <= NOTICED_S, flight.said
     assert flight.says(f"{VICTIM}: carries another mission than ours") is not None, flight.said
     nothing_was_commanded(flight, autopilot)
     assert sent_after(flight, taken) == []
-    free_s = flight.says(f"{VICTIM}: with its pilot for {GRACE_S:g} s; its segments are free for the others")
+    free_s = flight.says(
+        f"{VICTIM}: on another station's mission for {GRACE_S:g} s; its segments are free for the others"
+    )
     assert free_s is not None, flight.said
     assert GRACE_S - 2.0 <= free_s - taken <= GRACE_S + 2.0
     for one in inspected_by(flight, VICTIM):

@@ -8,6 +8,7 @@ import pytest
 
 from executor.core import blackout
 from executor.core.commands import Finish, Level
+from executor.core.intents import Action
 from executor.core.vehicle import FaultKind, Stage
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, FLEET, TIMEOUT_S, story, under_way
@@ -35,6 +36,16 @@ def test_a_radio_that_was_gone_costs_nothing(long_s: float) -> None:
     assert flight.said(Level.FAULT) == ([] if long_s < 60.0 else [flight.said(Level.FAULT)[0]])
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
     assert flight.given(Finish) == [Finish("every segment is inspected")]
+
+
+def test_an_abort_that_nobody_may_hear_says_so() -> None:
+    flight = under_way()
+    silenced(flight)
+    flight.run(lambda: flight.state.silent_since_s is not None)
+    assert flight.ask(Action.ABORT).text == "nobody is heard; who is heard again is told to return"
+    silenced(flight, mute=False)
+    flight.run(lambda: sorted(flight.sent_home()) == list(THREE))
+    flight.finish()
 
 
 def test_what_was_flown_unseen_is_marked_as_inferred() -> None:

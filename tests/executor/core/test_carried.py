@@ -6,8 +6,8 @@ import pytest
 
 from executor.core import carried
 from executor.core.carried import Carried
-from executor.core.commands import HandsOff, Level
-from executor.core.events import Heard
+from executor.core.commands import HandsOff, Level, ReadMission
+from executor.core.events import Found, Heard, MissionRead
 from executor.core.intents import Action, Outcome
 from executor.core.messages import MissionCurrent, StatusText
 from executor.core.plausible import NO_ITEM
@@ -66,6 +66,7 @@ def test_its_segments_are_kept_for_a_while_though_its_mode_is_as_old_as_the_flig
     began_s = flight.now_s
     freed_s = flight.run(lambda: any("are free for the others" in line for line in flight.said(Level.WARNING)))
     assert freed_s - began_s == pytest.approx(grace_s, abs=2.0)
+    assert any(line.startswith("uav2: on another station's mission for ") for line in flight.said(Level.WARNING))
 
 
 def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
@@ -75,12 +76,84 @@ def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
     assert "(as many items as ours, and others)" in flight.said(Level.FAULT)[0]
 
 
-@pytest.mark.parametrize("text", ["Flight plan received", "Auto mission changed, restarted command"])
-def test_a_received_flight_plan_that_nobody_here_sent_is_another_stations_on_ardupilot(text: str) -> None:
+TEXTS = pytest.mark.parametrize("text", ["Flight plan received", "Auto mission changed, restarted command"])
+
+
+@TEXTS
+def test_a_flight_plan_that_nobody_here_sent_is_read_and_is_another_stations(text: str) -> None:
     flight = honest()
+    flight.crafts["uav2"].alike = 3
     flight.happen(Heard("uav2", StatusText(6, text)))
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
-    assert "(it says that it has received one)" in flight.said(Level.FAULT)[0]
+    assert "(read back: others from item 3 on)" in flight.said(Level.FAULT)[0]
+    flight.pass_s(20.0)
+    assert flight.stage("uav2") is Stage.PILOT, "as many items as ours are no sign that they are"
+
+
+@TEXTS
+def test_a_text_alone_takes_no_vehicle(text: str) -> None:
+    """Anybody can send one."""
+    flight = honest()
+    flight.happen(Heard("uav2", StatusText(6, text)))
+    flight.pass_s(3.0)
+    assert flight.given(ReadMission) == [ReadMission("uav2")]
+    assert "uav2: said that it was given another mission; read back, it is ours" in flight.said(Level.WARNING)
+    flight.finish()
+    assert set(flight.state.inspected) == EVERYTHING
+    assert flight.said(Level.FAULT) == []
+
+
+def test_a_flood_of_such_texts_is_looked_up_now_and_then() -> None:
+    flight = honest()
+    for _ in range(20):
+        flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+        flight.pass_s(1.0)
+    assert 3 <= len(flight.given(ReadMission)) <= 5
+    assert flight.stage("uav2") is Stage.FLYING
+
+
+def test_nothing_is_put_on_board_until_it_is_known_whose_mission_it_carries() -> None:
+    flight = honest()
+    flight.crafts["uav2"].alike = 3
+    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.crafts["uav1"].mute = True
+    flight.run(lambda: bool(flight.uploads()))
+    flight.pass_s(5.0)
+    assert "uav2" not in {upload.vehicle for upload in flight.uploads()}
+
+
+def test_who_does_not_let_it_be_read_is_left_alone() -> None:
+    flight = honest()
+    flight.crafts["uav2"].unreadable = True
+    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
+    assert "does not let it be read" in flight.said(Level.FAULT)[0]
+
+
+def test_nobody_is_blamed_for_a_question_that_went_into_a_silence() -> None:
+    flight = honest()
+    craft = flight.crafts["uav2"]
+    craft.unreadable = True
+    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    craft.mute = True
+    flight.run(lambda: flight.vehicle("uav2").stale)
+    flight.happen(MissionRead(Found("uav2", heard=True, seq=None, items=None, matches=())))
+    assert flight.vehicle("uav2").carried.foreign_s is None
+    craft.mute = craft.unreadable = False
+    flight.run(lambda: any("read back, it is ours" in line for line in flight.said(Level.WARNING)))
+
+
+def test_it_is_back_once_ours_is_read_again() -> None:
+    flight = honest()
+    craft = flight.crafts["uav2"]
+    craft.alike = 3
+    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    craft.alike = None
+    flight.pass_s(10.0)
+    flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
+    flight.pass_s(5.0)
+    assert flight.ask(Action.INCLUDE, "uav2", "again").outcome is Outcome.DONE
 
 
 def test_one_report_alone_says_nothing() -> None:

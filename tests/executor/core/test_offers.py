@@ -83,7 +83,8 @@ def test_vehicles_that_came_home_by_their_own_failsafe_do_not_take_off_again() -
 def test_an_abort_ends_an_offer() -> None:
     flight = one_left()
     flight.run(lambda: flight.state.offer is not None)
-    assert flight.ask(Action.ABORT).outcome is Outcome.DONE
+    record = flight.ask(Action.ABORT)
+    assert (record.outcome, record.text) == (Outcome.DONE, "nobody flies its mission; nobody takes off any more")
     flight.pass_s(1.0)
     assert flight.over
 
