@@ -9,29 +9,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from executor.adapters.clock import SystemClock
 from executor.build import Ground
-from executor.report import Happening
+from executor.injected import TRUTHS
 from executor.simulation import fleet_of
-from executor.simulator.truth import read_truths
 from missions import default_network_path, read_network
 
-TRUTHS = "truth.jsonl"
 USUAL_VEHICLES = 4
 """With these the whole of the default network is flown below the ceiling of a site."""
 SIMULATED_CEILING_M = 1000.0
 ENDS_S = 10.0
 """Real seconds that the simulated fleet may take to end."""
-KINDS = {
-    "silent": "link",
-    "battery-step": "battery",
-    "drain": "battery",
-    "crash": "interruption",
-    "reboot": "interruption",
-    "refuse-upload": "interruption",
-    "half-upload": "interruption",
-}
-"""What a fault that the simulator injects should be declared as."""
 
 
 def demo_site(
@@ -110,18 +97,3 @@ def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[Non
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-
-
-def happenings(run: Path, clock: SystemClock) -> list[Happening]:
-    """Return when the ordered faults really happened, in the ground station's time."""
-    path = run / TRUTHS
-    if not path.exists():
-        return []
-    found = []
-    for truth in read_truths(path):
-        if not truth.what.startswith("fault "):
-            continue
-        name = truth.what.partition(":")[2].partition("@")[0].partition("=")[0]
-        at_s = (truth.unix_s - clock.began_unix_s) * clock.speedup
-        found.append(Happening(truth.vehicle, KINDS.get(name, name), at_s))
-    return found

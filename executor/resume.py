@@ -25,8 +25,8 @@ from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
-from executor.demo import happenings
 from executor.errors import LogError
+from executor.injected import happenings
 from executor.keeper import Legacy, plan_path
 from executor.kept import read_kept, reported
 from executor.linking import open_links

@@ -32,7 +32,9 @@ from executor.protocols.download import Download
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
 from executor.runtime.dialogue import converse
-from executor.simulator import AutopilotKind, SimFleet, SimVehicle, parse_fault, run_fleet
+from executor.simulator.config import AutopilotKind, SimFleet, SimVehicle
+from executor.simulator.faults import parse_fault
+from executor.simulator.fleet import run_fleet
 from missions import Command, Dialect, Frame, MissionItem, dialect_for, differences
 
 ITEMS, LOSSES, DELAYS_S = (10, 40, 200), (0.0, 0.05, 0.2), (0.0, 0.05, 0.3)

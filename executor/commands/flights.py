@@ -44,8 +44,9 @@ from executor.console import TerminalConsole
 from executor.core.commands import Level
 from executor.core.parameters import number
 from executor.core.preflight import Severity
-from executor.demo import check_faults, demo_site, happenings, simulated_fleet
+from executor.demo import check_faults, demo_site, simulated_fleet
 from executor.errors import PreflightFailed
+from executor.injected import happenings
 from executor.interrupts import nobody_reads
 from executor.order import Order, keep
 from executor.planning import DEFAULT

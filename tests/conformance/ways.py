@@ -28,7 +28,8 @@ from executor.adapters.mavsdk.library import load
 from executor.core.connection import parse_connection
 from executor.core.ports import LinkOrder, OpenLink
 from executor.runtime.flight import keep_heartbeat
-from executor.simulator import AutopilotKind, SimFleet, parse_fault
+from executor.simulator.config import AutopilotKind, SimFleet
+from executor.simulator.faults import parse_fault
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from tests.executor.simulator.flying import flying
 from tests.executor.simulator.harness import (

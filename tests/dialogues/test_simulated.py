@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.simulator import AutopilotKind
+from executor.simulator.config import AutopilotKind
 from missions import dialect_for
 from tests.dialogues import facts
 from tests.dialogues.script import CHAPTERS

@@ -6,8 +6,8 @@ import socket
 import time
 from typing import Protocol
 
-from executor.simulator import AutopilotKind
 from executor.simulator.autopilot import STEP_S
+from executor.simulator.config import AutopilotKind
 from executor.simulator.vehicle import SimulatedVehicle
 from tests.executor.simulator.harness import sim_vehicle
 

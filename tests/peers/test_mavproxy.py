@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.simulator import AutopilotKind, SimFleet
+from executor.simulator.config import AutopilotKind, SimFleet
 from missions.items import Command
 from tests.executor.simulator.flying import flying, free_port
 from tests.executor.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint

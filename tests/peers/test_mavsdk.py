@@ -16,7 +16,7 @@ from mavsdk.asyncio.system import System
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.telemetry import FlightMode
 
-from executor.simulator import AutopilotKind, SimFleet
+from executor.simulator.config import AutopilotKind, SimFleet
 from missions.items import MissionItem
 from tests.executor.simulator.flying import flying, free_port
 from tests.executor.simulator.harness import LAT_DEG, LON_DEG, numbered, rtl, sim_vehicle, speed, takeoff, waypoint

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
 from executor.core.intents import Action, Outcome
-from executor.simulator import Truth, parse_fault
 from executor.simulator.autopilot import STEP_S
-from executor.simulator.faults import FaultKind
+from executor.simulator.faults import FaultKind, parse_fault
+from executor.simulator.truth import Truth
 from tests.stories.story import MISSION
 from tests.stories.world import Flown
 

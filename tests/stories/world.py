@@ -29,8 +29,10 @@ from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import FleetView, fleet_view
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from executor.simulator import AutopilotKind, SimVehicle, Truth, parse_fault
 from executor.simulator.autopilot import STEP_S
+from executor.simulator.config import AutopilotKind, SimVehicle
+from executor.simulator.faults import parse_fault
+from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
 from missions import Network, dialect_for, encode, flight_path
 from planner import PRESETS, Plan, Route

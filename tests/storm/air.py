@@ -12,7 +12,6 @@ from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink, nowhere
 from executor.core.messages import Battery, Heartbeat, Message, Position, SystemStatus
-from executor.simulator import Truth
 from executor.simulator.messages import (
     ItemReceived,
     MissionCount,
@@ -21,6 +20,7 @@ from executor.simulator.messages import (
     out,
 )
 from executor.simulator.messages import Received as Order
+from executor.simulator.truth import Truth
 from executor.simulator.vehicle import STATION, SimulatedVehicle
 from executor.simulator.wire import Codec as Transmitter
 from tests.storm.plot import Happening

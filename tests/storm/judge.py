@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from executor.core.commands import Say
 from executor.core.intents import Action
-from executor.simulator import Truth
+from executor.simulator.truth import Truth
 from tests.stories.judge import Finding, Judge, Span, distance_m, place
 from tests.stories.story import MISSION
 from tests.storm.plot import BEARS_S, Happening

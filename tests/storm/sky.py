@@ -24,7 +24,7 @@ from executor.core.vehicle import OnBoard, aboard
 from executor.errors import ConnectionFailed
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from executor.simulator import parse_fault
+from executor.simulator.faults import parse_fault
 from missions import Network, dialect_for, encode, flight_path
 from planner import Plan, Route
 from tests.stories.story import Answers, Story

@@ -7,7 +7,9 @@ import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from executor.simulator import SimFleet, Truth, run_fleet
+from executor.simulator.config import SimFleet
+from executor.simulator.fleet import run_fleet
+from executor.simulator.truth import Truth
 
 
 def free_port() -> int:

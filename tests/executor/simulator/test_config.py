@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from executor.simulator import AutopilotKind, EndpointError, FaultSpecError, FleetError, SimFleet, parse_fault
-from executor.simulator.config import Endpoint, vehicle_endpoint
+from executor.simulator.config import AutopilotKind, Endpoint, SimFleet, vehicle_endpoint
+from executor.simulator.errors import EndpointError, FaultSpecError, FleetError
+from executor.simulator.faults import parse_fault
 from executor.simulator.params import defaults_for
 from tests.executor.simulator.harness import sim_vehicle
 

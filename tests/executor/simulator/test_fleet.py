@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from executor.simulator import AutopilotKind, SimFleet, parse_fault, run_fleet
-from executor.simulator.fleet import MAX_LAG_S, SimClock
+from executor.simulator.config import AutopilotKind, SimFleet
+from executor.simulator.faults import parse_fault
+from executor.simulator.fleet import MAX_LAG_S, SimClock, run_fleet
 from tests.executor.simulator.flying import flying, free_port
 from tests.executor.simulator.harness import is_happening, numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
 from tests.executor.simulator.station import Station

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.simulator import Truth, TruthWriter, read_truths
+from executor.simulator.truth import Truth, TruthWriter, read_truths
 
 
 def test_truths_read_back_and_a_cut_off_line_is_left_out(tmp_path: Path) -> None:
