@@ -25,6 +25,7 @@ from planner.evaluate import (
 from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, covers, solve_exact
 from planner.front import FrontPlan, front
 from planner.grasp import grasp
+from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
 from planner.replan import Remainder, Survivor, remaining, replan, warm_start
@@ -42,7 +43,7 @@ from planner.risk import (
     risks_of,
     wilson,
 )
-from planner.robust import WindowResult, solve_window
+from planner.robust import solve_window
 from planner.solve import solve, warm_up
 from planner.stop import (
     AnyOf,
@@ -58,7 +59,7 @@ from planner.stop import (
     any_of,
 )
 from planner.synthetic import generated_network
-from planner.window import Breaking, LossRepair, LossRow, Repair, ReplanWindow, loss_table, repairs_at, replan_window
+from planner.window import Breaking, LossRepair, ReplanWindow, WindowResult, loss_table, repairs_at, replan_window
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",

@@ -15,9 +15,9 @@ from planner.kernels.loss import SAME_TIME_S, Clock, Loss, Timing, set_clock
 from planner.kernels.repair import Desk
 from planner.kernels.tours import measure
 from planner.kernels.window import Repairs, try_loss
+from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.replan import Remainder, remaining
-from planner.window import LossRow, Repair
 
 EXACT_UP_TO = 13
 """Open segments up to which a loss is decided exactly: some 20 ms."""

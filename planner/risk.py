@@ -25,10 +25,11 @@ from planner.aftermath import Aftermath, repair, underway
 from planner.costs import Cost
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import evaluate
+from planner.loss import LossRow
 from planner.model import Instance, Plan
 from planner.moves import FloatArray
 from planner.replan import SAME_TIME_S, remaining
-from planner.window import EFFORT, LossRow, events_s, loss_table
+from planner.window import EFFORT, events_s, loss_table
 
 FLIGHTS_PER_CHUNK = 10_000
 """So many flights share their re-plans; more chunks keep more processors busy."""

@@ -9,33 +9,12 @@ can be repaired, the whole window of that plan is computed and the aim goes lowe
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from planner.errors import PlanError
-from planner.evaluate import Evaluation
 from planner.model import Instance, Plan
 from planner.solve import check_tails
 from planner.stop import Progress, StopRule, Stopwatch
-from planner.window import ReplanWindow
-
-
-@dataclass(frozen=True, slots=True)
-class WindowResult:
-    """The plan with the largest window found, and how the search went."""
-
-    plan: Plan
-    window: ReplanWindow
-    """As ``replan_window`` computes it."""
-    evaluation: Evaluation
-    """With MinMax as its value."""
-    longest_allowed_s: float
-    """No route was to be longer."""
-    feasible: bool
-    """Whether every segment is inspected, no budget exceeded and no route longer than allowed."""
-    iterations: int
-    seconds: float
-    stopped_by: str
-    """The stop rule's reason."""
+from planner.window import WindowResult
 
 
 def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and from where

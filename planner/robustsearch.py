@@ -21,10 +21,9 @@ from planner.kernels.tours import measure
 from planner.kernels.window import Repairs
 from planner.losses import base_of, clock_of, desk_of, loss_of, no_repairs, timing_of
 from planner.model import Instance, Plan, Route
-from planner.robust import WindowResult
 from planner.solve import solve
 from planner.stop import Iterations, Progress, StopRule, Stopwatch, Verdict, any_of
-from planner.window import replan_window
+from planner.window import WindowResult, replan_window
 
 PROBES = 8
 """Times at which losses are looked at in a walk: the aim, and those at which windows broke although the aim held."""

@@ -9,43 +9,18 @@ through from the end and the first loss without a re-plan ends the window.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from itertools import takewhile
 
 from planner.costs import Cost
 from planner.errors import PlanError
-from planner.evaluate import completions_s, evaluate, route_duration_s
+from planner.evaluate import Evaluation, completions_s, evaluate, route_duration_s
+from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, Remainder, remaining
 from planner.solve import check_tails
 
 EFFORT = 10_000
 """Iterations of ruin and recreate for one loss, as a default: some 50 ms where there is no re-plan."""
-
-
-class Repair(Enum):
-    """What is known of a loss."""
-
-    FEASIBLE = "feasible"
-    """A re-plan was found and checked."""
-    IMPOSSIBLE = "impossible"
-    """It is certain that there is none."""
-    NOT_FOUND = "not found"
-    """None was found, and it is not certain that there is none."""
-
-
-@dataclass(frozen=True, slots=True)
-class LossRow:
-    """A loss: one vehicle, at any time of one interval between completions."""
-
-    vehicle: int
-    from_s: float
-    """The interval holds this time..."""
-    to_s: float
-    """...but not this one."""
-    verdict: Repair
-    plan: Plan | None
-    """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +58,25 @@ class ReplanWindow:
         if self.longest_route_s <= 0:
             return 100.0
         return 100.0 * (self.longest_route_s - earliest_s) / self.longest_route_s
+
+
+@dataclass(frozen=True, slots=True)
+class WindowResult:
+    """The plan with the largest window found, and how the search went."""
+
+    plan: Plan
+    window: ReplanWindow
+    """As ``replan_window`` computes it."""
+    evaluation: Evaluation
+    """With MinMax as its value."""
+    longest_allowed_s: float
+    """No route was to be longer."""
+    feasible: bool
+    """Whether every segment is inspected, no budget exceeded and no route longer than allowed."""
+    iterations: int
+    seconds: float
+    stopped_by: str
+    """The stop rule's reason."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,6 @@ from executor.adapters.eventlog import Head, read_head
 from executor.adapters.mavlink.bare import bare_codec_s
 from executor.bench.browser import browser, oldest_shown_s
 from executor.bench.errors import BenchError
-from executor.bench.fleetplot import draw_growth
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
@@ -349,3 +348,31 @@ def make_fleet(
         if len(flights) > 1:
             draw_growth(flights, out / "fleet.png")
     return content, text
+
+
+def draw_growth(flights: Sequence[Flown], path: Path) -> None:
+    """Draw processor time, the loop's delays and memory over the number of vehicles."""
+    from matplotlib.figure import Figure
+
+    from executor.adapters.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
+
+    figure = Figure(figsize=(12.0, 3.8), facecolor=PAPER, layout="constrained")
+    counts = [one.vehicles for one in flights]
+    rows = (
+        ("of one core at real time, %", {"": [0.1 * one.cpu_ms * one.vehicles for one in flights]}),
+        ("the event loop blocked, ms", {
+            "at most": [one.blocked_ms[2] for one in flights], "99.99 %": [one.blocked_ms[1] for one in flights],
+            "99 %": [one.blocked_ms[0] for one in flights],
+        }),
+        ("resident memory at the end, MiB", {"": [one.memory_mib[-1] for one in flights]}),
+    )  # fmt: skip
+    for axes, (label, lines) in zip(figure.subplots(1, 3), rows, strict=True):
+        for place, (name, values) in enumerate(lines.items()):
+            axes.plot(counts, values, color=COLOURS[place], marker=MARKERS[place], label=name)
+        axes.set(xlabel="vehicles", ylabel=label)
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.grid(color=FAINT, alpha=0.3, lw=0.5)
+        if len(lines) > 1:
+            axes.legend(frameon=False)
+    figure.savefig(path, dpi=DPI)

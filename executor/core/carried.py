@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 
 from executor.core.context import Scene
 from executor.core.events import Match
-from executor.core.messages import MissionCurrent
-from executor.core.plausible import NO_ITEM
+from executor.core.messages import NO_ITEM, MissionCurrent
 
 SURE_S = 0.9
 """Two reports must agree; they come twice a second."""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from executor.core.changed import changed
 from executor.core.context import Scene
-from executor.core.messages import Heartbeat
+from executor.core.messages import CRITICAL, Heartbeat
 from executor.core.modes import is_home_mode, is_manual_mode, is_mission_mode
 from executor.core.state import Absence
 from executor.core.vehicle import Cause, Stage, VehicleState
@@ -24,8 +24,6 @@ LATE_TEXT_S = 4.0
 """A text this long after a change of mode still explains it."""
 FOLLOWED_LATE_S = 120.0
 """An order may be followed this late: a radio keeps it, or only the answers were lost."""
-CRITICAL = 5
-"""MAV_STATE_CRITICAL: both autopilots say it, or more, as long as a failsafe acts (measured)."""
 _ACTS = re.compile(
     r"^(?!.*cleared).*(failsafe|fence|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
     re.IGNORECASE,

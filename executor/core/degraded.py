@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from executor.core import energy, streams
 from executor.core.faults import BATTERY_SENSOR, LOW
 from executor.core.places import where
+from executor.core.state import Told
 from executor.core.vehicle import FaultKind, Stage
 from executor.core.watching import View
 from missions import Phase
@@ -131,14 +132,6 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("position", FaultKind.INTERRUPTION, position_off),
     Doubt("stands", FaultKind.INTERRUPTION, stands),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Told:
-    """What an operator was told of a vehicle."""
-
-    at_s: tuple[tuple[str, float], ...] = ()
-    """By the name of the row: when it was last not well."""
 
 
 def said(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:

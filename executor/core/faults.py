@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from executor.core import battery, drift, energy, streams
 from executor.core.context import Scene, VehicleSetup
 from executor.core.limits import Limits
+from executor.core.messages import CRITICAL, NO_ITEM
 from executor.core.modes import is_home_mode, is_mission_mode, mode_name
 from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
@@ -305,7 +306,7 @@ def _by_order(view: View) -> bool:
 def _at_its_end(view: View) -> bool:
     """Return whether the item that it flies to is the last of its mission but one."""
     seq, total = view.state.item or (0, None)
-    if not total or total == UNKNOWN_TOTAL:
+    if not total or total == NO_ITEM:
         return False
     last = total if view.setup.dialect.current_counts_home else total - 1
     return seq >= last - 1
@@ -329,8 +330,6 @@ def _battery_fresh(view: View) -> bool:
     return fresh and (streams.position_fresh(view) or not view.setup.planned)
 
 
-CRITICAL = 5
-"""MAV_STATE_CRITICAL: both autopilots say it as long as a failsafe acts."""
 LOW = 2
 """MAV_BATTERY_CHARGE_STATE_LOW."""
 BATTERY_SENSOR = 0x2000000
@@ -339,7 +338,6 @@ NEAR_PCT = 15.0
 """So near to its reserve a battery may well be low by its voltage."""
 PLUNGE = 1.7
 """Times the threshold of a drain."""
-UNKNOWN_TOTAL = 65535
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})

@@ -34,7 +34,6 @@ from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level,
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
 from executor.core.declare import declare
-from executor.core.degraded import Told
 from executor.core.events import (
     Asked,
     Event,
@@ -58,7 +57,7 @@ from executor.core.hearing import fold
 from executor.core.homeward import comes_home, on_mission
 from executor.core.messages import ComponentText, Heartbeat, Position
 from executor.core.places import UNSEEN_S, at_rest, fell, last_heard, over_its_pad, place_words, sank, seen_at_rest
-from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation
+from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
 from executor.core.strangers import stranger_lines
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
 from executor.core.watching import View, Watchpoint

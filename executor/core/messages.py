@@ -13,6 +13,10 @@ GROUND_STATION = (255, 190)
 """Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
 
 
+CRITICAL = 5
+"""MAV_STATE_CRITICAL: both autopilots say it, or more, as long as a failsafe acts (measured)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
     """HEARTBEAT of an autopilot component."""
@@ -121,6 +125,10 @@ class Home:
     lat_deg: float
     lon_deg: float
     alt_msl_m: float
+
+
+NO_ITEM = 65535
+"""Of mission items: there is none, or nobody knows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from executor.core.messages import (
+    NO_ITEM,
     Attitude,
     Battery,
     Gps,
@@ -36,8 +37,6 @@ MOST_FIX = 8
 """GPS_FIX_TYPE_PPP is the last."""
 MOST_WIND_M_S = 150.0
 """More than was ever measured on the ground is no wind but a filter that has not settled."""
-NO_ITEM = 65535
-"""Of mission items: there is none, or nobody knows."""
 
 M = TypeVar("M", bound=Message)
 

@@ -9,7 +9,6 @@ from types import MappingProxyType
 from executor.core.changed import changed
 from executor.core.commands import Level, Solve
 from executor.core.coverage import Flown
-from executor.core.degraded import Told
 from executor.core.events import NewRoute
 from executor.core.intents import IntentRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
@@ -150,6 +149,14 @@ class Briefing:
 
 
 KEPT_LINES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What an operator was told of a vehicle."""
+
+    at_s: tuple[tuple[str, float], ...] = ()
+    """By the name of the row: when it was last not well."""
 
 
 @dataclass(frozen=True)  # without slots: `changed` copies it

@@ -9,8 +9,7 @@ from executor.core.carried import Carried
 from executor.core.commands import HandsOff, Level, ReadMission
 from executor.core.events import Found, Heard, MissionRead
 from executor.core.intents import Action, Outcome
-from executor.core.messages import MissionCurrent, StatusText
-from executor.core.plausible import NO_ITEM
+from executor.core.messages import NO_ITEM, MissionCurrent, StatusText
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import EVERYTHING, under_way

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from executor.core import linkquality
-from executor.core.degraded import TABLE, Told, said, warnings
+from executor.core.degraded import TABLE, said, warnings
 from executor.core.linkquality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
+from executor.core.state import Told
 from executor.core.vehicle import Stage, VehicleState
 from executor.core.watching import View
 from tests.executor.core.test_faults import CONTEXT, NOW_S, SETUP, at, flying, pack
