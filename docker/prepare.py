@@ -15,10 +15,10 @@ from urllib.parse import urlsplit
 
 import tomli_w
 
-from executor import build
-from executor.config import check_site
-from executor.demo import SIMULATED_CEILING_M, USUAL_VEHICLES
 from executor.errors import ExecutorError
+from executor.simulated.demo_site import SIMULATED_CEILING_M, USUAL_VEHICLES
+from executor.site import assembly
+from executor.site.config import check_site
 from missions import MissionsError
 
 
@@ -51,9 +51,9 @@ def main() -> int:
     given = parser.parse_args()
     try:
         content = fleet(tomllib.loads(given.pattern.read_text(encoding="utf-8")), given.vehicles, given.speedup)
-        ground = build.ground_of(check_site(content, str(given.pattern)), given.pattern.parent)
+        ground = assembly.ground_of(check_site(content, str(given.pattern)), given.pattern.parent)
         frame = ground.network.frame
-        pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in build.setup_of(ground).pads]
+        pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in assembly.setup_of(ground).pads]
         (given.into / "site.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
         lines = [f"{lat_deg:.7f} {lon_deg:.7f} {alt_m:.1f}\n" for lat_deg, lon_deg, alt_m in pads]
         (given.into / "pads").write_text("".join(lines), encoding="utf-8")

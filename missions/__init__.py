@@ -8,6 +8,18 @@
 'NAV_TAKEOFF'
 """
 
+from missions.autopilots.dialect import (
+    ARDUPILOT,
+    PX4,
+    Dialect,
+    ModeNumber,
+    Modes,
+    ReturnParameters,
+    SetCurrent,
+    StartStep,
+    dialect_for,
+)
+from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
 from missions.clearance import (
     OverGround,
     check_ceiling,
@@ -20,17 +32,6 @@ from missions.clearance import (
     return_over_ground_m,
 )
 from missions.compare import alike, differences
-from missions.dialects import (
-    ARDUPILOT,
-    PX4,
-    Dialect,
-    ModeNumber,
-    Modes,
-    ReturnParameters,
-    SetCurrent,
-    StartStep,
-    dialect_for,
-)
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -41,7 +42,6 @@ from missions.errors import (
     SafetyError,
 )
 from missions.estimate import Estimate, LegEstimate, estimate
-from missions.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
 from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
 from missions.heights import implausible, settled

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from missions.dialects import Dialect
+from missions.autopilots.dialect import Dialect
 from missions.items import Command, Frame, MissionItem
 
 # MISSION_ITEM_INT has two numbers for each of these; either comes back for either.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from missions.dialects import Dialect
+from missions.autopilots.dialect import Dialect
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
 from missions.waypoints import FlightPath, Phase, Waypoint

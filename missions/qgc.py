@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from missions.dialects import Dialect
+from missions.autopilots.dialect import Dialect
 from missions.errors import MissionFileError
 from missions.fields import is_number
 from missions.files import parse_json

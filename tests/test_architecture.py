@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import common as mav
 
 import missions
 import planner
-from executor.core import preflight
+from executor.core.preflight import checks
 from executor.protocols import command, orders, upload
 from executor.simulator import enums
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
@@ -85,7 +85,7 @@ def test_every_module_says_what_it_is(package: str) -> None:
 
 def test_importing_the_planner_does_not_load_the_compiler() -> None:
     """The command line's help must not wait for numba."""
-    code = "import sys, executor.commandline; sys.exit('numba' in sys.modules)"
+    code = "import sys, executor.cli.commandline; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, timeout=60).returncode == 0
 
 
@@ -134,7 +134,7 @@ def test_the_results_of_dialects_are_mavlinks(dialect: Dialect) -> None:
 
 
 def test_the_autopilots_have_mavlinks_numbers() -> None:
-    assert preflight.AUTOPILOT_NUMBERS == {
+    assert checks.AUTOPILOT_NUMBERS == {
         "ardupilot": mav.MAV_AUTOPILOT_ARDUPILOTMEGA,
         "px4": mav.MAV_AUTOPILOT_PX4,
     }

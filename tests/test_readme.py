@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.cli import main
+from executor.cli.main import main
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SITE = re.search(r"```toml\n(.*?)```", README, re.DOTALL)

@@ -15,9 +15,9 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import ParamSpec, Self, TypeVar
 
+from executor.adapters.interrupts import end_processes, held_back
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
-from executor.interrupts import end_processes, held_back
 from missions import Network, open_task
 from planner import (
     Cancelled,

@@ -12,13 +12,13 @@ from types import MappingProxyType
 import numpy as np
 
 from executor.bench.flightmodel import Flight, Injected, Site, fly, model_site
-from executor.core import passive
 from executor.core.events import Heard, Tick
+from executor.core.faults import passive
+from executor.core.faults.passive import Declared, Watched
 from executor.core.limits import Limits
-from executor.core.passive import Declared, Watched
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultKind, VehicleState
-from executor.fewlines import FewLines
+from executor.replay.baseline_detector import FewLines
 
 TICK_S = 0.5
 KINDS = ("step", "drain", "cell", "silent")

@@ -11,10 +11,10 @@ from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import MISSING, number, page, table
 from executor.bench.store import Json, write_json, write_text
 from executor.core.vehicle import FaultKind
-from executor.logs import open_log
-from executor.replay import replay, rules_of
-from executor.truths import read_truths, truth_for
-from executor.tuning import few_lines
+from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.logs import replay, rules_of
+from executor.replay.open_log import open_log
+from executor.replay.tuning import few_lines
 
 BESIDE = Path("..") / "shared" / "logs"
 NAMES = {"watchpoints": "watchpoints", "few_lines": "a few lines"}

@@ -24,8 +24,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import cast
 
-from executor import app as flying
-from executor import build
 from executor.adapters.eventlog import Head, read_head
 from executor.adapters.mavlink.bare import bare_codec_s
 from executor.bench.browser import browser, oldest_shown_s
@@ -34,16 +32,18 @@ from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import number, page, table
-from executor.config import Site, check_site
 from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.preflight import Check
+from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
-from executor.demo import simulated_fleet
 from executor.errors import ExecutorError
-from executor.order import Order, keep
-from executor.planning import DEFAULT, first_plan
+from executor.flight import fly as flying
+from executor.flight.flight_order import Order, keep
 from executor.runtime import turns
+from executor.simulated.demo_site import simulated_fleet
+from executor.site import assembly
+from executor.site.config import Site, check_site
+from executor.site.planning import DEFAULT, first_plan
 
 COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
@@ -142,7 +142,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes, seed)
         site = check_site(site_of("network.graph", vehicles, speedup), "bench fleet")
-        ground = build.ground_of(site, base)
+        ground = assembly.ground_of(site, base)
         plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         order = Order(ground.site, base, ground, plan, run, lambda _: ())
         keep(order)
@@ -354,7 +354,7 @@ def draw_growth(flights: Sequence[Flown], path: Path) -> None:
     """Draw processor time, the loop's delays and memory over the number of vehicles."""
     from matplotlib.figure import Figure
 
-    from executor.adapters.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
+    from executor.analysis.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
 
     figure = Figure(figsize=(12.0, 3.8), facecolor=PAPER, layout="constrained")
     counts = [one.vehicles for one in flights]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.demo import SIMULATED_CEILING_M, free_ports
+from executor.simulated.demo_site import SIMULATED_CEILING_M, free_ports
 from planner.synthetic import generated_network
 
 SPEED_M_S = 3.0

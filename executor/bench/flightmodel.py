@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from executor import build
-from executor.config import check_site
 from executor.core.context import Context
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.vehicle import FaultKind, OnBoard, aboard
 from executor.simulator.battery import Battery as Pack
+from executor.site import assembly
+from executor.site.config import check_site
 from missions import dialect_for, flight_path
 from planner import Plan, Route
 
@@ -57,12 +57,12 @@ def model_site(autopilot: str) -> Site:
         "vehicle": vehicles,
         "faults": {"link_timeout_s": 10.0},
     }
-    ground = build.ground_of(check_site(content, "the model"), Path())
-    setup, task = build.setup_of(ground), build.task_of(ground)
+    ground = assembly.ground_of(check_site(content, "the model"), Path())
+    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
     names, count = ground.names, len(ground.network.segments)
     routes = {name: tuple(2 * segment for segment in range(count)[k::VEHICLES]) for k, name in enumerate(names)}
     plan = Plan(tuple(Route(k, routes[name]) for k, name in enumerate(names)), ())
-    context = build.context_of(ground, setup, task, plan)
+    context = assembly.context_of(ground, setup, task, plan)
     boards = tuple(aboard(context, name, 0, flight_path(setup, name, routes[name]), routes[name]) for name in names)
     return Site(context, boards, names)
 

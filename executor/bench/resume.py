@@ -20,20 +20,21 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from executor import build, resume
 from executor.adapters.eventlog import read_events
 from executor.adapters.logend import last_event_s, lines_after
 from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import number, page, table
-from executor.checkpointing import EVERY_S
-from executor.checkpoints import Checkpoint, encoded, newest
-from executor.config import check_site
 from executor.core.events import Heard
-from executor.demo import simulated_fleet
-from executor.order import Order, keep
-from executor.planning import DEFAULT, first_plan
+from executor.flight import resume
+from executor.flight.checkpointing import EVERY_S
+from executor.flight.checkpoints import Checkpoint, encoded, newest
+from executor.flight.flight_order import Order, keep
+from executor.simulated.demo_site import simulated_fleet
+from executor.site import assembly
+from executor.site.config import check_site
+from executor.site.planning import DEFAULT, first_plan
 
 PLAN_S = 2.0
 PATIENCE_S = 300.0
@@ -88,7 +89,7 @@ def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed
         base, run = Path(folder), Path(folder) / "run"
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes + 10.0, seed)
-        ground = build.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench resume"), base)
+        ground = assembly.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench resume"), base)
         plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         keep(Order(ground.site, base, ground, plan, run, lambda _: ()))
         with simulated_fleet(run, (), seed):

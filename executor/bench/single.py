@@ -6,7 +6,7 @@ from typing import TypedDict
 
 from executor.bench.problems import Problem
 from executor.bench.solvers import run
-from executor.planning import Solver
+from executor.site.planning import Solver
 from planner import Cost, Result, Seconds
 
 

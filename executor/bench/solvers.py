@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executor.planning import Solver
+from executor.site.planning import Solver
 from planner import Cost, Instance, Result, StopRule, grasp, solve, solve_exact
 
 

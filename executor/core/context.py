@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from executor.core.estimator import Prior
+from executor.core.battery.kalman import Prior
 from executor.core.limits import Limits
 from missions import Dialect, FlightSetup, LocalFrame
 from planner import Drone, Travel, pct_per_s, range_speed_m_s

@@ -11,29 +11,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import (
-    blackout,
-    custody,
-    degraded,
-    down,
-    faults,
-    homeward,
-    offers,
-    operator,
-    reading,
-    replanning,
-    resuming,
-    silence,
-    streams,
-    takeover,
-    texts,
-)
 from executor.core.carried import Carried
 from executor.core.changed import changed
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
-from executor.core.declare import declare
+from executor.core.custody import causes, reading
 from executor.core.events import (
     Asked,
     Event,
@@ -53,14 +36,31 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )
-from executor.core.hearing import fold
-from executor.core.homeward import comes_home, on_mission
+from executor.core.faults import link_loss, streams, warnings, watchpoints
+from executor.core.faults.watching import View, Watchpoint
+from executor.core.hearing import texts
+from executor.core.hearing.fold import fold
+from executor.core.hearing.strangers import stranger_lines
+from executor.core.homing import down, homeward
+from executor.core.homing.homeward import comes_home, on_mission
+from executor.core.homing.places import (
+    UNSEEN_S,
+    at_rest,
+    fell,
+    last_heard,
+    over_its_pad,
+    place_words,
+    sank,
+    seen_at_rest,
+)
 from executor.core.messages import ComponentText, Heartbeat, Position
-from executor.core.places import UNSEEN_S, at_rest, fell, last_heard, over_its_pad, place_words, sank, seen_at_rest
+from executor.core.operator import handling
+from executor.core.replan import replanning
+from executor.core.resume import blackout, resuming
+from executor.core.roster import offers, takeover
+from executor.core.roster.withdraw import declare
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
-from executor.core.strangers import stranger_lines
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
-from executor.core.watching import View, Watchpoint
 from missions import StartStep
 from planner import segment_of
 
@@ -110,7 +110,7 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case LossJudged():
             return _judged(state, event, now_s), ()
         case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
-            return operator.step(context, state, event, now_s)
+            return handling.step(context, state, event, now_s)
         case Reopened():
             return resuming.reopened(state, event, now_s)
         case Resumed() | MissionRead():
@@ -219,7 +219,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         return texts.said_aboard(state, before, event.message, now_s)
     folded = fold(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
-        folded = replace(folded, state=custody.judged(context, state.absences, before, folded.state, now_s))
+        folded = replace(folded, state=causes.judged(context, state.absences, before, folded.state, now_s))
     state = state.put(folded.state)
     commands: list[Command] = [
         Say(Level.WARNING, f"{event.vehicle}: {line}")
@@ -255,7 +255,7 @@ def _beat(context: Context, state: FleetState, before: VehicleState, now_s: floa
 def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
     heard = f"{vehicle.name}: link regained"
-    if vehicle.armed and custody.in_other_hands(vehicle):
+    if vehicle.armed and causes.in_other_hands(vehicle):
         state, more = takeover.taken(context, state, vehicle)
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
@@ -306,9 +306,9 @@ def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s
 
 def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
-    state, more = silence.own_sleep(state, now_s)
+    state, more = link_loss.own_sleep(state, now_s)
     commands.extend(more)
-    state, more = silence.of_all(context, state, now_s)
+    state, more = link_loss.of_all(context, state, now_s)
     commands.extend(more)
     if state.silent_since_s is not None and now_s - state.silent_since_s >= GAP_S:
         state = blackout.began(state, state.silent_since_s)
@@ -321,7 +321,7 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = offers.looked_at(context, state, now_s)
     commands.extend(more)
-    state = operator.settled(context, state, now_s)
+    state = handling.settled(context, state, now_s)
     state, more = _finish(context, state)
     return state, (*commands, *more)
 
@@ -334,7 +334,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     if vehicle.stage is Stage.LOST:
         return state, ()
     commands: list[Command] = []
-    state, more = silence.of_one(context, state, vehicle, now_s)
+    state, more = link_loss.of_one(context, state, vehicle, now_s)
     commands.extend(more)
     if vehicle.stale and not state.vehicles[name].stale:
         state = replanning.heard_again(state, state.vehicles[name], now_s)
@@ -342,19 +342,19 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     if taken_up is not None:
         state, more = taken_up
         commands.extend(more)
-    vehicle = custody.looked_at_again(context, state.absences, state.vehicles[name], now_s)
+    vehicle = causes.looked_at_again(context, state.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
-    told, lines = degraded.said(view, state.told.get(name, Told()))
+    told, lines = warnings.said(view, state.told.get(name, Told()))
     if told is not state.told.get(name):
         state = replace(state, told=MappingProxyType({**state.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)
-    if vehicle.stage is not Stage.PILOT and not custody.in_other_hands(vehicle) and streams.to_be_asked(view):
+    if vehicle.stage is not Stage.PILOT and not causes.in_other_hands(vehicle) and streams.to_be_asked(view):
         vehicle = changed(vehicle, streams_asked_s=now_s)
         commands.append(AskStreams(name))
     if reading.wanted(vehicle, now_s):
         vehicle = changed(vehicle, carried=replace(vehicle.carried, asked_s=now_s))
         commands.append(ReadMission(name))
-    judgement = faults.judge(context, context.vehicles[name], vehicle, now_s)
+    judgement = watchpoints.judge(context, context.vehicles[name], vehicle, now_s)
     vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
@@ -374,11 +374,11 @@ def _decided(
     """One thing at a time, the most important first."""
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
-    if vehicle.stage is not Stage.PILOT and custody.takes_over(vehicle, now_s) and not lost:
+    if vehicle.stage is not Stage.PILOT and causes.takes_over(vehicle, now_s) and not lost:
         return takeover.taken(context, state, vehicle)
     if vehicle.stage is Stage.FLYING and vehicle.carried.sure(now_s) and not lost:
         return takeover.taken(context, state, vehicle)
-    if raised and raised[0][0].name == "mode" and custody.missed_us(context, state.absences, vehicle, now_s):
+    if raised and raised[0][0].name == "mode" and causes.missed_us(context, state.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
     if raised:
         point, why = raised[0]
@@ -403,9 +403,9 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
         if not down.flies_again(vehicle):
             return state, ()
         return _flies_on(context, state, vehicle, "down", now_s)
-    if vehicle.armed and custody.takes_over(vehicle, now_s):
+    if vehicle.armed and causes.takes_over(vehicle, now_s):
         return takeover.taken(context, state, vehicle)
-    if custody.never_landed(context, vehicle):
+    if causes.never_landed(context, vehicle):
         return _flies_on(context, state, vehicle, "landed", now_s)
     return state, ()
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from executor.core.battery import BatteryState
+from executor.core.battery.account import BatteryState
+from executor.core.battery.roundings import Roundings
+from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
 from executor.core.changed import changed
 from executor.core.context import Context
 from executor.core.coverage import Run, Track
-from executor.core.linkquality import LinkQuality
+from executor.core.link_quality import LinkQuality
 from executor.core.messages import Attitude, DoubleHeard, Gps, Heartbeat, StationHeard, Wind
-from executor.core.roundings import Roundings
-from executor.core.voltage import VoltageState
 from missions import FlightPath, LegEstimate, Phase, Waypoint, encode, estimate
 from planner import segment_of
 

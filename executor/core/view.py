@@ -9,14 +9,14 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 
-from executor.core import energy
+from executor.core import projection
 from executor.core.context import Context
 from executor.core.coverage import Track
-from executor.core.modes import mode_name
-from executor.core.offers import words
+from executor.core.roster.offers import words
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
+from missions.autopilots.modes import mode_name
 
 SAID_LINES = 60
 INTENTS = 30
@@ -296,7 +296,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
 def _lands_in_s(vehicle: VehicleState) -> float | None:
     if vehicle.board is None or vehicle.stage is not Stage.FLYING or vehicle.held_s is not None:
         return None
-    return round(energy.time_to_reach_s(vehicle, len(vehicle.board.legs) - 1), 0)
+    return round(projection.time_to_reach_s(vehicle, len(vehicle.board.legs) - 1), 0)
 
 
 def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
@@ -340,12 +340,12 @@ def _position(context: Context, vehicle: VehicleState, now_s: float) -> Position
 
 def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
     setup = context.vehicles[vehicle.name]
-    ahead = energy.at_landing(context, vehicle, setup) if vehicle.airborne else None
+    ahead = projection.at_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
     began_pct = vehicle.battery.first_pct if vehicle.began_pct is None else vehicle.began_pct
     if vehicle.board is not None and began_pct is not None and vehicle.airborne:
-        spent_pct = sum(leg.energy_pct for leg in vehicle.board.legs) - energy.modelled_to_reach_pct(
+        spent_pct = sum(leg.energy_pct for leg in vehicle.board.legs) - projection.modelled_to_reach_pct(
             vehicle, len(vehicle.board.legs) - 1
         )
         predicted_pct = round(began_pct - spent_pct, 1)
@@ -364,10 +364,10 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
 def _to_finish_pct(context: Context, vehicle: VehicleState) -> float:
     """Return what is still to be spent: on the mission, or on the way home."""
     if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
-        return energy.to_finish_pct(vehicle) if vehicle.airborne else 0.0
+        return projection.to_finish_pct(vehicle) if vehicle.airborne else 0.0
     if vehicle.stage is not Stage.RETURNING:
         return 0.0
-    return energy.modelled_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
+    return projection.modelled_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
 
 
 def _progress(context: Context, vehicle: VehicleState) -> ProgressView:

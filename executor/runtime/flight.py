@@ -16,7 +16,7 @@ from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
-from executor.core.resuming import found_on
+from executor.core.resume.resuming import found_on
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.runtime import procedures, reunion, streams

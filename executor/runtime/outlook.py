@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from executor.core import outlook
 from executor.core.events import LossJudged
 from executor.core.ports import Judge
+from executor.core.replan import what_if
 from executor.runtime.flight import Flight
 
 REST_S = 5.0
@@ -21,7 +21,7 @@ async def keep_judging(flight: Flight, judge: Judge) -> None:
     judged: tuple[object, ...] | None = None
     while True:
         began_s = loop.time()
-        moment = outlook.moment(flight.state)
+        moment = what_if.moment(flight.state)
         if moment != judged and await _round(flight, judge):
             judged = moment
         await asyncio.sleep(max(REST_S, SHARE * (loop.time() - began_s)))
@@ -29,12 +29,12 @@ async def keep_judging(flight: Flight, judge: Judge) -> None:
 
 async def _round(flight: Flight, judge: Judge) -> bool:
     """Judge everybody once; returns whether that came to its end."""
-    names = outlook.worth_judging(flight.state)
+    names = what_if.worth_judging(flight.state)
     for name in names:
         revision = flight.state.revision
-        if name not in outlook.worth_judging(flight.state):
+        if name not in what_if.worth_judging(flight.state):
             return False
-        problem = outlook.if_lost(flight.context, flight.state, name, flight.now_s())
+        problem = what_if.if_lost(flight.context, flight.state, name, flight.now_s())
         uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem)
         if uncovered is None or revision != flight.state.revision:
             return False

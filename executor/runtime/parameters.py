@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequest
-from executor.core.parameters import Change, Found, Kept, Stage, first_names, found, newer_names, number
 from executor.core.ports import Clock, Link
-from executor.core.preflight import AUTOPILOT_NUMBERS
+from executor.core.preflight.checks import AUTOPILOT_NUMBERS
+from executor.core.preflight.parameters import Change, Found, Kept, Stage, first_names, found, newer_names, number
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
 from missions import Dialect

@@ -6,8 +6,8 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from executor.core import failsafes, prearm
-from executor.core.firmware import banner_version
+from executor.core.hearing.firmware import banner_version
+from executor.core.hearing.strangers import Stranger, noted
 from executor.core.messages import (
     Battery,
     DoubleHeard,
@@ -20,8 +20,8 @@ from executor.core.messages import (
     Version,
 )
 from executor.core.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import Facts
-from executor.core.strangers import Stranger, noted
+from executor.core.preflight import failsafes, prearm
+from executor.core.preflight.checks import Facts
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue

@@ -11,7 +11,7 @@ from executor.core.context import Context
 from executor.core.events import Found, Resumed
 from executor.core.messages import Heartbeat, Message, MissionCurrent
 from executor.core.ports import Clock, Link
-from executor.core.resuming import found_on
+from executor.core.resume.resuming import found_on
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from executor.errors import ConnectionFailed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions import Dialect, MissionItem, ModeNumber
-from missions.dialects import StartStep
+from missions.autopilots.dialect import StartStep
 from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Step, Until, Upload, What
 from tests.executor.simulator.harness import land, numbered, speed, takeoff, waypoint
 

@@ -19,7 +19,6 @@ from typing import Self
 
 from playwright.async_api import Page, async_playwright
 
-from executor import build
 from executor.adapters.web import WebServer, WebSettings
 from executor.core.changed import changed
 from executor.core.commands import Level
@@ -29,6 +28,7 @@ from executor.core.messages import Gps, Wind
 from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
 from executor.core.vehicle import OnBoard, Stage, VehicleState, aboard
 from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
+from executor.site import assembly
 from missions import Segment, flight_path
 from planner import Plan, Route
 from tests.executor.builders import ground_for, site_of
@@ -74,9 +74,9 @@ def fleet() -> Fleet:
     plain = network_of(PLACES_M, PAIRS)
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
     ground = ground_for(site_of(tuple(ROUTES)), replace(plain, segments=segments, source="gallery"))
-    setup, task = build.setup_of(ground), build.task_of(ground)
+    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
     plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(ROUTES.values())), ())
-    context = build.context_of(ground, setup, task, plan)
+    context = assembly.context_of(ground, setup, task, plan)
     boards: dict[str, OnBoard | None] = {
         name: aboard(context, name, 0, flight_path(setup, name, visits), visits) for name, visits in ROUTES.items()
     }

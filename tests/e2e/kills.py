@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from executor import build, planning
-from executor.build import Ground
-from executor.config import read_site
-from executor.simulation import fleet_of
+from executor.simulated.fleet import fleet_of
 from executor.simulator.fleet import run_fleet
 from executor.simulator.vehicle import SimulatedVehicle
+from executor.site import assembly, planning
+from executor.site.assembly import Ground
+from executor.site.config import read_site
 from missions import Pad, write_plan
 from planner import Cost
 from tests.e2e.flights import called, ended, notes, said_in, site_file
@@ -144,10 +144,10 @@ async def flown(folder: Path, seed: int) -> Outcome:
     lost = frozenset({"uav2"}) if chance.random() < 0.6 else frozenset[str]()
     faults = [f"uav2:silent@{chance.uniform(10, 80):.0f}%"] if lost else []
     site, _ = site_file(folder, pylons=PYLONS, vehicles=VEHICLES, speedup=SPEEDUP, autopilot=autopilot)
-    ground = build.ground_of(read_site(site), folder)
+    ground = assembly.ground_of(read_site(site), folder)
     plan = folder / "plan.json"
     write_plan(plan, planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 0.3, seed, all_vehicles=True)))
-    setup, run = build.setup_of(ground), folder / "run"
+    setup, run = assembly.setup_of(ground), folder / "run"
     witness = Witness({name: setup.pad_of(name) for name in ground.names})
     moments: list[str] = []
     async with _in_the_air(ground, faults, seed, witness):

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.rerun import rerun
+from executor.replay.run import rerun
 from executor.simulator.truth import read_truths
 from tests.e2e.flights import (
     PATIENCE_S,

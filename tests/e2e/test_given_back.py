@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from executor import build
-from executor.config import read_site
-from executor.simulation import fleet_of
+from executor.simulated.fleet import fleet_of
 from executor.simulator.config import SimFleet
 from executor.simulator.fleet import run_fleet
 from executor.simulator.vehicle import SimulatedVehicle
+from executor.site import assembly
+from executor.site.config import read_site
 from tests.e2e.flights import called, ended, said_in, site_file
 
 pytestmark = pytest.mark.asyncio
@@ -64,7 +64,12 @@ async def on_pads(site: Path, autopilot: str, *faults: str, speedup: float = SPE
     """Run the site's vehicles with what the crew has set."""
     fleet = Fleet(autopilot)
     sim = fleet_of(
-        build.ground_of(read_site(site), site.parent), speedup=speedup, faults=faults, seed=1, wind=1.0, failsafe=False
+        assembly.ground_of(read_site(site), site.parent),
+        speedup=speedup,
+        faults=faults,
+        seed=1,
+        wind=1.0,
+        failsafe=False,
     )
     own = [replace(one, parameters={**one.parameters, **fleet.before}) for one in sim.vehicles]
     stop, ready = asyncio.Event(), asyncio.Event()

@@ -14,7 +14,7 @@ from typing import Any
 import aiomqtt
 import pytest
 
-from executor.rerun import rerun
+from executor.replay.run import rerun
 from tests.brokers import KIND, running
 from tests.e2e.flights import PATIENCE_S, called, ended, log_lines, notes, said_in, site_file
 

@@ -16,15 +16,16 @@ import httpx
 import numpy as np
 import pytest
 
-from executor import app, build, planning
 from executor.adapters.eventlog import read_head
-from executor.config import read_site
 from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.preflight import Check
+from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
-from executor.order import Order, keep
+from executor.flight import fly
+from executor.flight.flight_order import Order, keep
+from executor.site import assembly, planning
+from executor.site.config import read_site
 from planner import Cost
 from tests.e2e.flights import called, free_ports, said_in, site_file
 
@@ -109,7 +110,7 @@ async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, 
         f"{path.read_text(encoding='utf-8')}[web]\nport = {port}\nenabled = {str(page).lower()}\n", encoding="utf-8"
     )
     site = read_site(path)
-    ground = build.ground_of(site, tmp_path)
+    ground = assembly.ground_of(site, tmp_path)
     plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 2.0, 1, all_vehicles=True))
     order = Order(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
     order.run.mkdir()
@@ -118,7 +119,7 @@ async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, 
     events, looking = order.run / "events.jsonl", list[Read]()
     async with called("simulate", str(path)) as simulated:
         await said_in(simulated.stdout, "uav20: system 20")
-        flight = asyncio.create_task(app.fly(order, watching))
+        flight = asyncio.create_task(fly.fly(order, watching))
         while not watching.flying():
             watching.news.clear()
             await watching.news.wait()

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from executor.checkpoints import FILES
-from executor.rerun import rerun
+from executor.flight.checkpoints import FILES
+from executor.replay.run import rerun
 from executor.simulator.truth import read_truths
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import wrongly_counted

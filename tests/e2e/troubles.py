@@ -24,6 +24,6 @@ def set_back_when(marker: Path) -> None:
 
 if __name__ == "__main__":
     set_back_when(Path(sys.argv[1]))
-    from executor.cli import main
+    from executor.cli.main import main
 
     main(sys.argv[2:])

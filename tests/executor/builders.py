@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from executor import build
-from executor.build import Ground
-from executor.config import Site, check_site
 from executor.core.context import Context
 from executor.core.vehicle import OnBoard, VehicleState, aboard
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import Site, check_site
 from missions import Network, flight_path
 from planner import Plan, Route, travel_for
 from tests.missions.builders import line_east
@@ -33,9 +33,9 @@ def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", /, **tables: M
 
 def ground_for(site: Site, network: Network) -> Ground:
     """Return what is known before any vehicle answers."""
-    table, drone = site.inspection, build.drone_of(site)
+    table, drone = site.inspection, assembly.drone_of(site)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    return Ground(site, network, build.inspection_of(site, network), drone, travel)
+    return Ground(site, network, assembly.inspection_of(site, network), drone, travel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +51,9 @@ def fleet_of(
 ) -> Fleet:
     """Return a fleet over a line due east of the depot, pylons every 100 m; an empty route stays on the ground."""
     ground = ground_for(site_of(tuple(routes), autopilot, **tables), line_east(pylons))
-    setup, task = build.setup_of(ground), build.task_of(ground)
+    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
     plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(routes.values())), ())
-    context = build.context_of(ground, setup, task, plan)
+    context = assembly.context_of(ground, setup, task, plan)
     boards = {
         name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
         for name, visits in routes.items()

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from executor.adapters.eventlog import EventLog
-from executor.adapters.rundir import keep_site, write_json
+from executor.adapters.run_directory import keep_site, write_json
 from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position
 from missions import Inspection, PlanFile, Solved, make_plan_file, open_task, write_plan

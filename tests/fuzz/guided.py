@@ -17,9 +17,9 @@ from pathlib import Path
 FOLLOWED = {
     "packets": ["executor.adapters.mavlink"],
     "flight": ["executor.adapters.mavlink", "executor.core"],
-    "site": ["executor.config", "executor.core.connection"],
+    "site": ["executor.site.config", "executor.core.connection"],
     "mqtt": ["executor.adapters.mqtt"],
-    "web": ["executor.adapters.web", "executor.core.operator", "executor.core.refusals"],
+    "web": ["executor.adapters.web", "executor.core.operator.handling", "executor.core.operator.refusals"],
 }
 """Whose branches guide the search for a target; all others run at their full speed."""
 HANG_S = 10

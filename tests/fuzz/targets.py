@@ -26,13 +26,13 @@ from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import Publisher
 from executor.adapters.web import WebServer, WebSettings
-from executor.config import Site, read_site
 from executor.core import fleet
 from executor.core.events import Heard, IntentReceived, Tick
 from executor.core.intents import Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message
 from executor.core.view import fleet_view
 from executor.errors import SiteError
+from executor.site.config import Site, read_site
 from tests.executor.builders import Fleet, fleet_of
 from tests.executor.core.stories import under_way
 

@@ -12,15 +12,16 @@ from typing import Any
 
 import pytest
 
-from executor import app, build, planning
-from executor.config import Site, check_site
 from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.preflight import Check
+from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
-from executor.order import Order, keep
+from executor.flight import fly
+from executor.flight.flight_order import Order, keep
 from executor.runtime import turns
+from executor.site import assembly, planning
+from executor.site.config import Site, check_site
 from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
 from tests.e2e.tlog import messages
@@ -164,12 +165,12 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     if not binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
     site = site_of(autopilot, story)
-    ground = build.ground_of(site, folder)
+    ground = assembly.ground_of(site, folder)
     plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
     order = Order(site, folder, ground, plan, folder / "run", lambda _: ())
     order.run.mkdir()
     keep(order)
-    pads = {pad.vehicle: pad for pad in build.setup_of(ground).pads}
+    pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed))
     console = WatchfulConsole(story)
     with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
@@ -177,7 +178,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():
                 vehicle.other.sign(vehicle.sysid, KEY)
-        turns.run(app.fly(order, console))
+        turns.run(fly.fly(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from executor import build
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
@@ -21,9 +20,9 @@ from executor.core import fleet
 from executor.core.commands import Say
 from executor.core.context import Context
 from executor.core.events import Event
-from executor.core.failsafes import link_failsafe
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.preflight import Facts
+from executor.core.preflight.checks import Facts
+from executor.core.preflight.failsafes import link_failsafe
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.core.view import FleetView, fleet_view
@@ -34,6 +33,7 @@ from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.faults import parse_fault
 from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
+from executor.site import assembly
 from missions import Network, dialect_for, encode, flight_path
 from planner import PRESETS, Plan, Route
 from tests.executor.builders import ground_for, site_of
@@ -140,7 +140,7 @@ class Sky(World):
         flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
         site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
         self._ground = ground_for(site, self._network())
-        self._setup = build.setup_of(self._ground)
+        self._setup = assembly.setup_of(self._ground)
         self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
         self.truths: list[Truth] = []
         self.said: list[tuple[float, Say]] = []
@@ -257,11 +257,11 @@ class Sky(World):
         return await preflight.interview(name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None)
 
     def _context(self, facts: Mapping[str, Facts]) -> tuple[Context, dict[str, OnBoard | None]]:
-        setup, task = self._setup, build.task_of(self._ground)
+        setup, task = self._setup, assembly.task_of(self._ground)
         plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(self.story.fleet.values())), ())
         dialect = dialect_for(self.autopilot)
         own = {name: link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
-        context = build.context_of(self._ground, setup, task, plan, own)
+        context = assembly.context_of(self._ground, setup, task, plan, own)
         boards = {
             name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
             for name, visits in self.story.fleet.items()

@@ -10,7 +10,7 @@ import sys
 import time
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 
-from executor.interrupts import held_back
+from executor.adapters.interrupts import held_back
 from tests.stories.judge import told_in
 from tests.storm.compose import composed
 from tests.storm.judge import findings

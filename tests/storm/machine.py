@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from executor.adapters.eventlog import DISK_S
 from executor.adapters.solver import SolverSetup, solve
-from executor.build import Ground
 from executor.core.commands import Solve
 from executor.core.events import Event, SolveEnded
+from executor.site.assembly import Ground
 from tests.stories.world import Sink
 
 SETTLED = 60

@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 
 import looptime
 
-from executor import build
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Reopened, ReturnAllOrdered
-from executor.core.failsafes import link_failsafe
 from executor.core.intents import Action, IntentRecord
+from executor.core.preflight.failsafes import link_failsafe
 from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, aboard
 from executor.errors import ConnectionFailed
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
 from executor.simulator.faults import parse_fault
+from executor.site import assembly
 from missions import Network, dialect_for, encode, flight_path
 from planner import Plan, Route
 from tests.stories.story import Answers, Story
@@ -166,10 +166,10 @@ class StormSky(Sky):
 
     def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnBoard | None]]:
         setup = self._setup
-        task = build.task_of(self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits}))
+        task = assembly.task_of(self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits}))
         routes = enumerate(self.plot.routes.values())
         plan = Plan(tuple(Route(index, task.from_network(visits)) for index, visits in routes), ())
-        context = build.context_of(self._ground, setup, task, plan, own)  # type: ignore[arg-type]
+        context = assembly.context_of(self._ground, setup, task, plan, own)  # type: ignore[arg-type]
         boards = {
             name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
             for name, visits in self.plot.routes.items()

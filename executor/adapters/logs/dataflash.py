@@ -21,6 +21,7 @@ from typing import Any
 from pymavlink import DFReader
 
 from executor.core import words
+from executor.core.hearing.plausible import plausible
 from executor.core.messages import (
     Battery,
     FlightMessage,
@@ -29,7 +30,6 @@ from executor.core.messages import (
     Position,
     StatusText,
 )
-from executor.core.plausible import plausible
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 

@@ -17,8 +17,8 @@ from typing import Any
 from pyulog import ULog
 
 from executor.core import words
+from executor.core.hearing.plausible import plausible
 from executor.core.messages import Battery, FlightMessage, Heartbeat, LandedState, MissionCurrent, Position, StatusText
-from executor.core.plausible import plausible
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 

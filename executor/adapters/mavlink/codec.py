@@ -19,6 +19,8 @@ from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.signing import Refusal, Signing
 from executor.adapters.mavlink.texts import Texts
 from executor.core import words
+from executor.core.hearing.plausible import plausible
+from executor.core.hearing.speaker import Speaker, followed, heard_of
 from executor.core.messages import (
     GROUND_STATION,
     Attitude,
@@ -54,8 +56,6 @@ from executor.core.messages import (
     Version,
     Wind,
 )
-from executor.core.plausible import plausible
-from executor.core.speaker import Speaker, followed, heard_of
 from missions import MissionItem
 
 MISSION_TYPE_MISSION = 0

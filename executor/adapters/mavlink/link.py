@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.signing import Refusal
+from executor.core.hearing.speaker import AUTOPILOT
 from executor.core.messages import DoubleHeard, Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
-from executor.core.speaker import AUTOPILOT
 
 MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""

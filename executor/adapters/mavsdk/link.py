@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from executor.adapters.mavsdk.library import connect, ground_station, load
 from executor.core.connection import Connection, Scheme
+from executor.core.hearing.speaker import AUTOPILOT
 from executor.core.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
 from executor.core.ports import LinkCounts, LinkOrder
-from executor.core.speaker import AUTOPILOT
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:

@@ -144,7 +144,7 @@ def draw(result: Json, path: Path) -> None:
     """Draw time to the first plan and memory over the number of segments, both axes logarithmic."""
     from matplotlib.figure import Figure
 
-    from executor.adapters.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
+    from executor.analysis.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
 
     figure = Figure(figsize=(10.0, 4.2), facecolor=PAPER, layout="constrained")
     left, right = figure.subplots(1, 2)

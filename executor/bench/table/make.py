@@ -12,7 +12,7 @@ from executor.bench.store import Json, Store
 from executor.bench.table.cells import Against, Cell, Found, Series, Stretched, best_mincomb
 from executor.bench.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
 from executor.bench.table.tasks import Kind, Routes, Task, do
-from executor.planning import Solver
+from executor.site.planning import Solver
 from planner import Cost, warm_up
 
 Results = dict[Task, Json]

@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from executor.adapters.pictures.style import COLOURS, DPI, FAINT, INK, MARKERS, PAPER, WIDTH_IN
+from executor.analysis.pictures.style import COLOURS, DPI, FAINT, INK, MARKERS, PAPER, WIDTH_IN
 from executor.bench.table.cells import Cell
 from executor.bench.table.report import COST_NAMES
 

@@ -12,7 +12,7 @@ from executor.bench.problems import line_instance, network_of, with_budget
 from executor.bench.solvers import run
 from executor.bench.store import Json
 from executor.bench.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
-from executor.planning import Solver
+from executor.site.planning import Solver
 from planner import (
     PRESETS,
     Cost,

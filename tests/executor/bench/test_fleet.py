@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executor import build
 from executor.adapters.mavlink.codec import Codec
 from executor.bench.browser import oldest_shown_s
-from executor.bench.cli import cli
 from executor.bench.fleet import Flown, report_of
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import STRANGER, datagrams
-from executor.config import check_site
+from executor.cli.bench import cli
+from executor.site import assembly
+from executor.site.config import check_site
 
 
 def test_the_network_keeps_everybody_busy(tmp_path: Path) -> None:
     write_network(tmp_path / "network.graph", vehicles=3, minutes=10.0, seed=1)
-    ground = build.ground_of(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
+    ground = assembly.ground_of(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
     inspected_m = float(ground.network.lengths_m.sum())
     assert inspected_m / ground.inspection.speed_m_s >= 3 * 600.0
     assert len({vehicle.connection for vehicle in ground.site.vehicle}) == 3

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from executor.bench.cli import cli
 from executor.bench.resume import Taken, report_of
+from executor.cli.bench import cli
 
 
 def test_a_flight_is_killed_and_taken_up_again_after_hours(tmp_path: Path) -> None:

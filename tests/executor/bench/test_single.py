@@ -10,8 +10,8 @@ import pytest
 from executor.bench.data import CSUM, MTSP, NECHRANICE, data_directory
 from executor.bench.problems import AUTHORS_S, cities_problem, line_instance, network_of, problem_of
 from executor.bench.single import single_result
-from executor.cli import main
-from executor.planning import Solver
+from executor.cli.main import main
+from executor.site.planning import Solver
 from missions import MissionsError
 from planner import Cost, Instance, Iterations, Plan, Route, evaluate, solve, visit_of
 from tests.executor.bench.test_tsplib import SQUARE, written

@@ -13,8 +13,8 @@ from executor.bench.table.cells import Found
 from executor.bench.table.make import Maker
 from executor.bench.table.settings import TableSettings
 from executor.bench.table.tasks import Kind, Task, do
-from executor.cli import main
-from executor.planning import Solver
+from executor.cli.main import main
+from executor.site.planning import Solver
 from planner import Cost
 
 TINY = TableSettings(None, radii_m=(500.0,), tightness=(0.8,), seeds=2, iterations=200)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executor.bench.cli import cli
 from executor.bench.upload import Cell, Measured, Row, Timing, content_of, markdown_of, measure
+from executor.cli.bench import cli
 
 
 def test_both_programs_upload_to_both_autopilots() -> None:

@@ -8,20 +8,32 @@ from types import MappingProxyType
 
 import pytest
 
-from executor.core import energy
-from executor.core.battery import BatteryState
+from executor.core import projection
+from executor.core.battery.account import BatteryState
+from executor.core.battery.kalman import Projection
 from executor.core.commands import Level
-from executor.core.estimator import Projection
-from executor.core.homeward import Answer, advice
-from executor.core.linkquality import LinkQuality
+from executor.core.homing.homeward import Answer, advice
+from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
-from executor.core.replanning import heard_again, survivor
+from executor.core.replan.replanning import heard_again, survivor
 from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
 from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, Taken, VehicleState
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
 from tests.executor.builders import vehicle
-from tests.executor.core.test_faults import AUTO, CONTEXT, FLEET, NOW_S, RTL, SETUP, at, flying, mission, pack, volts
+from tests.executor.core.faults.test_watchpoints import (
+    AUTO,
+    CONTEXT,
+    FLEET,
+    NOW_S,
+    RTL,
+    SETUP,
+    at,
+    flying,
+    mission,
+    pack,
+    volts,
+)
 
 FAULT = Fault(FaultKind.BATTERY, "why", NOW_S)
 BOARD = mission()
@@ -87,8 +99,8 @@ def test_the_battery_against_the_plan() -> None:
     assert view.predicted_pct == round(95.0 - spent_pct, 1)
     # As unsure as the prior is of what was spent, and as a whole percent is.
     assert view.predicted_band_pct == round(math.hypot(CONTEXT.prior.sd * spent_pct, math.sqrt(1.0 / 12.0)), 1)
-    assert view.to_finish_pct == round(energy.to_finish_pct(state), 1)
-    ahead = energy.at_landing(CONTEXT, state, SETUP)
+    assert view.to_finish_pct == round(projection.to_finish_pct(state), 1)
+    ahead = projection.at_landing(CONTEXT, state, SETUP)
     assert isinstance(ahead, Projection)
     assert (view.landing_pct, view.landing_band_pct) == (round(ahead.mean_pct, 1), round(ahead.sd_pct, 1))
     first = fleet(replace(state, began_pct=None)).vehicles[0].battery
@@ -97,10 +109,10 @@ def test_the_battery_against_the_plan() -> None:
 
 
 def test_what_is_still_to_be_spent_is_for_the_mission_or_for_the_way_home() -> None:
-    home_pct = energy.modelled_to_return_pct(CONTEXT, flying(), SETUP)
+    home_pct = projection.modelled_to_return_pct(CONTEXT, flying(), SETUP)
     assert home_pct is not None
     assert shown(stage=Stage.RETURNING).battery.to_finish_pct == round(home_pct, 1) > 0.0
-    assert shown(stage=Stage.STARTING).battery.to_finish_pct == round(energy.to_finish_pct(flying()), 1) > 0.0
+    assert shown(stage=Stage.STARTING).battery.to_finish_pct == round(projection.to_finish_pct(flying()), 1) > 0.0
     unarmed = Heartbeat(3, AUTO, False, 4)
     assert shown(stage=Stage.STARTING, heartbeat=unarmed).battery.to_finish_pct == 0.0
     assert shown(stage=Stage.PILOT).battery.to_finish_pct == 0.0
@@ -135,7 +147,7 @@ def test_the_progress_of_those_who_inspect_nothing_now() -> None:
 
 
 def test_when_it_should_be_back() -> None:
-    assert shown().lands_in_s == round(energy.time_to_reach_s(flying(), LAST), 0)
+    assert shown().lands_in_s == round(projection.time_to_reach_s(flying(), LAST), 0)
     assert shown(held_s=NOW_S).lands_in_s is shown(stage=Stage.RETURNING).lands_in_s is shown(board=None).lands_in_s
     assert shown(held_s=NOW_S).lands_in_s is None
 
@@ -251,7 +263,7 @@ def test_what_it_can_still_spend_leaves_the_reserve_and_what_a_landing_costs() -
     assert (ground.airborne, ground.tail, ground.kept, ground.start_m) == (False, (), 0, (0.0, 0.0))
     air = survivor(CONTEXT, flying(battery=pack(60.0)), NOW_S)
     assert air is not None
-    on_its_way_pct = energy.modelled_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().waypoint else 0.0
+    on_its_way_pct = projection.modelled_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().waypoint else 0.0
     assert air.budget_pct == pytest.approx(60.0 - 15.0 - on_its_way_pct - CONTEXT.landing_pct - 1.0)
     assert air.airborne
     empty = survivor(CONTEXT, flying(battery=pack(10.0)), NOW_S)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core import replanning
+from executor.core.replan import replanning
 from tests.executor.runtime.kills import flown
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from executor.core.hearing.strangers import MOST_NAMED
 from executor.core.messages import (
     Message,
     Outgoing,
@@ -17,8 +18,7 @@ from executor.core.messages import (
     SystemStatus,
     Version,
 )
-from executor.core.preflight import Facts
-from executor.core.strangers import MOST_NAMED
+from executor.core.preflight.checks import Facts
 from executor.errors import ConnectionFailed, PreflightFailed
 from executor.protocols import orders
 from executor.runtime import preflight, streams

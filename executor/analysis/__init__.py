@@ -1,0 +1,1 @@
+"""What a flight was: its record read back, the report, the pictures."""

@@ -1,0 +1,243 @@
+"""A run directory back to the flight that left it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
+
+from executor.adapters.eventlog import read_events
+from executor.analysis.flight_record import (
+    Decision,
+    FaultRecord,
+    FlightRecord,
+    Revision,
+    SegmentRecord,
+    VehicleRecord,
+    first_plan,
+    inspected_s,
+    joins_s,
+    left_over,
+    planned_route,
+    takes_off_s,
+    used_at_pct,
+)
+from executor.core.commands import Level
+from executor.core.coverage import Sample, Track
+from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
+from executor.core.messages import Battery, Position, SystemStatus
+from executor.core.vehicle import FaultKind
+from executor.errors import LogError
+from executor.site.config import Site, read_site
+from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class _FaultRow(_Row):
+    vehicle: str
+    kind: FaultKind
+    reason: str
+    happened_s: float | None
+    detected_s: float
+
+
+class _VehicleRow(_Row):
+    name: str
+    segments: tuple[int, ...]
+
+
+class _ReplanRow(_Row):
+    revision: int
+
+
+class _Report(_Row):
+    """What a record takes from report.json; the rest is for people."""
+
+    format: Literal["faultline-report/1"]
+    duration_s: float
+    faults: tuple[_FaultRow, ...]
+    replans: tuple[_ReplanRow, ...]
+    vehicles: tuple[_VehicleRow, ...]
+    segment_names: dict[str, str] = {}
+
+
+class _SaidLine(_Row):
+    """A line of the log that holds what the operator saw."""
+
+    t_s: float
+    said: Annotated[str, Field(validation_alias=AliasChoices("said", "told"))]
+    """A decision; or what was told of something else, such as a broker."""
+    level: Level
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What one vehicle said, in the order of arrival and in seconds since the launch."""
+
+    positions: list[tuple[float, float, float, float]] = field(default_factory=list)
+    samples: list[tuple[float, Sample]] = field(default_factory=list)
+    battery: list[tuple[float, float]] = field(default_factory=list)
+    status: list[tuple[float, float]] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Log:
+    """What a record takes from the event log."""
+
+    launched_s: float
+    """In the ground station's time; all others are since then."""
+    heard: dict[str, _Heard]
+    solved_s: dict[int, float]
+    """When each re-plan was found."""
+    solving_s: dict[int, float]
+    """When its solver began, at the latest."""
+    uploaded: dict[tuple[int, str], tuple[float, bool]]
+    """When the upload of a revision to a vehicle ended, and whether it is on board."""
+
+
+def read_run(run: Path) -> FlightRecord:
+    """Return the flight that a run directory describes.
+
+    Lines that a dying writer left half written are passed over.
+
+    Raises:
+        LogError: report.json or events.jsonl cannot be read, or the log holds no launch.
+        SiteError: site.toml cannot be used.
+        MissionsError: a plan file cannot be used.
+    """
+    report = _read_report(run / "report.json")
+    site = read_site(run / "site.toml")
+    first = read_plan(run / "plan-000.json")
+    log = _read_log(run / "events.jsonl", first.frame, site)
+    vehicles = _vehicles(site, report, log)
+    by_name = {vehicle.name: vehicle for vehicle in vehicles}
+    revisions = [first_plan(first)]
+    for row in report.replans:
+        content = read_plan(run / f"plan-{row.revision:03d}.json")
+        revisions.append(_replanned(row.revision, content, by_name, log))
+    return FlightRecord(
+        segments=_segments(first, site, report, log),
+        vehicles=vehicles,
+        revisions=tuple(revisions),
+        decisions=tuple(_read_decisions(run / "events.jsonl", log.launched_s)),
+        duration_s=report.duration_s,
+    )
+
+
+def _read_report(path: Path) -> _Report:
+    try:
+        return _Report.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise LogError(f"{path}: {key}: expected the report of a flight: {first['msg']}") from error
+
+
+def _read_log(path: Path, frame: LocalFrame, site: Site) -> _Log:
+    events = list(read_events(path))
+    launched_s = next((t_s for t_s, event in events if isinstance(event, LaunchOrdered)), None)
+    if launched_s is None:
+        raise LogError(f"{path}: expected the log of a flight, but nothing was launched")
+    log = _Log(launched_s, {table.name: _Heard() for table in site.vehicle}, {}, {}, {})
+    for t_s, event in events:
+        _take(log, event, t_s - launched_s, frame, site.flight.speedup)
+    return log
+
+
+def _take(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float) -> None:
+    match event:
+        case Heard(vehicle, Position() as position) if vehicle in log.heard:
+            place_m = frame.to_local_m(position.lat_deg, position.lon_deg)
+            log.heard[vehicle].positions.append((t_s, *place_m, position.alt_rel_m))
+            log.heard[vehicle].samples.append((t_s, Sample(position.boot_s, place_m)))
+        case Heard(vehicle, Battery(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:
+            log.heard[vehicle].battery.append((t_s, remaining))
+        case Heard(vehicle, SystemStatus(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:
+            log.heard[vehicle].status.append((t_s, remaining))
+        case SolveEnded():
+            log.solved_s[event.revision] = t_s
+            log.solving_s[event.revision] = t_s - speedup * event.solve_s
+        case UploadEnded():
+            log.uploaded[event.revision, event.vehicle] = (t_s, event.accepted)
+        case _:
+            pass
+
+
+def _read_decisions(path: Path, launched_s: float) -> Iterator[Decision]:
+    with path.open(encoding="utf-8") as file:
+        for line in file:
+            # Most lines are events, which `read_events` has parsed already; a cheap look tells them apart.
+            if ('"said":' in line or '"told":' in line) and '"event":' not in line and line.endswith("\n"):
+                said = _SaidLine.model_validate_json(line)
+                yield Decision(said.t_s - launched_s, said.level, said.said)
+
+
+def _vehicles(site: Site, report: _Report, log: _Log) -> tuple[VehicleRecord, ...]:
+    faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
+    vehicles = []
+    for layer, table in enumerate(site.vehicle):
+        heard = log.heard[table.name]
+        vehicles.append(
+            VehicleRecord(
+                name=table.name,
+                layer=layer,
+                # It stands there until it takes off; whoever was never heard is shown at the depot.
+                pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
+                budget_pct=table.budget_pct,
+                reserve_pct=table.reserve_pct,
+                track=np.array(heard.positions, dtype=np.float64).reshape(-1, 4),
+                # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
+                battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),
+                fault=faults.get(table.name),
+            )
+        )
+    return tuple(vehicles)
+
+
+def _segments(first: PlanFile, site: Site, report: _Report, log: _Log) -> tuple[SegmentRecord, ...]:
+    inspected_by = {segment: row.name for row in report.vehicles for segment in row.segments}
+    standoff_m = (first.inspection or Inspection()).standoff_m
+    lines_m = tracks_m(first.network(), standoff_m).tolist()
+    segments = []
+    for segment, (begin_m, end_m) in zip(first.segments, lines_m, strict=True):
+        by = inspected_by.get(segment.id)
+        at_s = None
+        if by is not None and by in log.heard:
+            at_s = inspected_s(
+                log.heard[by].samples,
+                Track(segment.id, tuple(begin_m), tuple(end_m)),
+                corridor_m=site.inspection.corridor_m,
+                speed_m_s=site.inspection.speed_m_s,
+            )
+        name = report.segment_names.get(str(segment.id), "")
+        segments.append(SegmentRecord(segment.id, segment.a_enu_m[:2], segment.b_enu_m[:2], by, at_s, name))
+    return tuple(segments)
+
+
+def _replanned(number: int, content: PlanFile, vehicles: Mapping[str, VehicleRecord], log: _Log) -> Revision:
+    """Return a re-plan with its routes set where the vehicles began them, in time and in battery."""
+    instance = content.instance()
+    decided_s = log.solved_s.get(number, 0.0)
+    routes = []
+    for route in content.plan.routes:
+        planned_for = content.vehicles[route.vehicle]
+        uploaded_s, on_board = log.uploaded.get((number, planned_for.name), (decided_s, True))
+        if not on_board or planned_for.name not in vehicles or not (route.visits or planned_for.airborne):
+            continue
+        vehicle = vehicles[planned_for.name]
+        if planned_for.airborne:
+            began_s = joins_s(vehicle.track, planned_for.start_m, log.solving_s.get(number, decided_s))
+        else:
+            began_s = takes_off_s(vehicle.track, uploaded_s)
+        used_pct = used_at_pct(vehicle, began_s)
+        routes.append(planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
+    return Revision(number, decided_s, tuple(routes), left_over(content))

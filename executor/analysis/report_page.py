@@ -1,0 +1,286 @@
+"""report.html: one file that says what became of a flight, to be read on a screen, on paper, or next year.
+
+It needs no network, no script and no other file: the pictures are inside.
+"""
+
+from __future__ import annotations
+
+import math
+from base64 import b64encode
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+from executor.analysis.flight_record import FlightRecord, given_away
+from executor.core import words
+from executor.core.commands import Level
+
+PICTURES = {
+    "map.png": "The first plan, and what was flown",
+    "battery.png": "Battery consumption over time, planned and measured",
+}
+"""Files beside the page, and what they show."""
+
+FAULTS = ("vehicle", "kind", "reason", "happened", "detected", "delay (s)")
+DECISIONS = ("at", "level", "what")
+SEGMENTS = ("segment", "length (m)", "planned for", "inspected by", "at")
+REPLANS = {
+    "revision": "number",
+    "trigger": "because of",
+    "feasible": "covers all",
+    "solve_s": "solving (real s)",
+    "upload_s": "upload (s)",
+    "total_s": "fault to on board (s)",
+    "uncovered": "segments not covered",
+}
+"""What the report calls it, and what the page does; as in the next four."""
+VEHICLES = {
+    "name": "name",
+    "state": "at the end",
+    "landed": "at home",
+    "segments": "segments inspected",
+    "energy_used_pct": "battery used (%)",
+    "min_reserve_pct": "least left (%)",
+    "autopilot": "autopilot",
+    "firmware": "firmware",
+}
+LANDINGS = dict.fromkeys(("name", "state", "landed", "last_position"), "")
+AWAY = ("vehicle", "state", "last heard at", "height (m)", "when")
+CHECKS = {"subject": "about", "severity": "finding", "text": "what"}
+INSPECTIONS = {
+    "segment": "segment",
+    "vehicle": "by",
+    "speed_mean_m_s": "mean speed (m/s)",
+    "speed_max_m_s": "highest speed (m/s)",
+    "deviation_mean_m": "beside the track, mean (m)",
+    "deviation_max_m": "at most (m)",
+}
+NOT_COUNTED = {"vehicle": "vehicle", "segment": "segment", "reason": "reason"}
+
+_CLASSES = {Level.INFO: "", Level.WARNING: "warning", Level.FAULT: "fault"}
+_STYLE = """
+:root { color-scheme: light dark; --ink: #1c1c1c; --paper: #ffffff; --rule: #cccccc; --soft: #f3f3f3; --faint: #5f5f5f;
+  --good: #0b6b3a; --bad: #b01010; --warn: #7a5200; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e8e8e8; --paper: #16181b; --rule: #44484e; --soft: #23262b; --faint: #a6a6a6;
+    --good: #6fd39b; --bad: #ff8a80; --warn: #e9b872; } }
+@media print {
+  :root { color-scheme: light; --ink: #000000; --paper: #ffffff; --rule: #aaaaaa; --soft: #ffffff; --faint: #444444;
+    --good: #0b6b3a; --bad: #b01010; --warn: #7a5200; }
+  figure, tr { break-inside: avoid; } h2 { break-after: avoid; } }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 72rem;
+  margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; line-height: 1.25; margin: 0 0 .5rem; }
+h1.good { color: var(--good); } h1.bad { color: var(--bad); }
+h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid var(--rule); }
+p.facts { color: var(--faint); margin: 0 0 1rem; }
+div.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
+th, td { text-align: left; vertical-align: top; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule); }
+th { font-weight: 600; white-space: nowrap; } td.number { text-align: right; }
+tr.fault td { color: var(--bad); font-weight: 600; } tr.warning td { color: var(--warn); }
+figure { margin: 1rem 0; }
+figure img { display: block; width: 100%; height: auto; background: #ffffff; border-radius: 4px; }
+figcaption { color: var(--faint); font-size: .9rem; }
+"""
+
+
+def write_page(record: FlightRecord, report: Mapping[str, object], path: Path) -> None:
+    """Write the page of a flight; the pictures that lie beside it go into it.
+
+    Args:
+        record: The flight.
+        report: The content of report.json.
+        path: The file.
+
+    Raises:
+        OSError: the file cannot be written, or a picture cannot be read.
+    """
+    text = page(record, report, _pictures(path.parent))
+    # A vehicle's words may hold half a surrogate pair; that must not cost the page.
+    path.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def page(record: FlightRecord, report: Mapping[str, object], pictures: Mapping[str, bytes]) -> str:
+    """Return the page.
+
+    Args:
+        record: The flight.
+        report: The content of report.json.
+        pictures: PNG files by what they show.
+    """
+    sentence = outcome(record)
+    parts = [
+        f'<h1 class="{"bad" if record.uncovered else "good"}">{escape(sentence)}</h1>',
+        f'<p class="facts">{escape(_facts(record, report))}</p>',
+        *(_picture(words, content) for words, content in pictures.items()),
+        _section("Faults", FAULTS, _faults(record)),
+        _section("Re-plans", REPLANS.values(), _rows(report, "replans", REPLANS)),
+        _section("Vehicles", VEHICLES.values(), _rows(report, "vehicles", VEHICLES)),
+        _section("Not at home: where to look", AWAY, _away(report)),
+        _section("Before the flight", CHECKS.values(), _rows(report, "checks", CHECKS), _severities(report)),
+        _section("How the segments were flown", INSPECTIONS.values(), _rows(report, "inspections", INSPECTIONS)),
+        _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, "not_counted", NOT_COUNTED)),
+        _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),
+        _section("Segments", SEGMENTS, _segments(record)),
+    ]
+    body = "\n".join(part for part in parts if part)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(sentence)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def outcome(record: FlightRecord) -> str:
+    """Return in one sentence what became of the flight."""
+    total, missing = len(record.segments), len(record.uncovered)
+    lost = " and ".join(vehicle.name for vehicle, _ in record.lost)
+    if missing == 0:
+        done = f"All {total} segments were inspected in {_clock(record.duration_s)}"
+        if not lost:
+            return f"{done}."
+        handed = len(given_away(record))
+        others = f"; the others took over {handed} of them" if handed else ""
+        return f"{done}, although {lost} {'was' if len(record.lost) == 1 else 'were'} lost{others}."
+    reason = f" after {lost} {'was' if len(record.lost) == 1 else 'were'} lost" if lost else ""
+    were = "was" if missing == 1 else "were"
+    return f"{missing} of {total} segments {were} not inspected{reason}; the flight took {_clock(record.duration_s)}."
+
+
+def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:
+    facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
+    if report.get("min_separation_m") is not None:
+        facts.append(f"any two vehicles stayed at least {said(report['min_separation_m'])} m apart")
+    facts += _speeds(report)
+    if record.uncovered:
+        facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
+    return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
+
+
+def _severities(report: Mapping[str, object]) -> list[str]:
+    return ["" if severity == "ok" else "warning" for (severity,) in _rows(report, "checks", {"severity": ""})]
+
+
+def _speeds(report: Mapping[str, object]) -> list[str]:
+    """Return in words how fast and how near to the track the segments were flown; nothing if no run is on record."""
+    means, highest, asides = (
+        [value for (value,) in _rows(report, "inspections", {key: ""}) if isinstance(value, int | float)]
+        for key in ("speed_mean_m_s", "speed_max_m_s", "deviation_max_m")
+    )
+    if not (means and highest and asides):
+        return []
+    text = (
+        f"segments were flown at {said(sum(means) / len(means))} m/s on average "
+        f"({said(report.get('inspection_speed_m_s'))} m/s were asked for), "
+        f"at most {said(max(highest))} m/s and at most {said(max(asides))} m beside the track"
+    )
+    return [text]
+
+
+def _faults(record: FlightRecord) -> Iterator[Sequence[object]]:
+    for vehicle, fault in record.lost:
+        delay_s = None if fault.happened_s is None else fault.detected_s - fault.happened_s
+        yield vehicle.name, fault.kind.value, fault.reason, _at(fault.happened_s), _at(fault.detected_s), delay_s
+
+
+def _decisions(record: FlightRecord) -> Iterator[Sequence[object]]:
+    for decision in record.decisions:
+        yield _at(decision.t_s), decision.level.value, decision.text
+
+
+def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
+    planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
+    for segment in record.segments:
+        by = segment.inspected_by or "nobody"
+        yield segment.shown, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, _at(segment.inspected_s)
+
+
+def _rows(report: Mapping[str, object], key: str, columns: Mapping[str, str]) -> list[Sequence[object]]:
+    rows = report.get(key)
+    if not isinstance(rows, list):
+        return []
+    names = report.get("segment_names")
+    known = names if isinstance(names, Mapping) else {}
+    return [[_named(known, column, row.get(column)) for column in columns] for row in rows if isinstance(row, Mapping)]
+
+
+def _named(names: Mapping[str, object], column: str, value: object) -> object:
+    """Return a value with segments by the names of their assets."""
+    if column not in {"segment", "segments", "uncovered"}:
+        return value
+    if isinstance(value, list):
+        return [names.get(str(one), one) for one in value]
+    return names.get(str(value), value)
+
+
+def _away(report: Mapping[str, object]) -> Iterator[Sequence[object]]:
+    for name, state, landed, last in _rows(report, "vehicles", LANDINGS):
+        if landed or not isinstance(last, Mapping):
+            continue
+        lat_deg, lon_deg, at_s = (last.get(key) for key in ("lat_deg", "lon_deg", "at_s"))
+        if isinstance(lat_deg, float) and isinstance(lon_deg, float) and isinstance(at_s, int | float):
+            yield name, words.state(str(state)), words.place(lat_deg, lon_deg), last.get("alt_rel_m"), _at(at_s)
+
+
+def _at(t_s: float | None) -> str | None:
+    """Return a time as the terminal and the page show it; what was before the take-off has none."""
+    return None if t_s is None else words.since_take_off(t_s) or "before"
+
+
+def _section(
+    title: str, headings: Collection[str], rows: Iterable[Sequence[object]], classes: Sequence[str] = ()
+) -> str:
+    """Return a table under a heading, each row with its class if there are any; nothing if there is no row."""
+    lines = []
+    for index, row in enumerate(rows):
+        kind = f' class="{classes[index]}"' if classes and classes[index] else ""
+        lines.append(f"<tr{kind}>{''.join(map(_cell, row))}</tr>")
+    if not lines:
+        return ""
+    head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
+    table = f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n" + "\n".join(lines) + "\n</tbody>\n</table>"
+    return f'<section>\n<h2>{escape(title)}</h2>\n<div class="wide">\n{table}\n</div>\n</section>'
+
+
+def _cell(value: object) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    opening = '<td class="number">' if number else "<td>"
+    return f"{opening}{escape(said(value))}</td>"
+
+
+def said(value: object) -> str:
+    """Return a value of a report in words.
+
+    >>> said(None), said(True), said([3, 4]), said(211.44)
+    ('unknown', 'yes', '3, 4', '211.4')
+    """
+    match value:
+        case None:
+            return "unknown"
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:.2f}" if abs(value) < 10 else f"{value:.1f}"
+        case list() | tuple():
+            return ", ".join(map(said, value)) or "none"
+        case _:
+            return str(value)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def _picture(words: str, content: bytes) -> str:
+    source = "data:image/png;base64," + b64encode(content).decode("ascii")
+    return f'<figure><img src="{source}" alt="{escape(words)}"><figcaption>{escape(words)}</figcaption></figure>'
+
+
+def _pictures(folder: Path) -> dict[str, bytes]:
+    return {words: (folder / name).read_bytes() for name, words in PICTURES.items() if (folder / name).exists()}

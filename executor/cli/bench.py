@@ -1,0 +1,328 @@
+"""The commands `faultline bench solvers`, `table`, `upload`, `fleet`, `resume` and `detection`."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.bench.errors import BenchError
+from executor.bench.parts.names import PartName
+from executor.cli.options import CostName, FaultOption, JsonOption, SecondsOption, SeedOption, SolverName, finite
+from planner import Cost
+
+cli = typer.Typer(
+    name="bench",
+    help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
+    "what a fleet costs; how soon a flight is taken up again; what the watchpoints detect.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+RESULTS = Path("docs") / "results"
+
+DataOption = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
+]
+OutOption = Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Start over; otherwise results that are there are kept.")]
+InstanceOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Solve one instance: a TSPLIB file (.tsp, EUC_2D, not rounded; the first city is the depot), or a network "
+        "(GeoJSON, or a graph file with the depot at 0, 0).",
+    ),
+]
+BudgetOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0,
+        callback=finite,
+        metavar="X",
+        help="What a route may take: seconds for networks (5 m/s in transit, 1 m/s along the line), length for cities, "
+        "as the value that is printed. Without it there is no limit.",
+    ),
+]
+
+
+@cli.command()
+def solvers(
+    instance: InstanceOption = None,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            min=1,
+            callback=finite,
+            metavar="M",
+            help="Of a network, only segments within M metres; without a file, of faultline's own.",
+        ),
+    ] = None,
+    dynamics: Annotated[
+        bool, typer.Option("--dynamics", help="With the authors' accelerations and turns; else speeds alone.")
+    ] = False,
+    vehicles: Annotated[int, typer.Option(min=1, help="How many vehicles.")] = 4,
+    cost: Annotated[
+        CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")
+    ] = CostName.MINMAX,
+    budget: BudgetOption = None,
+    seconds: SecondsOption = 10.0,
+    seed: SeedOption = 1,
+    solver: Annotated[SolverName, typer.Option(help="Who plans.")] = SolverName.SEARCH,
+    starts: Annotated[
+        int | None, typer.Option(min=1, help="Searches side by side; by default one for each core.")
+    ] = None,
+    as_json: JsonOption = False,
+    part: Annotated[
+        list[PartName] | None, typer.Option(help="Without an instance: measure this part alone; may be repeated.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only try the parts: a tenth of every time.")] = False,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
+) -> None:
+    """Solve one instance (--instance or --radius); without one, measure the solvers, part by part.
+
+    The parts: csum (c-MinSum beside PyVRP and the paper's solver), mtsp (min-max multiple TSP), exact (against proven
+    optima), replan (times of re-plans), scale (up to 10,000 segments), start (start times). An interrupted part goes
+    on where it was.
+    """
+    if instance is None and radius is None:
+        _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
+        return
+    from executor.bench.machine import cores
+    from executor.bench.problems import problem_of
+    from executor.bench.single import solve_single
+    from executor.site.planning import Solver
+
+    problem = problem_of(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
+    result = solve_single(
+        problem, Solver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
+    )
+    if as_json:
+        print(json.dumps(result))
+        return
+    left = f", {len(result['uncovered'])} left out" if result["uncovered"] else ""
+    print(f"{result['value']:.4f} after {result['iterations']} iterations in {result['seconds']:.2f} s{left}")
+    for number, route in enumerate(result["routes"], start=1):
+        print(f"uav{number}: " + " ".join(_stop_name(stop) for stop in route))
+
+
+def _measure(
+    parts: list[PartName] | None, data: Path | None, out: Path, *, seed: int, quick: bool, fresh: bool
+) -> None:
+    from executor.bench.all_parts import make_parts
+    from executor.bench.data import data_directory
+
+    make_parts(parts or list(PartName), data_directory(data), out, seed=seed, quick=quick, fresh=fresh)
+
+
+@cli.command()
+def table(
+    network: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Instead of the paper's network in the data directory; 'default' is faultline's own."
+        ),
+    ] = None,
+    radius: Annotated[
+        list[float] | None, typer.Option(min=1, metavar="M", help="Only this one; may be repeated.")
+    ] = None,
+    tightness: Annotated[
+        list[float] | None,
+        typer.Option(min=0.01, max=1, metavar="SHARE", help="Best MinMax over the budget; may be repeated."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Plans for each solver and cost function.")] = 10,
+    seconds: Annotated[float, typer.Option(min=0.01, callback=finite, help="For each of those plans.")] = 2.0,
+    window_seconds: Annotated[
+        float, typer.Option(min=0.01, callback=finite, help="For each plan that is chosen for its window.")
+    ] = 30.0,
+    iterations: Annotated[
+        int | None, typer.Option(min=1, help="Instead of all seconds: the same table on every machine.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    data: DataOption = None,
+    out: OutOption = RESULTS,
+    fresh: FreshOption = False,
+) -> None:
+    """Make the paper's table: re-plan windows by cost function, radius and tightness (about 40 minutes on 2 cores).
+
+    An interrupted run goes on where it was.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.table.command import make_table
+    from executor.bench.table.settings import RADII_M, TIGHTNESS, TableSettings
+
+    settings = TableSettings(
+        network=_network_path(network, data),
+        radii_m=tuple(radius or RADII_M),
+        tightness=tuple(tightness or TIGHTNESS),
+        seeds=seeds,
+        seconds=seconds,
+        window_seconds=window_seconds,
+        iterations=iterations,
+    )
+    for summary in make_table(settings, out, jobs=jobs or cores(), fresh=fresh):
+        print(f"{summary.gains} of {summary.cells} cells gain a window over MinComb by {summary.solver}")
+    print(out / "table.md")
+
+
+@cli.command()
+def upload(
+    items: Annotated[
+        list[int] | None, typer.Option(min=4, max=500, help="How many items; may be repeated. By default 10, 40, 200.")
+    ] = None,
+    loss: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0, max=0.9, help="Share of datagrams lost, each way; may be repeated. By default 0, 0.05, 0.2."
+        ),
+    ] = None,
+    delay: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0, max=5, metavar="S", help="Of every datagram, each way; may be repeated. By default 0, 0.05, 0.3."
+        ),
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Uploads of each program in each case.")] = 5,
+    seed: SeedOption = 1,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write upload.md and upload.json there.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Upload missions over bad links: faultline's way and MAVSDK's, to simulated vehicles of both autopilots."""
+    from executor.bench.upload import DELAYS_S, ITEMS, LOSSES, keep_uploads, measure_uploads
+
+    content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
+    if out is not None:
+        keep_uploads(content, text, out)
+    print(json.dumps(content) if as_json else text)
+
+
+def _network_path(network: str | None, data: Path | None) -> Path | None:
+    from executor.bench.data import NECHRANICE, data_directory
+
+    if network is not None:
+        return None if network == "default" else Path(network)
+    found = data_directory(data)
+    if found is None or not (found / NECHRANICE).is_file():
+        raise BenchError(f"--data: expected a directory with {NECHRANICE}; --network default needs none")
+    return found / NECHRANICE
+
+
+def _stop_name(stop: int | dict[str, int | bool]) -> str:
+    if isinstance(stop, int):
+        return str(stop)
+    return f"{stop['segment']}{'r' if stop['reversed'] else ''}"
+
+
+@cli.command()
+def fleet(
+    vehicles: Annotated[
+        list[int] | None,
+        typer.Option(min=1, max=200, help="How many; may be repeated. By default 1, 10, 20, 50, 100."),
+    ] = None,
+    minutes: Annotated[
+        float, typer.Option(min=0.1, max=600, callback=finite, help="Of flight, for each number of vehicles.")
+    ] = 5.0,
+    speedup: Annotated[
+        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
+    ] = 2.0,
+    fault: FaultOption = None,
+    garbage: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=100,
+            callback=finite,
+            metavar="RATIO",
+            help="Datagrams of noise, damaged frames and strangers' frames to the vehicles' ports, for each of theirs.",
+        ),
+    ] = 0.0,
+    browsers: Annotated[int, typer.Option(min=0, max=20, help="How many follow the page.")] = 0,
+    seed: SeedOption = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write fleet.md, fleet.json and fleet.png there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly simulated fleets and measure the ground station: its work for each vehicle, how long it is blocked, memory.
+
+    The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty, `--fault uav7:silent@10%` a
+    re-plan for them, `--garbage 10 --browsers 1` a flood of what no vehicle sent, and the page open.
+    """
+    from executor.bench.fleet import COUNTS, Burden, make_fleet
+
+    burden = Burden(tuple(fault or ()), garbage, browsers)
+    content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
+    print(json.dumps(content) if as_json else text)
+
+
+@cli.command()
+def resume(
+    vehicles: Annotated[
+        list[int] | None, typer.Option(min=1, max=200, help="How many; may be repeated. By default 6.")
+    ] = None,
+    hours: Annotated[float, typer.Option(min=0.1, max=100, callback=finite, help="Of log before the flight.")] = 10.0,
+    minutes: Annotated[float, typer.Option(min=0.5, max=60, callback=finite, help="Of flight until the kill.")] = 2.0,
+    speedup: Annotated[
+        float, typer.Option(min=0.1, max=6, callback=finite, metavar="X", help="Times real time.")
+    ] = 4.0,
+    seed: SeedOption = 1,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write resume.md and resume.json there.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Kill the ground station of a simulated fleet after hours of log, and measure how soon it is in charge again."""
+    from executor.bench.resume import make_resume
+
+    content, text = make_resume(vehicles or [6], out, minutes=minutes, hours=hours, speedup=speedup, seed=seed)
+    print(json.dumps(content) if as_json else text)
+
+
+@cli.command()
+def detection(
+    healthy: Annotated[int, typer.Option(min=1, help="Healthy flights, with wind, ageing, noise and losses.")] = 720,
+    faulty: Annotated[int, typer.Option(min=1, help="Flights with each kind of fault.")] = 120,
+    seed: SeedOption = 1,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one per processor if not given.")] = None,
+    logs: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Recorded flights with truths; by default ../shared/logs, if it is there."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write detection.md and detection.json there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure the watchpoints on modelled flights: how many faults they find, how late, and how many false alarms.
+
+    Healthy flights have wind, gusts, worn packs, noisy sensors, rounded and re-estimated percentages and lossy links;
+    faulty ones have steps, drains of 1.3 to 4 times the normal, failing cells and silent links of 2 to 200 s. A
+    detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the same
+    figures, however many processes fly.
+    """
+    from executor.bench.detection import campaign, summary
+    from executor.bench.detectionpage import document, keep, logs_directory, print_recorded, print_summary, recorded
+    from executor.bench.machine import cores
+    from executor.bench.progress import ShownProgress
+
+    folder = logs_directory(logs)
+    with ShownProgress() as shown:
+        pairs = campaign(healthy, faulty, seed, jobs or cores(), partial(shown.told, "flights"))
+    figures = {
+        "watchpoints": summary([pair.watchpoints for pair in pairs]),
+        "few_lines": summary([pair.few_lines for pair in pairs]),
+    }
+    content = document(healthy, faulty, seed, figures, [] if folder is None else recorded(folder))
+    if out is not None:
+        keep(content, out)
+    if as_json:
+        print(json.dumps(content))
+        return
+    for name, found in figures.items():
+        print_summary(name.replace("_", " "), found)
+    print_recorded(content)

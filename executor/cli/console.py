@@ -1,0 +1,306 @@
+"""The operator's view in a terminal: a live table, and one line for each decision with its reason."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import IO, TextIO, cast
+
+from rich.console import Console as Terminal
+from rich.console import Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from executor.adapters.interrupts import nobody_reads
+from executor.core import words
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.preflight.checks import Check, Severity
+from executor.core.state import FleetState
+from executor.core.view import FleetView, VehicleView, fleet_view
+
+DRAWS_PER_S = 4.0
+LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
+COLUMNS = ("vehicle", "state", "where", "route", "inspected", "battery", "GPS", "link", "home in")
+FOUND_BY_PLACE = frozenset({"lost", "down", "pilot"})
+"""States in which somebody may have to walk there."""
+_STYLES = {Level.INFO: "", Level.WARNING: "yellow", Level.FAULT: "bold red"}
+_MARKS = {Level.INFO: " ", Level.WARNING: "!", Level.FAULT: "X"}
+_PHASES = {"takeoff": "takes off", "transit": "to", "inspect": "inspects", "return": "home", "land": "lands"}
+_CHECK_MARKS = {
+    Severity.OK: ("ok  ", "green"),
+    Severity.WARNING: ("warn", "yellow"),
+    Severity.STOP: ("STOP", "bold red"),
+}
+
+
+PROXIED = "rich_proxied_file"
+"""What rich asks a stream for that may be one of its own stand-ins."""
+
+
+class _Screen:
+    """Standard error for as long as somebody reads it: a terminal that is closed must not end a flight."""
+
+    @property
+    def _stream(self) -> TextIO:
+        """Standard error itself, also while rich stands before it to draw."""
+        return cast("TextIO", getattr(sys.stderr, PROXIED, sys.stderr))
+
+    def write(self, text: str) -> int:
+        with self._while_it_lasts():
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with self._while_it_lasts():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> object:
+        if name == PROXIED:
+            raise AttributeError(name)
+        return getattr(self._stream, name)
+
+    @contextmanager
+    def _while_it_lasts(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            if isinstance(error, UnicodeError):
+                raise  # rich has an answer to that
+            nobody_reads(self._stream)
+
+
+class TerminalConsole:
+    """Draws with rich on a terminal; plain lines where the output is a file or a pipe."""
+
+    def __init__(self, *, quiet: bool, yes: bool) -> None:
+        """Choose how much is shown and whether questions are asked.
+
+        Args:
+            quiet: show nothing but questions; `--json` wants the output for itself.
+            yes: take every question as answered.
+        """
+        self._terminal = Terminal(file=cast("IO[str]", _Screen()), highlight=False, soft_wrap=True)
+        self._quiet = quiet
+        self._yes = yes
+        self._live: Live | None = None
+        self._view: tuple[Context, FleetState, float] | None = None
+        self._asked: Text | None = None
+        self._offer = ""
+        self._rings = False
+        """Whether an offer has appeared that nobody was called for yet."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show one line; the mark in front says what the colour says.
+
+        Args:
+            level: How much it matters; a fault rings the bell.
+            text: The line.
+            at_s: Seconds since the order to take off; None before it.
+        """
+        if self._quiet:
+            return
+        if level is Level.FAULT and self._terminal.is_terminal:
+            self._terminal.bell()
+        line = Text(f"{words.since_take_off(at_s):>9} {_MARKS[level]} {words.shown(text)}", style=_STYLES[level])
+        self._print(line)
+
+    def progress(self, text: str) -> None:
+        """Show how far something long has come; an empty text clears the line."""
+        if self._quiet or not self._terminal.is_terminal:
+            return
+        self._terminal.print(Text(text), end="\r" if text else "\x1b[2K\r", overflow="crop")
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Show the checklist."""
+        if self._quiet:
+            return
+        for check in found:
+            mark, style = _CHECK_MARKS[check.severity]
+            about = f"  {words.shown(check.subject)}: {words.shown(check.text)}"
+            self._print(Text.assemble("  ", (mark, style), about))
+
+    def confirm(self, question: str) -> bool:
+        """Ask while nothing else goes on; without somebody to answer the answer is no, and so it is at Ctrl-C."""
+        if self._yes:
+            return True
+        if not sys.stdin.isatty():
+            return False
+        try:
+            with self._asking(question):
+                return _is_yes(sys.stdin.readline())
+        except KeyboardInterrupt:
+            self._terminal.print()
+            return False
+
+    async def ask(self, question: str) -> bool:
+        """Ask while the vehicles are listened to; without somebody to answer the answer is no.
+
+        Whoever waits for it may stop to wait: it was answered elsewhere then.
+        """
+        if self._yes:
+            return True
+        if not sys.stdin.isatty():
+            return False
+        loop = asyncio.get_running_loop()
+        line: asyncio.Future[str] = loop.create_future()
+
+        def typed() -> None:
+            if not line.done():
+                try:
+                    line.set_result(sys.stdin.readline())
+                except (OSError, ValueError):
+                    line.set_result("")  # the terminal is closed: nobody is there to say yes
+
+        with self._asking(question):
+            loop.add_reader(sys.stdin.fileno(), typed)
+            try:
+                return _is_yes(await line)
+            except asyncio.CancelledError:
+                self._terminal.print()
+                raise
+            finally:
+                loop.remove_reader(sys.stdin.fileno())
+
+    @contextmanager
+    def _asking(self, question: str) -> Iterator[None]:
+        """Show a question for as long as it waits for its answer."""
+        _forget_typed()
+        self._asked = Text(f"{words.shown(question)} [y/N] ")
+        self._terminal.print(self._asked, end="")
+        try:
+            yield
+        finally:
+            self._asked = None
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Keep the newest view; the terminal draws it a few times a second, from the take-off on."""
+        self._view = (context, state, now_s)
+        if self._quiet or not self._terminal.is_terminal or state.launched_s is None:
+            return
+        if self._rings:
+            self._rings = False
+            self._terminal.bell()
+        if self._live is not None:
+            return
+        self._live = Live(
+            get_renderable=self._drawn, console=self._terminal, refresh_per_second=DRAWS_PER_S, transient=True
+        )
+        self._live.start()
+
+    def done(self) -> None:
+        """Stop drawing."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def _print(self, line: Text) -> None:
+        """Show a line; a question that waits for its answer stays the last one."""
+        if self._asked is None:
+            self._terminal.print(line)
+            return
+        if not self._terminal.is_terminal:
+            self._terminal.print()
+            self._terminal.print(line)
+            return
+        self._terminal.print("", end="\r\x1b[2K")
+        self._terminal.print(line)
+        self._terminal.print(self._asked, end="")
+
+    def _drawn(self) -> Group:
+        """Draw the newest view; called by the terminal's own thread, which must outlive a mistake in it."""
+        if self._view is None:
+            return Group(Table(*COLUMNS))
+        try:
+            view = fleet_view(*self._view)
+            offer = "" if view.offer is None else view.offer.text
+            if offer != self._offer:
+                self._offer, self._rings = offer, bool(offer)
+            return drawn(view)
+        except Exception as error:  # noqa: BLE001 - the boundary of that thread
+            died = (type(error), error, error.__traceback__, threading.current_thread())
+            threading.excepthook(threading.ExceptHookArgs(died))
+            return Group(Text("the fleet cannot be shown; what is decided is"))
+
+
+def drawn(view: FleetView) -> Group:
+    """Return the fleet as a table, and below it who is to be found where and what the crew is asked."""
+    table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for column in COLUMNS:
+        table.add_column(column, justify="left" if column in LEFT_ALIGNED else "right")
+    clock = words.since_take_off(view.flight_s)
+    table.title = f"{clock}  {len(view.inspected)} of {view.segments_total} segments inspected"
+    for vehicle in view.vehicles:
+        table.add_row(*(Text(cell) for cell in _row(vehicle)), style=_style(vehicle))
+    return Group(table, *(Text(line, style="bold") for line in _notes(view)))
+
+
+def _style(vehicle: VehicleView) -> str:
+    if vehicle.fault is not None:
+        return "bold red"
+    return "yellow" if vehicle.stale or vehicle.taken is not None else ""
+
+
+def _row(vehicle: VehicleView) -> tuple[str, ...]:
+    progress, left_pct = vehicle.progress, vehicle.battery.measured_pct
+    shows = vehicle.fault_kind is not None and vehicle.state != "down"
+    where = _PHASES.get(progress.phase or "", "-")
+    if progress.segment_name is not None:
+        where = f"{where} {words.shown(progress.segment_name)}"
+    return (
+        vehicle.name,
+        words.state(vehicle.state) + (f", {vehicle.fault_kind}" if shows else ""),
+        where,
+        f"{progress.done} of {progress.total}",
+        str(progress.inspected),
+        "?" if left_pct is None else f"{left_pct:.0f} %",
+        words.gps(vehicle.gps_fix, vehicle.satellites),
+        "?" if vehicle.link_age_s is None else f"{vehicle.link_age_s:.1f} s",
+        "-" if vehicle.lands_in_s is None else words.minutes(vehicle.lands_in_s),
+    )
+
+
+def _notes(view: FleetView) -> Iterator[str]:
+    for vehicle in view.vehicles:
+        if vehicle.state in FOUND_BY_PLACE:
+            yield f"{vehicle.name} {words.state(vehicle.state)}: {_last_place(vehicle)}"
+        if vehicle.taken is not None:
+            yield f"{vehicle.name}: {taken(vehicle)}"
+    if view.offer is not None:
+        yield f"? {words.shown(view.offer.text)}"
+
+
+def _last_place(vehicle: VehicleView) -> str:
+    at = vehicle.position
+    if at is None:
+        return "nobody knows where"
+    return f"last at {words.place(at.lat_deg, at.lon_deg)}, {at.relative_alt_m:.0f} m, {words.minutes(at.age_s)} ago"
+
+
+def taken(vehicle: VehicleView) -> str:
+    """Return what holds of a vehicle that is in other hands."""
+    hands = vehicle.taken
+    if hands is None:
+        return ""
+    if hands.returned:
+        return "its pilot has put it back on its mission; include it to go on"
+    if hands.kept_s > 0.0:
+        return f"hands off; its segments are kept for it for {words.minutes(hands.kept_s)}"
+    return "hands off; nothing is kept for it"
+
+
+def _forget_typed() -> None:
+    """Drop what was typed before the question was there: nobody has said yes to it."""
+    with suppress(ImportError, OSError, ValueError):
+        import termios
+
+        with suppress(termios.error):
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+
+
+def _is_yes(line: str) -> bool:
+    return line.strip().lower() in {"y", "yes"}

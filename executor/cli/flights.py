@@ -1,0 +1,285 @@
+"""The commands that fly: demo, simulate, fly."""
+
+from __future__ import annotations
+
+import errno
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, TextIO, cast
+
+import typer
+
+from executor.adapters.interrupts import nobody_reads
+from executor.adapters.run_directory import new_run_directory
+from executor.analysis.report import checked
+from executor.cli.console import TerminalConsole
+from executor.cli.errors import OUR_ERRORS
+from executor.cli.options import (
+    DEFAULT_COST,
+    DEFAULT_STRETCH_PCT,
+    AfterOption,
+    AutopilotName,
+    EverybodyOption,
+    FaultOption,
+    FlownPlanOption,
+    JsonOption,
+    PlanCostOption,
+    QuietOption,
+    RunOption,
+    SecondsOption,
+    SeedOption,
+    SiteArgument,
+    SolverName,
+    SolverOption,
+    StartsOption,
+    StretchOption,
+    finite,
+)
+from executor.cli.planning import can_be_written, first_plan, routes_of, wanted_of
+from executor.core.commands import Level
+from executor.core.preflight.checks import Severity
+from executor.core.preflight.parameters import number
+from executor.errors import PreflightFailed
+from executor.flight import fly as flying
+from executor.flight.flight_order import Order, keep
+from executor.flight.mqtt import settings_of
+from executor.flight.next_sortie import next_sortie, sortie_words
+from executor.flight.parameter_changes import check_run, still_open
+from executor.runtime import turns
+from executor.simulated.demo_site import check_faults, demo_site, simulated_fleet
+from executor.simulated.injected import happenings
+from executor.site import assembly
+from executor.site.config import check_site, read_site, signing_key
+from executor.site.planning import DEFAULT
+from missions import write_plan
+
+DEMO_PLAN_S = 3.0
+"""Of the solver."""
+
+
+def demo(
+    network: Annotated[Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file.")] = None,
+    radius: Annotated[
+        float, typer.Option(min=1, callback=finite, metavar="M", help="Segments within M metres of the depot.")
+    ] = 700.0,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="How many vehicles fly.")] = 4,
+    speedup: Annotated[
+        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
+    ] = 10.0,
+    seed: SeedOption = 1,
+    fault: FaultOption = None,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,
+    flat: Annotated[bool, typer.Option("--flat", help="Of a network without heights: its ground is flat.")] = False,
+    run: RunOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
+    content = demo_site(
+        network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
+    )
+    faults = fault if fault is not None else ["uav2:silent@40%"]
+    site = check_site(content, "demo")
+    ground = assembly.ground_of(site, Path())
+    check_faults(ground, faults)
+    console = TerminalConsole(quiet=as_json, yes=True)
+    # Nobody has looked at a plan before, and the vehicle of the story must fly.
+    plan = first_plan(ground, console, replace(DEFAULT, seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True))
+    directory = new_run_directory(run)
+    order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
+    keep(order)
+    with simulated_fleet(directory, faults, seed):
+        flown = turns.run(flying.fly(order, console))
+    _finish_flight(order, flown, as_json=as_json)
+
+
+def simulate(
+    site: SiteArgument,
+    speedup: Annotated[
+        float | None, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Instead of the site's.")
+    ] = None,
+    fault: FaultOption = None,
+    seed: SeedOption = 1,
+    wind: Annotated[
+        float,
+        typer.Option(min=0.1, max=5, callback=finite, metavar="FACTOR", help="What the wind makes of consumption."),
+    ] = 1.0,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")
+    ] = None,
+    failsafe: Annotated[
+        bool,
+        typer.Option(
+            "--failsafe",
+            help="Return when the ground station falls silent; else they fly on.",
+        ),
+    ] = False,
+) -> None:
+    """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
+    from executor.simulated.fleet import run_simulation
+
+    can_be_written(truth)
+    content = read_site(site)
+    ground = assembly.ground_of(content, site.parent)
+    factor = content.flight.speedup if speedup is None else speedup
+    run_simulation(
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe,
+        key=signing_key(content, site.parent),
+    )  # fmt: skip
+
+
+def fly(
+    asked: typer.Context,
+    site: SiteArgument,
+    plan: FlownPlanOption = None,
+    after: AfterOption = None,
+    cost: PlanCostOption = DEFAULT_COST,
+    solver: SolverOption = SolverName.SEARCH,
+    stretch: StretchOption = DEFAULT_STRETCH_PCT,
+    all_vehicles: EverybodyOption = False,
+    seconds: SecondsOption = DEFAULT.seconds,
+    seed: SeedOption = DEFAULT.seed,
+    starts: StartsOption = 0,
+    run: RunOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
+
+    Without --plan it plans as `plan` does with the same options; the checklist shows what is asked for.
+    """
+    wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    content = read_site(site)
+    ground = assembly.ground_of(content, site.parent)
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    mqtt = settings_of(content.mqtt, site.parent, str(site))
+    routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
+    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
+    check_run(order.run, content)
+    keep(order)
+    flown = turns.run(flying.fly(order, console))
+    _finish_flight(order, flown, as_json=as_json)
+
+
+def preflight(
+    asked: typer.Context,
+    site: SiteArgument,
+    plan: FlownPlanOption = None,
+    after: AfterOption = None,
+    cost: PlanCostOption = DEFAULT_COST,
+    solver: SolverOption = SolverName.SEARCH,
+    stretch: StretchOption = DEFAULT_STRETCH_PCT,
+    all_vehicles: EverybodyOption = False,
+    seconds: SecondsOption = DEFAULT.seconds,
+    seed: SeedOption = DEFAULT.seed,
+    starts: StartsOption = 0,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Ask every vehicle and go through the checklist; nothing is put on board, nothing moves."""
+    from executor.flight.examination import examine
+
+    wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    content = read_site(site)
+    ground = assembly.ground_of(content, site.parent)
+    console = TerminalConsole(quiet=as_json or quiet, yes=True)
+    routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
+    order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
+    found = turns.run(examine(order, console))
+    console.checks(found)
+    stops = [check for check in found if check.severity is Severity.STOP]
+    if as_json:
+        print(json.dumps({"ready": not stops, "checks": [checked(check) for check in found]}))
+    elif not quiet:
+        print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
+    if stops:
+        raise typer.Exit(1)
+
+
+def resume(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take up a flight whose ground station died, from its run directory; on another computer too."""
+    from executor.flight import resume as resuming
+
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    known = resuming.outset(directory)
+    if isinstance(known, resuming.Ready):
+        order = resuming.order_of(directory, known.ground, known.plan)
+        _finish_flight(order, turns.run(resuming.begin_again(directory, known, console)), as_json=as_json)
+        return
+    left = resuming.ended(directory)
+    report = None if left is None else resuming.over(directory, left)
+    if left is None or report is None:
+        # A heartbeat that begins and ends is a lost ground station to a vehicle: it begins after the yes.
+        told = [] if yes else resuming.beforehand(directory, known)
+        for line in told:
+            console.say(Level.INFO, line)
+        if not console.confirm("Take this flight up again?"):
+            raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+        _finish_flight(known.order, turns.run(resuming.take_up(directory, console, told)), as_json=as_json)
+        return
+    console.say(Level.INFO, f"{directory}: this flight is over")
+    for one in still_open(directory):
+        text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
+        console.say(Level.WARNING, text)
+    _finish_flight(known.order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
+
+
+def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
+    report = flown.report
+    if as_json:
+        _told(json.dumps(report))
+    else:
+        _told(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
+        if report["segments_uncovered"]:
+            _told(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
+    _keep_next_sortie(order, report, quiet=as_json)
+    _show_flight(order.run, report)
+    if not report["finished"]:
+        raise typer.Exit(1)
+
+
+def _told(text: str, *, to: TextIO | None = None) -> None:
+    """Print a line; nobody may read it any more, and what is left to do is done all the same."""
+    stream = sys.stdout if to is None else to
+    try:
+        print(text, file=stream, flush=True)
+    except OSError as error:
+        if error.errno not in {errno.EPIPE, errno.EIO}:
+            raise
+        nobody_reads(stream)
+
+
+def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool) -> None:
+    path = order.run / "next-sortie.json"
+    try:
+        plan = next_sortie(order.ground, report, order.plan.solved.seed)
+        if plan is None:
+            return
+        write_plan(path, plan)
+    except (OSError, *OUR_ERRORS) as error:
+        _told(f"faultline: the next sortie could not be planned: {error}", to=sys.stderr)
+        return
+    if not quiet:
+        _told(sortie_words(plan, path))
+
+
+def _show_flight(run: Path, report: Mapping[str, object]) -> None:
+    from executor.analysis.pictures import draw_battery, draw_map
+    from executor.analysis.read_run import read_run
+    from executor.analysis.report_page import write_page
+
+    try:
+        record = read_run(run)
+        draw_map(record, run / "map.png")
+        draw_battery(record, run / "battery.png")
+        write_page(record, report, run / "report.html")
+    except (OSError, *OUR_ERRORS) as error:
+        _told(f"faultline: the pictures could not be made: {error}", to=sys.stderr)

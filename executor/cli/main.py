@@ -1,0 +1,177 @@
+"""The command line: `faultline --help`.
+
+Exit codes: 0 done, 1 it ran and the answer is no, 2 bad input with a one-line reason, 130 interrupted by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import NoReturn
+
+from executor.adapters.interrupts import end_children, ended_like_ctrl_c, nobody_reads
+
+INTERRUPTED = 128 + signal.SIGINT
+NO_READER = 1
+"""As typer has it."""
+INTERNAL = 70
+"""EX_SOFTWARE: a mistake of ours, not of the input."""
+ENDS_S = 10.0
+"""Real seconds for what is left to do when a command has ended: threads, and what Python does at its end."""
+LONGEST = 1000
+"""Letters of the line that says why; files are named at its begin."""
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE})
+"""What a computer lacks, and no file is named with."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; the one place where whatever is left over is caught."""
+    given = list(arguments) if arguments is not None else sys.argv[1:]
+    sys.unraisablehook = _unraisable
+    code: str | int | None = INTERNAL
+    try:
+        with ended_like_ctrl_c():
+            code = _ended(given)
+    except SystemExit as end:
+        code = end.code
+    if arguments is None:  # the program itself; whoever else calls has an end of its own
+        _insist(code)
+    raise SystemExit(code)
+
+
+def _ended(given: Sequence[str]) -> int:
+    """Run the command line; returns, or ends with, its exit code."""
+    try:
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
+        code = _run(given or ["--help"])
+        if code == INTERRUPTED:  # some versions of typer take the interrupt for themselves
+            _interrupted()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        _interrupted()
+    except OSError as error:
+        _no_output(error)
+    return code
+
+
+def _insist(code: str | int | None) -> None:
+    """See to it that the program ends in bounded time: Python waits for threads, and those may wait for anything."""
+
+    def ends() -> None:
+        time.sleep(ENDS_S)
+        with suppress(OSError, ValueError):
+            print(f"faultline: ended; it still waited for {_waited_for()}", file=sys.stderr, flush=True)
+        os._exit(code if isinstance(code, int) else int(code is not None))
+
+    threading.Thread(target=ends, name="the end", daemon=True).start()
+
+
+def _waited_for() -> str:
+    mine = {threading.main_thread(), threading.current_thread()}
+    return (
+        ", ".join(sorted(one.name for one in threading.enumerate() if one not in mine and not one.daemon)) or "itself"
+    )
+
+
+def _unraisable(what: sys.UnraisableHookArgs) -> None:
+    """Pass over an event loop that Ctrl-C kept from being made whole: it complains when it is thrown away."""
+    if getattr(what.object, "__qualname__", "") != "BaseEventLoop.__del__":
+        sys.__unraisablehook__(what)
+
+
+def _run(given: Sequence[str]) -> int:
+    # Loading takes a second, in which Ctrl-C may come, too.
+    import typer
+    from typer.exceptions import TyperException
+
+    from executor.cli.commandline import cli
+    from executor.cli.errors import OUR_ERRORS
+
+    try:
+        return int(cli(args=list(given), standalone_mode=False) or 0)
+    except OUR_ERRORS as error:
+        _fail(str(error), _code(error))
+    except BaseExceptionGroup as group:
+        _several(group, OUR_ERRORS)
+    except TyperException as error:
+        # What a command line can be wrong about; the base class does not promise the method that all of them have.
+        said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
+        _fail(f"{said} See --help.", 2)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except OSError as error:
+        if error.filename is not None:
+            _fail(f"{error.filename}: {error.strerror}", 2)
+        if isinstance(error, BrokenPipeError) or error.errno in NO_ROOM:
+            raise
+        _internal(error)
+    except Exception as error:  # noqa: BLE001 - the last place where it can become one line
+        _internal(error)
+
+
+def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:
+    """End with the first of several that were raised side by side."""
+    if group.subgroup(KeyboardInterrupt) is not None:
+        raise KeyboardInterrupt
+    ours, rest = group.split(known)
+    if rest is None and ours is not None:
+        first = _first(ours)
+        _fail(str(first), _code(first))
+    _internal(group)
+
+
+def _code(error: BaseException) -> int:
+    """Return 2 for bad input, and 1 where nothing was wrong with it and a vehicle said no."""
+    from executor.errors import VehicleRefused
+
+    return 1 if isinstance(error, VehicleRefused) else 2
+
+
+def _fail(text: str, code: int) -> NoReturn:
+    line = " ".join(text.split())
+    if len(line) > LONGEST:
+        line = f"{line[:LONGEST]}..."
+    with suppress(OSError):  # a terminal that is closed
+        print(f"faultline: {line}".encode(errors="backslashreplace").decode(), file=sys.stderr)
+    raise SystemExit(code)
+
+
+def _interrupted() -> NoReturn:
+    # Threads end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_children()
+    _fail("interrupted", INTERRUPTED)
+
+
+def _no_output(error: OSError) -> NoReturn:
+    """End without a word if nobody reads any more, as `| head` does; else say what there is no room for."""
+    if not isinstance(error, BrokenPipeError):
+        _fail(f"cannot write: {error.strerror}", 2)
+    nobody_reads(sys.stdout)
+    raise SystemExit(NO_READER)
+
+
+def _internal(error: BaseException) -> NoReturn:
+    """Keep a mistake of ours where it can be reported, and say one line."""
+    import tempfile
+    import traceback
+    from pathlib import Path
+
+    path = Path(tempfile.gettempdir()) / "faultline-error.txt"
+    with suppress(OSError):
+        path.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    _fail(f"internal error: {type(error).__name__}: {error}; please report it with {path}", INTERNAL)
+
+
+def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:
+    error = group.exceptions[0]
+    return _first(error) if isinstance(error, BaseExceptionGroup) else error

@@ -1,0 +1,120 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.site.planning import DEFAULT
+
+
+def finite(value: float | None) -> float | None:
+    """Refuse what is no number: a bound lets nan pass, and nothing ends at infinity."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"expected a finite number, got {value}.")
+    return value
+
+
+class CostName(StrEnum):
+    """What a re-plan is chosen by."""
+
+    MINMAX = "minmax"
+    MINSUM = "minsum"
+    MINCOMB = "mincomb"
+
+
+class PlanCostName(StrEnum):
+    """What a first plan is chosen by."""
+
+    MINMAX = "minmax"
+    MINSUM = "minsum"
+    MINCOMB = "mincomb"
+    WINDOW = "window"
+
+
+class SolverName(StrEnum):
+    """Who plans."""
+
+    SEARCH = "search"
+    GRASP = "grasp"
+    EXACT = "exact"
+
+
+class FormatName(StrEnum):
+    """What other ground stations read."""
+
+    QGC = "qgc"
+    WAYPOINTS = "waypoints"
+
+
+class AutopilotName(StrEnum):
+    """Whose behaviour the simulated vehicles have."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+
+
+MOST_SECONDS = 86_400.0
+MOST_SEED = 2**31 - 1
+
+SiteArgument = Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML).")]
+PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, as `faultline plan -o` writes it.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Say only what comes of it, and what needs an answer.")]
+CostOption = Annotated[CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")]
+SecondsOption = Annotated[
+    float, typer.Option(min=0.01, max=MOST_SECONDS, callback=finite, help="How long the solver may take.")
+]
+SeedOption = Annotated[
+    int, typer.Option(min=0, max=MOST_SEED, help="Of all chance; the same seed gives the same result.")
+]
+PlanCostOption = Annotated[
+    PlanCostName,
+    typer.Option(
+        help="minmax: the longest route; minsum: all routes; mincomb: both; window: the largest re-plan window, so "
+        "that any one vehicle may be lost as early as possible."
+    ),
+]
+SolverOption = Annotated[
+    SolverName, typer.Option(help="search: the strongest; grasp: the paper's; exact: proven, up to 18 segments.")
+]
+StretchOption = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        max=1000,
+        callback=finite,
+        metavar="PCT",
+        help="With --cost window: how much longer than the shortest possible the longest route may be. A window is "
+        "bought with time.",
+    ),
+]
+EverybodyOption = Annotated[bool, typer.Option("--all-vehicles", help="Keep no vehicle on the ground.")]
+StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")]
+DEFAULT_COST = PlanCostName.WINDOW if DEFAULT.cost is None else PlanCostName(DEFAULT.cost.value)
+DEFAULT_REPLAN_COST = CostName.MINMAX if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
+DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
+FaultOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SPEC",
+        help="VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40% or uav3:battery-step=30@300s; may be repeated. Kinds: "
+        "silent[=20s], battery-step=30, drain=3, crash, reboot[=pad], refuse-upload, half-upload, loss=0.2, delay=0.3, "
+        "duplicate=0.1, reorder=0.1, wreck, fence, emergency[=RTL], ekf; of people: pilot=MODE, sticks, station=MODE, "
+        "kill, disarm. 'all' names every vehicle. Besides s and %, WHEN may be a height: 2.5m on its way up, 20m-down.",
+    ),
+]
+AfterOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--after", metavar="DIR", help="Only what the flight of that run directory left over: the next sortie."
+    ),
+]
+FlownPlanOption = Annotated[
+    Path | None, typer.Option("--plan", metavar="PLAN", help="Fly this plan, exactly; otherwise one is made.")
+]
+RunOption = Annotated[Path | None, typer.Option("--run", metavar="DIR", help="Where the record goes; new or empty.")]

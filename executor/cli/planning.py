@@ -1,0 +1,145 @@
+"""What commands that plan have in common."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import typer
+
+from executor.cli.console import TerminalConsole
+from executor.cli.options import PlanCostName, SolverName
+from executor.core.commands import Level
+from executor.errors import SiteError
+from executor.flight.next_sortie import left_over
+from executor.site import assembly, planning
+from executor.site.planning import Solver, Wanted
+from missions import PlanFile, check_plan, read_plan
+from planner import Cost, Progress
+
+
+def wanted_of(
+    cost: PlanCostName,
+    solver: SolverName,
+    stretch_pct: float,
+    all_vehicles: bool,
+    seconds: float,
+    seed: int,
+    starts: int,
+) -> Wanted:
+    """Return what the options that `plan`, `preflight` and `fly` share ask for.
+
+    Raises:
+        PlanFileError: the solver cannot do it.
+    """
+    return Wanted(
+        cost=None if cost is PlanCostName.WINDOW else Cost(cost.value),
+        seconds=seconds,
+        seed=seed,
+        solver=Solver(solver.value),
+        all_vehicles=all_vehicles,
+        stretch=stretch_pct / 100,
+        starts=starts,
+    )
+
+
+PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
+
+
+def routes_of(
+    ground: assembly.Ground,
+    console: TerminalConsole,
+    asked: typer.Context,
+    wanted: Wanted,
+    *,
+    plan: Path | None,
+    after: Path | None = None,
+) -> PlanFile:
+    """Return the plan of a flight: the file that was looked at, or else what `plan` makes with the same options.
+
+    Args:
+        ground: The site.
+        console: Where it is said.
+        asked: The command, with what was given to it.
+        wanted: What to plan without a file.
+        plan: The file.
+        after: The run directory whose rest is planned.
+
+    Raises:
+        PlanFileError: the file is not what the site asks for.
+        SiteError: options of a new plan beside the file of another.
+    """
+    if plan is None:
+        return first_plan(ground, console, wanted, None if after is None else left_over(after, ground))
+    for name in PLANNING:
+        source = asked.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
+    content = read_plan(plan)
+    planning.fits(content, ground, str(plan))
+    console.say(Level.INFO, f"the plan is that of {plan}")
+    return content
+
+
+def first_plan(
+    ground: assembly.Ground, console: TerminalConsole, wanted: Wanted, segments: Sequence[int] | None = None
+) -> PlanFile:
+    """Plan a site, or some of its segments, and say how it goes.
+
+    Raises:
+        SiteError: the plan does not hold what it must.
+        planner.PlannerError: the solver cannot take this problem.
+    """
+    task = assembly.task_of(ground, segments)
+    progressed = announced(ground, console, wanted, len(task.segment_ids))
+    content = planning.first_plan(ground, wanted, progressed, task)
+    console.progress("")
+    for line in check_plan(content, search_window=False):
+        raise SiteError(f"the plan of --solver {wanted.solver.value} does not hold: {line}")
+    return content
+
+
+def announced(
+    ground: assembly.Ground, console: TerminalConsole, wanted: Wanted, segments: int
+) -> Callable[[Progress], None]:
+    """Say what is planned, and return how to say how far it is."""
+    vehicles = len(ground.names)
+    name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
+    console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {wanted.seconds:g} s)")
+
+    def progressed(progress: Progress) -> None:
+        console.progress(
+            f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
+        )
+
+    return progressed
+
+
+def writable(path: Path, write: Callable[[], object]) -> None:
+    """Write a file that the user named.
+
+    Raises:
+        SiteError: it cannot be written.
+    """
+    try:
+        write()
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def can_be_written(*paths: Path | None) -> None:
+    """Check before the work that its results will have a place; None for what nobody asked for.
+
+    Raises:
+        SiteError: one is a directory, or its folder is missing or cannot be written to.
+    """
+    for path in paths:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise SiteError(f"{path}: cannot be written: expected a file's name, it is a directory")
+        if not path.parent.is_dir():
+            raise SiteError(f"{path}: cannot be written: there is no directory {path.parent}")
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise SiteError(f"{path}: cannot be written: permission denied")

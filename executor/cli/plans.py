@@ -1,0 +1,311 @@
+"""The commands about plans: plan, check, replan, export."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from executor.cli.console import TerminalConsole
+from executor.cli.options import (
+    DEFAULT_COST,
+    DEFAULT_REPLAN_COST,
+    DEFAULT_STRETCH_PCT,
+    MOST_SECONDS,
+    AfterOption,
+    AutopilotName,
+    CostOption,
+    EverybodyOption,
+    FormatName,
+    JsonOption,
+    PlanArgument,
+    PlanCostName,
+    PlanCostOption,
+    SecondsOption,
+    SeedOption,
+    SiteArgument,
+    SolverName,
+    SolverOption,
+    StartsOption,
+    StretchOption,
+    finite,
+)
+from executor.cli.planning import announced, can_be_written, first_plan, wanted_of, writable
+from executor.core.preflight.heights import too_low
+from executor.errors import SiteError
+from executor.flight import next_sortie
+from executor.site import assembly, planning
+from executor.site.config import read_site
+from executor.site.heights import PlannedHeights, planned_heights
+from executor.site.plan_words import left_over, left_words, route_words, summary
+from executor.site.planning import DEFAULT, Wanted
+from missions import (
+    PlanFile,
+    check_plan,
+    dialect_for,
+    encode,
+    flight_path,
+    flight_setup,
+    plan_document,
+    qgc_plan,
+    qgc_waypoints,
+    read_plan,
+    write_plan,
+)
+from planner import Cost, ReplanWindow, repairs_at, replan_window
+
+if TYPE_CHECKING:
+    from executor.analysis.pictures import FrontPoint
+
+FrontOption = Annotated[
+    bool,
+    typer.Option(
+        "--front",
+        help="Find the plans that are best trade-offs between longest route, energy and window, to choose from; -o "
+        "names a directory then, for a plan file each.",
+    ),
+]
+
+
+def plan(
+    site: SiteArgument,
+    cost: PlanCostOption = DEFAULT_COST,
+    solver: SolverOption = SolverName.SEARCH,
+    stretch: StretchOption = DEFAULT_STRETCH_PCT,
+    all_vehicles: EverybodyOption = False,
+    seconds: SecondsOption = DEFAULT.seconds,
+    seed: SeedOption = DEFAULT.seed,
+    starts: StartsOption = 0,
+    front: FrontOption = False,
+    after: AfterOption = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan there.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan a route for each vehicle within its budget; exit 1 if something is left over.
+
+    `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
+    """
+    wanted = wanted_of(PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    can_be_written(None if front else output, picture)
+    ground = assembly.ground_of(read_site(site), site.parent)
+    console = TerminalConsole(quiet=as_json, yes=True)
+    if front:
+        _plan_front(ground, console, wanted, output, picture, as_json=as_json)
+        return
+    content = first_plan(ground, console, wanted, next_sortie.left_over(after, ground) if after is not None else None)
+    heights = planned_heights(ground, content)
+    if output is not None:
+        writable(output, lambda: write_plan(output, content))
+    if picture is not None:
+        from executor.analysis.pictures import draw_plan
+
+        writable(picture, lambda: draw_plan(content, picture))
+    _print_plan(content, as_json=as_json, heights=heights)
+    if output is not None and not as_json:
+        print(f"flown as it is by: faultline fly {site} --plan {output}")
+    if content.plan.uncovered:
+        raise typer.Exit(1)
+
+
+def _plan_front(
+    ground: assembly.Ground,
+    console: TerminalConsole,
+    wanted: Wanted,
+    output: Path | None,
+    picture: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
+    console.progress("")
+    heights = [planned_heights(ground, content) for content in plans]
+    if not plans:
+        raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
+    if output is not None:
+        writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+        for number, content in enumerate(plans, start=1):
+            writable(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
+    if as_json:
+        print(json.dumps({"front": [plan_document(content) for content in plans]}))
+    references = {} if as_json and picture is None else planning.reference_plans(ground, wanted)
+    if picture is not None:
+        from executor.analysis.pictures import draw_front
+
+        points = [_front_point(content) for content in plans]
+        others = {name: _front_point(content) for name, content in references.items() if content.window is not None}
+        writable(picture, lambda: draw_front(points, others, picture))
+    if not as_json:
+        print("         longest route   all energy   any loss from   window")
+        for number, content in enumerate(plans, start=1):
+            _print_trade(str(number), content)
+        for name, content in references.items():
+            _print_trade(name, content)
+        for line in dict.fromkeys(line for one in heights for line in one.warnings):
+            print(f"warning: {line}")
+
+
+def _front_point(content: PlanFile) -> FrontPoint:
+    from executor.analysis.pictures import FrontPoint
+
+    earliest_s = 0.0 if content.window is None else content.window.earliest_s
+    return FrontPoint(max(content.durations_s), earliest_s, sum(content.energies_pct))
+
+
+def _print_trade(name: str, content: PlanFile) -> None:
+    longest_s, energy_pct, found = max(content.durations_s), sum(content.energies_pct), content.window
+    text = f"{name:>7}  {longest_s / 60:9.1f} min  {energy_pct:9.1f} %"
+    print(text if found is None else f"{text}  {found.earliest_s / 60:10.1f} min  {found.window_pct:5.1f} %")
+
+
+def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
+    """Recompute every figure of a plan file from its own network, and say what is wrong."""
+    wrong = check_plan(read_plan(plan))
+    if as_json:
+        print(json.dumps({"ok": not wrong, "wrong": wrong}))
+    else:
+        for line in wrong or ["every figure is right"]:
+            print(line)
+    if wrong:
+        raise typer.Exit(1)
+
+
+def window(
+    plan: PlanArgument,
+    seed: SeedOption = 0,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw consumption over time, with the re-plans at the earliest.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say how early any one vehicle may be lost so that the others can still finish, and what breaks it before.
+
+    The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
+    that was found and checked. The certified time is a bound: before it some loss certainly cannot be repaired.
+    """
+    can_be_written(picture)
+    content = read_plan(plan)
+    found = replan_window(content.instance(), content.plan, seed=seed)
+    if picture is not None:
+        from executor.analysis.pictures import draw_window
+
+        repairs = repairs_at(content.instance(), content.plan, found.earliest_s, seed=seed)
+        writable(picture, lambda: draw_window(content, found, repairs, picture))
+    _print_window(content, found, as_json=as_json)
+
+
+def replan(
+    plan: PlanArgument,
+    lost: Annotated[str, typer.Option(metavar="NAME", help="The vehicle that is lost.")],
+    at: Annotated[
+        float,
+        typer.Option(
+            min=0, max=MOST_SECONDS, callback=finite, metavar="SECONDS", help="When, since the start of the plan."
+        ),
+    ],
+    cost: CostOption = DEFAULT_REPLAN_COST,
+    seconds: SecondsOption = 2.0,
+    seed: SeedOption = 1,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the new plan.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say what the others would do if one vehicle were lost at a time; exit 1 if they cannot finish everything."""
+    can_be_written(output)
+    result = planning.after_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
+    if output is not None:
+        writable(output, lambda: write_plan(output, result.plan))
+    _print_plan(result.plan, as_json=as_json)
+    if not result.feasible:
+        raise typer.Exit(1)
+
+
+def export(
+    plan: PlanArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A file per vehicle goes there.")],
+    to: Annotated[FormatName, typer.Option("--format", help="QGroundControl's .plan, or .waypoints.")] = FormatName.QGC,
+    autopilot: Annotated[AutopilotName, typer.Option(help="For whom the items are.")] = AutopilotName.ARDUPILOT,
+) -> None:
+    """Write a file per vehicle for other ground stations."""
+    content = read_plan(plan)
+    if content.inspection is None:
+        raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
+    setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
+        raise SiteError(f"{plan}: heights: {line}")
+    dialect = dialect_for(autopilot.value)
+    write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
+    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+    for route in content.plan.routes:
+        name = content.vehicles[route.vehicle].name
+        if not route.visits:
+            continue
+        items = encode(flight_path(setup, name, route.visits), dialect).items
+        pad = setup.pad_of(name)
+        home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
+        path = output / f"{name}.{suffix}"
+        text = write(items, dialect, home)
+        writable(path, partial(path.write_text, text, encoding="utf-8"))
+        print(path)
+
+
+def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> None:
+    breaking = found.breaking
+    if as_json:
+        print(
+            json.dumps({
+                "window_pct": found.window_pct,
+                "earliest_s": found.earliest_s,
+                "certified_earliest_s": found.certified_earliest_s,
+                "certified_window_pct": found.certified_window_pct,
+                "longest_route_s": found.longest_route_s,
+                "breaking": None if breaking is None else {
+                    "vehicle": content.vehicles[breaking.vehicle].name,
+                    "from_s": breaking.from_s,
+                    "to_s": breaking.to_s,
+                },
+            })
+        )  # fmt: skip
+        return
+    print(
+        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s on any one vehicle may be lost "
+        f"(longest route {found.longest_route_s:.0f} s)"
+    )
+    if breaking is not None:
+        name = content.vehicles[breaking.vehicle].name
+        print(
+            f"before that it breaks: {name} lost between {breaking.from_s:.0f} s and {breaking.to_s:.0f} s leaves more "
+            "than the others were found to be able to do"
+        )
+        print(
+            f"certified: no re-plan for every loss exists before {found.certified_earliest_s:.0f} s, so no window of "
+            f"this plan is larger than {found.certified_window_pct:.1f} %"
+        )
+
+
+def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
+    if as_json:
+        more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
+        left = {"left_over": [asdict(one) for one in left_over(content)]}
+        print(json.dumps({**plan_document(content), **left, **more}))
+        return
+    for line in (*route_words(content), summary(content)):
+        print(line)
+    print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
+    if content.window is not None:
+        print(
+            f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
+            "vehicle may be lost"
+        )
+    if heights is not None:
+        print(f"heights: {heights.words}")
+        for line in heights.warnings:
+            print(f"warning: {line}")
+    for line in left_words(content):
+        print(line)

@@ -1,0 +1,192 @@
+"""The command that replays recorded flights."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.options import JsonOption
+from executor.cli.planning import writable
+from executor.core.recording import Skipped
+from executor.errors import LogError, SiteError
+from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.logs import Rules, replay, rules_of
+from executor.replay.open_log import open_log
+from executor.replay.result import LogReplay, Truth
+from executor.replay.run import Comparison, rerun
+from executor.site.config import read_site
+
+LogsArgument = Annotated[
+    list[Path], typer.Argument(metavar="LOG...", help=".tlog, .BIN or .ulg files, run directories, folders of logs.")
+]
+SUFFIXES = frozenset({".tlog", ".bin", ".ulg"})
+
+
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """One log, replayed."""
+
+    replay: LogReplay
+    truth: Truth | None
+    comparison: Comparison | None = None
+    """Of a run directory: whether it decided the same."""
+
+
+def replay_logs(
+    logs: LogsArgument,
+    site: Annotated[
+        Path | None, typer.Option(metavar="SITE", help="The vehicles, reserves and thresholds by which to judge.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="A timeline and a page for each log go there.")
+    ] = None,
+    tune: Annotated[
+        bool, typer.Option("--tune", help="Sweep the thresholds over logs whose truths lie beside them.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Run recorded flights through the watchpoints of a live one: what would have been declared, when, and why.
+
+    A run directory goes through the very same decisions; exit 1 if they are not those of the flight.
+    """
+    rules = rules_of(None if site is None else read_site(site))
+    paths = [path for given in logs for path in _logs_in(given)]
+    if tune:
+        from executor.replay.tuning import print_tuning
+
+        print_tuning(paths, rules, output, as_json=as_json)
+        return
+    done = [_replayed(path, rules) for path in paths]
+    if output is not None:
+        _write(done, output)
+    if as_json:
+        print(json.dumps(document(done)))
+    else:
+        for one in done:
+            _print(one)
+    nothing = all(not one.replay.vehicles for one in done)
+    if nothing or any(one.comparison is not None and not one.comparison.same for one in done):
+        raise typer.Exit(1)
+
+
+def _logs_in(path: Path) -> list[Path]:
+    if not path.exists():
+        raise LogError(f"{path}: no such file; expected a log, a run directory or a folder of logs")
+    if not path.is_dir() or (path / "events.jsonl").exists():
+        return [path]
+    found = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES)
+    if not found:
+        raise LogError(f"{path}: expected a run directory, or a folder with .tlog, .BIN or .ulg files")
+    return found
+
+
+def _replayed(path: Path, rules: Rules) -> _Done:
+    if path.is_dir():
+        done = rerun(path)
+        return _Done(done.log, None, done.comparison)
+    opened = open_log(path)
+    truth = truth_for(path, read_truths(path.parent))
+    return _Done(replay(opened.file, path, rules, on_board=opened.on_board), truth)
+
+
+def document(done: Sequence[_Done]) -> dict[str, object]:
+    """Return what was found as JSON has it."""
+    total = Skipped()
+    for one in done:
+        for name, count in one.replay.skipped.counts().items():
+            setattr(total, name, getattr(total, name) + count)
+    return {
+        "vehicles": [vehicle for one in done for vehicle in _vehicles(one.replay)],
+        "skipped": total.counts(),
+        "logs": [
+            {
+                "log": str(one.replay.path),
+                "began_usec": one.replay.began_usec,
+                "lasted_s": round(one.replay.lasted_s, 3),
+                "vehicles": _vehicles(one.replay),
+                "skipped": one.replay.skipped.counts(),
+                "notes": list(one.replay.notes),
+                "commands": None
+                if one.comparison is None
+                else {
+                    "logged": one.comparison.logged,
+                    "replayed": one.comparison.replayed,
+                    "same": one.comparison.same,
+                    "first_difference": one.comparison.first_difference,
+                },
+            }
+            for one in done
+        ],
+    }
+
+
+def _vehicles(found: LogReplay) -> list[dict[str, object]]:
+    return [
+        {
+            "log": str(found.path),
+            "sysid": vehicle.sysid,
+            "name": vehicle.name,
+            "autopilot": vehicle.autopilot,
+            "flown_s": round(vehicle.flown_s, 1),
+            "declarations": [
+                {"kind": one.kind.value, "reason": one.reason, "t_usec": one.t_usec, "evidence": one.evidence}
+                for one in vehicle.declarations
+            ],
+            "degraded": [
+                {
+                    "kind": one.kind.value, "reason": one.reason, "from_usec": one.from_usec, "to_usec": one.to_usec,
+                    "evidence": one.evidence,
+                }
+                for one in vehicle.degraded
+            ],
+            "skipped": found.skipped.counts(),
+        }
+        for vehicle in found.vehicles
+    ]  # fmt: skip
+
+
+def _print(done: _Done) -> None:
+    found = done.replay
+    print(f"{found.path}: {found.lasted_s / 60:.1f} min")
+    for note in found.notes:
+        print(f"  {note}")
+    if done.comparison is not None and done.comparison.same:
+        print(f"  the same {done.comparison.logged} decisions as the flight")
+
+    def at(usec: int) -> str:
+        return f"{(usec - found.began_usec) / 1e6:.1f} s"
+
+    for vehicle in found.vehicles:
+        print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
+        for one in vehicle.declarations:
+            print(f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}")
+        for two in vehicle.degraded:
+            span = f"{at(two.from_usec)} to {at(two.to_usec)}"
+            print(f"    not well  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
+        if not vehicle.declarations:
+            print("    nothing to declare")
+    for happened in () if done.truth is None else done.truth.events:
+        print(f"  in truth    {at(happened.t_usec):>9}  {happened.what}")
+    skipped = [f"{name.replace('_', ' ')} {count}" for name, count in found.skipped.counts().items() if count]
+    if skipped:
+        print(f"  not read, or not used: {', '.join(skipped)}")
+
+
+def _write(done: Sequence[_Done], folder: Path) -> None:
+    from executor.replay.page import write_replay_page
+    from executor.replay.pictures import draw_replay
+
+    writable(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
+    for one in done:
+        name = one.replay.path.resolve().name
+        picture, page = folder / f"{name}.png", folder / f"{name}.html"
+        try:
+            draw_replay(one.replay, one.truth, picture)
+            write_replay_page(one.replay, one.truth, picture, page)
+        except OSError as error:
+            raise SiteError(f"{folder}: cannot be written: {error.strerror}") from error

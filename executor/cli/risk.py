@@ -1,0 +1,160 @@
+"""The command that estimates the chance of finishing: risk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.console import TerminalConsole
+from executor.cli.options import JsonOption, PlanArgument, SeedOption, finite
+from executor.cli.planning import can_be_written, writable
+from executor.site import risk as flights
+from missions import read_plan
+from planner import Campaign, Risk, flight_chunks, risk_campaign
+
+MtbfOption = Annotated[
+    float,
+    typer.Option(min=0.01, callback=finite, metavar="HOURS", help="Mean flight hours between failures of one vehicle."),
+]
+SpreadOption = Annotated[
+    float,
+    typer.Option(
+        min=0, max=50, callback=finite, metavar="PCT",
+        help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
+        "planned one.",
+    ),
+]  # fmt: skip
+ReserveOption = Annotated[
+    float,
+    typer.Option(
+        min=0, max=100, callback=finite, metavar="PCT",
+        help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
+    ),
+]  # fmt: skip
+SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N", help="Flights that are simulated.")]
+LossesOption = Annotated[
+    int, typer.Option(min=1, max=50, metavar="K", help="Losses in one flight that are re-planned at most.")
+]  # fmt: skip
+DaskOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with the scheduler there.")
+]  # fmt: skip
+JobsOption = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; one per processor if not given.")
+]
+PictureOption = Annotated[
+    Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
+]
+
+
+def risk(
+    plan: PlanArgument,
+    mtbf: MtbfOption,
+    battery_spread: SpreadOption = 0.0,
+    reserve: ReserveOption = 15.0,
+    samples: SamplesOption = 100_000,
+    seed: SeedOption = 1,
+    max_losses: LossesOption = 2,
+    dask: DaskOption = None,
+    jobs: JobsOption = None,
+    picture: PictureOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.
+
+    A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. What a
+    lost vehicle has not finished the others take over by a re-plan, where one is found that inspects everything.
+    Without one it is left undone. The same seed gives the same answer, however many processes fly.
+    """
+    can_be_written(picture)
+    content = read_plan(plan)
+    names = [vehicle.name for vehicle in content.vehicles]
+    console = TerminalConsole(quiet=as_json, yes=True)
+    swept: tuple[Risk, ...] = ()
+
+    def done(flown: int, total: int) -> None:
+        console.progress(f"{flown} of {total} flights")
+
+    with flights.crew(jobs=jobs, dask=dask) as fly:
+        console.progress("looking at each first loss")
+        wanted = risk_campaign(
+            content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
+            max_losses=max_losses,
+        )  # fmt: skip
+        (found,) = fly(wanted, flight_chunks(samples, seed), done)
+        if picture is not None:
+            swept = fly(*flights.sweep(wanted, seed, flights=samples), done)
+    console.progress("")
+    if picture is not None:
+        from executor.analysis.pictures import draw_risk
+
+        writable(picture, lambda: draw_risk(swept, found, picture))
+    if as_json:
+        print(json.dumps(risk_document(wanted, found, names, seed)))
+    else:
+        _print_risk(found, names)
+
+
+def risk_document(flown: Campaign, found: Risk, names: Sequence[str], seed: int) -> dict[str, object]:
+    """Return an answer as JSON has it."""
+    worst = found.worst
+    return {
+        "mtbf_h": found.mtbf_h,
+        "battery_spread_pct": flown.battery_spread_pct,
+        "reserve_pct": flown.reserve_pct,
+        "flights": found.flights,
+        "seed": seed,
+        "finishing": [
+            {
+                "losses_replanned": replans,
+                "probability": chance.estimate,
+                "low_95": chance.low,
+                "high_95": chance.high,
+                "expected_uninspected_m": undone_m,
+            }
+            for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True))
+        ],
+        "expected_losses": found.expected_losses,
+        "flights_with_losses": dict(zip(("none", "one", "two_or_more"), found.losses_share, strict=True)),
+        "failures": {
+            "share_by_vehicle": dict(zip(names, found.blame_share, strict=True)),
+            "most": None
+            if worst is None
+            else {
+                "vehicle": names[worst.vehicle], "from_s": worst.from_s, "to_s": worst.to_s, "share": worst.share,
+            },
+        },
+    }  # fmt: skip
+
+
+def _print_risk(found: Risk, names: Sequence[str]) -> None:
+    print(f"everything inspected, {found.flights} flights, one failure in {found.mtbf_h:g} flight hours:")
+    for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True)):
+        print(
+            f"  {_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
+            f"{100 * chance.high:.2f} %), {undone_m:.1f} m left on average"
+        )
+    none, one, more = (100 * share for share in found.losses_share)
+    print(
+        f"losses: {found.expected_losses:.3f} a flight; none in {none:.2f} % of the flights, one in {one:.2f} %, "
+        f"more in {more:.2f} %"
+    )
+    if found.worst is None:
+        print("every flight finished")
+        return
+    worst = found.worst
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in zip(names, found.blame_share, strict=True))
+    print(f"losses that were not repaired: {shares}")
+    print(
+        f"most of them: {names[worst.vehicle]} between {worst.from_s:.0f} and {worst.to_s:.0f} s "
+        f"({100 * worst.share:.0f} %)"
+    )
+
+
+def _policy(replans: int) -> str:
+    if replans == 0:
+        return "as planned, without a re-plan"
+    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

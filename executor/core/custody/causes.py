@@ -1,0 +1,209 @@
+"""Who has a vehicle: this flight, the vehicle itself, or a person.
+
+Every change of mode has a cause. One that was ordered here is ours; one that a failsafe, the mission's end or a
+landing explains is the vehicle's own; whatever is left is a person's, by mode switch, sticks or another ground
+station. In doubt it is a person's: then nothing is commanded.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from executor.core.changed import changed
+from executor.core.context import Scene
+from executor.core.messages import CRITICAL, Heartbeat
+from executor.core.state import Absence
+from executor.core.vehicle import Cause, Stage, VehicleState
+from missions import Dialect, Phase
+from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
+
+SURE_AFTER_S = 1.0
+"""A failsafe's text may come after the heartbeat that shows its mode: so long a change of mode is looked at."""
+LATE_TEXT_S = 4.0
+"""A text this long after a change of mode still explains it."""
+FOLLOWED_LATE_S = 120.0
+"""An order may be followed this late: a radio keeps it, or only the answers were lost."""
+_ACTS = re.compile(
+    r"^(?!.*cleared).*(failsafe|fence|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
+    re.IGNORECASE,
+)
+"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
+CHARGE_EMERGENCY = 4
+"""MAV_BATTERY_CHARGE_STATE_EMERGENCY."""
+
+
+def judged(
+    context: Scene, absences: Sequence[Absence], before: VehicleState, after: VehicleState, now_s: float
+) -> VehicleState:
+    """Return a vehicle with the cause of its mode, after a HEARTBEAT.
+
+    Args:
+        context: Of the flight.
+        absences: When the ground station was not there.
+        before: Before the heartbeat.
+        after: With it.
+        now_s: The time.
+    """
+    beat, old = after.heartbeat, before.heartbeat
+    if beat is None:
+        return after
+    if not beat.armed:
+        return after if after.cause is Cause.OURS else changed(after, cause=Cause.OURS)
+    armed_now = old is not None and not old.armed
+    if old is not None and old.custom_mode == beat.custom_mode and not armed_now:
+        return after
+    if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
+        # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
+        return changed(after, cause=Cause.OURS)
+    cause = cause_of(context, absences, before, after, now_s)
+    certain = cause is Cause.PERSON and _persons_still(context, before, after)
+    left = old.custom_mode in after.ordered_modes and beat.custom_mode not in after.ordered_modes
+    # An order that was followed, and left again, explains no later mode.
+    return changed(after, cause=cause, certain=certain, ordered_modes=frozenset() if left else after.ordered_modes)
+
+
+def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
+    if vehicle.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
+        return changed(vehicle, cause=Cause.PERSON, certain=True)
+    if vehicle.cause is not Cause.PERSON or vehicle.certain or now_s - vehicle.mode_since_s > LATE_TEXT_S:
+        return vehicle
+    if not _explained(context, absences, vehicle, now_s):
+        return vehicle
+    return changed(vehicle, cause=Cause.FAILSAFE)
+
+
+def cause_of(  # noqa: PLR0911 - one return for each cause
+    context: Scene, absences: Sequence[Absence], before: VehicleState, vehicle: VehicleState, now_s: float
+) -> Cause:
+    """Return why a vehicle is in the mode that its newest heartbeat shows."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    if beat is None:
+        return Cause.OURS
+    mode = beat.custom_mode
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not never_landed(context, vehicle):
+        return Cause.PERSON  # it arms, and nobody here said so
+    if is_manual_mode(dialect, mode):
+        return Cause.PERSON
+    if mode in vehicle.ordered_modes and now_s - vehicle.ordered_mode_s <= FOLLOWED_LATE_S:
+        return Cause.OURS
+    if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
+        return Cause.OURS
+    if _goes_on_down(dialect, before.heartbeat, mode):
+        return before.cause  # a return ends in a landing
+    if _ends_its_mission(context, vehicle, mode):
+        return Cause.MISSION
+    if _persons_still(context, before, vehicle):
+        return Cause.PERSON
+    if _explained(context, absences, vehicle, now_s):
+        return Cause.FAILSAFE
+    return Cause.PERSON
+
+
+def _persons_still(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
+    """Return whether what explained the mode before explains no other one."""
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.heartbeat, vehicle.heartbeat
+    if old is None or beat is None or not old.armed:
+        return False
+    if before.cause is Cause.PERSON:
+        text, said_s = vehicle.alarm  # who has it changes its mode again, unless it says anew what it does by itself
+        return not (_ACTS.search(text) and said_s >= before.mode_since_s)
+    holds = beat.custom_mode == dialect.modes.hold.custom_mode
+    # A failsafe holds before it returns, and never after.
+    return holds and before.cause is Cause.FAILSAFE and is_home_mode(dialect, old.custom_mode)
+
+
+def never_landed(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that was taken to have landed is armed high in the air: nobody starts it there."""
+    fix = vehicle.fix
+    if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.took_off or fix is None:
+        return False
+    return fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
+
+
+def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
+    return before is not None and is_home_mode(dialect, before.custom_mode) and mode == dialect.modes.land.custom_mode
+
+
+def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
+    """Return whether a mission's own last items lead to this mode: PX4 leaves mission mode for a landing."""
+    dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
+    if vehicle.stage is not Stage.FLYING or leg is None or dialect.name != "px4":
+        return False
+    low = vehicle.fix is not None and vehicle.fix.alt_rel_m <= context.limits.airborne_m
+    itself = is_home_mode(dialect, mode) or (mode == dialect.modes.hold.custom_mode and low)
+    return itself and leg.phase is Phase.LAND
+
+
+def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a failsafe explains a mode that a failsafe can lead to."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    if beat is None:
+        return False
+    if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
+        return False
+    text, said_s = vehicle.alarm
+    said = (
+        bool(_ACTS.search(text)) and -context.limits.alarm_s <= vehicle.mode_since_s - said_s <= context.limits.alarm_s
+    )
+    return (
+        said
+        or beat.system_status >= CRITICAL
+        or vehicle.fence_breached
+        or vehicle.battery.charge_state >= CHARGE_EMERGENCY
+        or _unseen(vehicle)
+        or missed_us(context, absences, vehicle, now_s)
+    )
+
+
+def held_unseen(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it was found to hold after so long that a failsafe which only holds first would have gone on.
+
+    By its own clock: what waited for a ground station that stood still comes late, all of it.
+    """
+    dialect, beat, fix = context.vehicles[vehicle.name].dialect, vehicle.heartbeat, vehicle.fix
+    from_s = vehicle.unseen_from_boot_s
+    if beat is None or beat.custom_mode != dialect.modes.hold.custom_mode or not _unseen(vehicle):
+        return False
+    if fix is None or from_s is None or fix.at_s < vehicle.mode_since_s:
+        return False
+    unseen_s = fix.boot_s - (fix.at_s - vehicle.mode_since_s) - from_s
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
+    return unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+
+
+def _unseen(vehicle: VehicleState) -> bool:
+    """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
+    return vehicle.unseen_until_s is not None and vehicle.mode_since_s == vehicle.unseen_until_s
+
+
+HOLDS_ON_S = 5.0
+"""PX4's clock and ours differ by what its link adds."""
+REACTS_S = 30.0
+"""PX4 holds before it returns, and reports the change of mode a second later."""
+BEAT_S = 1.0
+"""Our last heartbeat was sent up to a second before we stopped."""
+
+
+def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
+    if not absences:
+        return False
+    away = absences[-1]
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s
+    if failsafe_s is None and away.deaf and _unseen(vehicle):
+        failsafe_s = BEAT_S  # it did not say whether it has one, and it has
+    began_s = away.until_s - away.pause_s
+    acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
+    return acted and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+
+
+def in_other_hands(vehicle: VehicleState) -> bool:
+    """Return whether a person has it, or may have: nothing is commanded then."""
+    return vehicle.taken is not None or (vehicle.armed and vehicle.cause is Cause.PERSON)
+
+
+def takes_over(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it is certain that a person has taken it."""
+    return vehicle.armed and vehicle.cause is Cause.PERSON and now_s - vehicle.mode_since_s >= SURE_AFTER_S

@@ -1,0 +1,132 @@
+"""The streams of a vehicle, each watched for itself: one may stop while the others come.
+
+What stops is said and asked for again, and is a fault by its own name if it stays away.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, View
+
+ITEM_STALE_S = 5.0
+"""Both autopilots say once a second, at least, which item they fly to."""
+LEAST_GONE_S = 20.0
+"""What was asked for three times and has not come does not come."""
+BATTERY_GONE_S = 60.0
+"""A pack that was well may be unseen for so long: it loses 4 % in a minute, and 12 if it drains three times as fast."""
+ASK_AGAIN_S = 6.0
+UNSEEN_S = 60.0
+"""Who says neither where it is nor whether it is armed for so long is as good as silent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One of a vehicle's streams at one moment."""
+
+    words: str
+    """What is missing, in words."""
+    age_s: float
+    """Since it came last; not a number if it never came."""
+    stale_s: float
+    """An age that is worth a word."""
+
+    @property
+    def stale(self) -> bool:
+        """Whether it should have come."""
+        return self.age_s >= self.stale_s
+
+
+def heartbeat(view: View) -> Stream:
+    """HEARTBEAT: without it nobody knows its mode, and whether it is armed."""
+    return _stream(view, "no HEARTBEAT", view.state.heartbeat_s, view.context.limits.heartbeat_stale_s)
+
+
+def positions(view: View) -> Stream:
+    """GLOBAL_POSITION_INT: without it nobody knows where it is."""
+    fix = view.state.fix
+    return _stream(view, "no position", None if fix is None else fix.at_s, view.context.limits.link_stale_s)
+
+
+def battery(view: View) -> Stream:
+    """BATTERY_STATUS or SYS_STATUS."""
+    known = view.state.battery
+    last_s = None if known.remaining_pct is None else known.reported_s
+    return _stream(view, "no report of its battery", last_s, view.context.limits.battery_stale_s)
+
+
+def items(view: View) -> Stream:
+    """MISSION_CURRENT: without it nobody knows which segment it flies to."""
+    last_s = view.state.item_s if view.setup.planned else None
+    return _stream(view, "no word of the waypoint it flies to", last_s, ITEM_STALE_S)
+
+
+def _stream(view: View, words: str, last_s: float | None, stale_s: float) -> Stream:
+    age_s = math.nan if last_s is None else view.now_s - max(last_s, view.state.excused_s)
+    return Stream(words, age_s, stale_s)
+
+
+def others_come(view: View) -> bool:
+    """Return whether it is heard: a silence of everything is a matter of its link."""
+    heard_s = view.state.heard_s
+    return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
+
+
+def missing(view: View, stream: Stream) -> str:
+    """Return in words what does not come while others do; nothing if it comes."""
+    heard_s = view.state.heard_s
+    if not stream.stale or heard_s is None or not others_come(view):
+        return ""
+    if view.now_s - heard_s > stream.age_s - stream.stale_s:
+        return ""  # nothing else came since this was due: a silence of everything begins with one of them
+    return f"{stream.words} for {stream.age_s:.0f} s, while other messages come"
+
+
+def to_be_asked(view: View) -> bool:
+    """Return whether it is to be asked for its streams again."""
+    if view.now_s - view.state.streams_asked_s < ASK_AGAIN_S or not others_come(view):
+        return False
+    return any(stream(view).stale for stream in (heartbeat, positions, battery, items))
+
+
+def heartbeat_gone(view: View) -> Finding:
+    """Its HEARTBEAT stays away."""
+    return _gone(view, heartbeat(view), _patience_s(view))
+
+
+def position_gone(view: View) -> Finding:
+    """Its positions stay away."""
+    return _gone(view, positions(view), _patience_s(view))
+
+
+def battery_gone(view: View) -> Finding:
+    """It does not say any more what its battery holds."""
+    return _gone(view, battery(view), max(BATTERY_GONE_S, _patience_s(view)))
+
+
+def item_gone(view: View) -> Finding:
+    """It does not say any more which waypoint it flies to."""
+    return _gone(view, items(view), _patience_s(view))
+
+
+def _patience_s(view: View) -> float:
+    return max(LEAST_GONE_S, view.setup.link_timeout_s)
+
+
+def _gone(view: View, stream: Stream, after_s: float) -> Finding:
+    if not view.setup.planned or math.isnan(stream.age_s) or not others_come(view):
+        return STALE
+    return Finding(Verdict.FAIL, missing(view, stream)) if stream.age_s >= after_s else OK
+
+
+def unseen_s(view: View) -> float:
+    """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
+    ages_s = (heartbeat(view).age_s, positions(view).age_s)
+    return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)
+
+
+def position_fresh(view: View) -> bool:
+    """Return whether its positions come, if any ever did."""
+    fix = view.state.fix
+    return fix is None or view.now_s - fix.at_s <= view.context.limits.link_stale_s

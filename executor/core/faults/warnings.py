@@ -1,0 +1,155 @@
+"""What is not well yet no fault: a table of warnings beside that of the watchpoints, over the same view.
+
+A link is degraded before it is lost, a battery before it breaks the reserve. Warnings decide nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from executor.core import projection
+from executor.core.faults import streams
+from executor.core.faults.watching import View
+from executor.core.faults.watchpoints import BATTERY_SENSOR, LOW
+from executor.core.homing.places import where
+from executor.core.state import Told
+from executor.core.vehicle import FaultKind, Stage
+from missions import Phase
+
+RADIO_S = 5.0
+AGAIN_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """One row."""
+
+    name: str
+    kind: FaultKind
+    look: Callable[[View], str]
+    """What is not well, in words; nothing if it is."""
+
+
+def silent(view: View) -> str:
+    """Nothing was heard for a while."""
+    heard_s = view.state.heard_s
+    age_s = 0.0 if heard_s is None else view.now_s - heard_s
+    return f"nothing heard for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
+
+
+def heartbeat_missing(view: View) -> str:
+    """Others of its messages come, its HEARTBEAT does not."""
+    return streams.missing(view, streams.heartbeat(view))
+
+
+def position_missing(view: View) -> str:
+    """It speaks, and not of where it is."""
+    return streams.missing(view, streams.positions(view))
+
+
+def item_missing(view: View) -> str:
+    """It speaks, and not of where it flies to."""
+    return streams.missing(view, streams.items(view)) if view.state.stage is Stage.FLYING else ""
+
+
+def doubtful(view: View) -> str:
+    """A HEARTBEAT says what its positions refute."""
+    if view.state.doubted is None:
+        return ""
+    return "a HEARTBEAT says that it is disarmed, and it flies: does another station send it?"
+
+
+def lossy(view: View) -> str:
+    """More frames are lost than usual."""
+    quality = view.state.quality
+    if quality.lost is None or quality.worse < view.context.limits.loss_warn:
+        return ""
+    return f"{100 * quality.lost:.0f} % of its frames are lost, where {100 * (quality.usual or 0.0):.0f} % is usual"
+
+
+def radio_weak(view: View) -> str:
+    """The radio itself complains."""
+    quality = view.state.quality
+    return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
+
+
+def battery_silent(view: View) -> str:
+    """It speaks, but not of its battery."""
+    return streams.missing(view, streams.battery(view))
+
+
+def battery_low(view: View) -> str:
+    """The autopilot calls it low, or not healthy."""
+    if view.state.battery.charge_state == LOW:
+        return "the autopilot calls its battery low"
+    return "the autopilot calls its battery not healthy" if view.state.unhealthy & BATTERY_SENSOR else ""
+
+
+def reserve_doubtful(view: View) -> str:
+    """It may well land below the reserve."""
+    leg = view.state.leg
+    if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
+        return ""  # it lands: nothing more can be done about it
+    chance = projection.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
+    if chance is None or chance < view.context.limits.reserve_warn_chance:
+        return ""
+    return f"below its reserve at the landing by {100 * chance:.0f} % probability"
+
+
+def position_off(view: View) -> str:
+    """Its position jumped a little."""
+    off_m, at_s = view.state.jump
+    limits = view.context.limits
+    if off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s:
+        return f"its position jumped by {off_m:.0f} m"
+    return ""
+
+
+def stands(view: View) -> str:
+    """It should be on its way home, and hangs in the air where it is."""
+    state = view.state
+    if state.stage is not Stage.RETURNING or state.fix is None or state.anchor is None or not state.armed:
+        return ""
+    if view.now_s - state.fix.at_s > view.context.limits.link_stale_s:
+        return ""
+    stood_s = state.fix.boot_s - state.anchor.boot_s
+    if stood_s < view.context.limits.hangs_s or state.fix.alt_rel_m < view.context.limits.airborne_m:
+        return ""
+    return f"has not moved for {stood_s:.0f} s on its way home, {where(view.context, state)}"
+
+
+TABLE: tuple[Doubt, ...] = (
+    Doubt("silent", FaultKind.LINK, silent),
+    Doubt("heartbeat", FaultKind.LINK, heartbeat_missing),
+    Doubt("disarmed", FaultKind.INTERRUPTION, doubtful),
+    Doubt("positions", FaultKind.INTERRUPTION, position_missing),
+    Doubt("items", FaultKind.INTERRUPTION, item_missing),
+    Doubt("loss", FaultKind.LINK, lossy),
+    Doubt("radio", FaultKind.LINK, radio_weak),
+    Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
+    Doubt("battery-low", FaultKind.BATTERY, battery_low),
+    Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
+    Doubt("position", FaultKind.INTERRUPTION, position_off),
+    Doubt("stands", FaultKind.INTERRUPTION, stands),
+)
+
+
+def said(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
+    """Return what is not well and was not said yet, for the operator of a live flight.
+
+    A silence is told by `silence`; what comes back within `AGAIN_S` is the same.
+    """
+    now = [(row.name, words) for row, words in warnings(view) if row.look is not silent]
+    if not now and not before.at_s:
+        return before, ()
+    known = {name: at_s for name, at_s in before.at_s if view.now_s - at_s < AGAIN_S}
+    new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
+    return Told(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
+
+
+def warnings(view: View) -> tuple[tuple[Doubt, str], ...]:
+    """Look at every row; return those that hold, with their words."""
+    if view.state.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+        return ()
+    return tuple((row, words) for row in TABLE if (words := row.look(view)))

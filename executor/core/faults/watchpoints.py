@@ -1,0 +1,399 @@
+"""Watchpoints: a table of what may be wrong with a vehicle, looked at as levels on every tick.
+
+Each answers OK, FAIL or STALE. FAIL must last `raise_after_s` before it is a fault; STALE neither starts nor ends that
+time, so that a silent vehicle's last battery report raises nothing by itself. One arbiter picks one reason.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from executor.core import projection
+from executor.core.battery import account, cusum
+from executor.core.context import Scene, VehicleSetup
+from executor.core.faults import streams
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint
+from executor.core.homing.places import fell, mission_over, seen_at_rest
+from executor.core.limits import Limits
+from executor.core.messages import CRITICAL, NO_ITEM
+from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
+from missions import Phase
+from missions.autopilots.modes import is_home_mode, is_mission_mode, mode_name
+
+_BATTERY_ALARM = re.compile(
+    r"^(?!prearm).*(battery failsafe|battery \d* ?is (low|critical|missing)|(critical|emergency) battery|"
+    r"battery (level )?(critical|emergency|unhealthy|fail)|dangerously low battery)",
+    re.IGNORECASE,
+)
+"""ArduPilot: "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe"; PX4: "Critical battery", "Emergency battery
+level", "Battery unhealthy". PX4's "Low battery" only warns."""
+_BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
+                   "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
+"""MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
+
+
+def link_silent(view: View) -> Finding:
+    """Nothing was heard for the vehicle's time-out."""
+    heard_s = view.state.heard_s
+    if heard_s is None:
+        return STALE
+    age_s = view.now_s - heard_s
+    if age_s >= view.setup.link_timeout_s:
+        return Finding(Verdict.FAIL, f"silent for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
+    unseen_s = streams.unseen_s(view)
+    if view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s):
+        return Finding(Verdict.FAIL, f"neither HEARTBEAT nor position for {unseen_s:.0f} s")
+    return OK
+
+
+def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
+    """It disarmed where, or when, it should not have landed."""
+    state, limits = view.state, view.context.limits
+    if state.fix is None or state.heartbeat is None:
+        return STALE
+    if state.armed or not state.armed_once:
+        return OK
+    if not view.setup.planned:
+        return _down_in_flight(view)
+    away_m = math.dist(state.fix.place_m, view.setup.pad_m)
+    if not seen_at_rest(state, view.now_s):
+        return STALE  # its place is from before it was silent, or began anew
+    if state.stage is Stage.PILOT:
+        return OK  # its pilot may disarm it anywhere
+    if away_m > limits.off_pad_m:
+        return Finding(
+            Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.fix.alt_rel_m:.0f} m high{_alarm(view)}"
+        )
+    # An old position says nothing of its height: it may have come down since.
+    if fell(view.context, state) and view.now_s - state.fix.at_s <= limits.link_stale_s:
+        return Finding(Verdict.FAIL, f"disarmed {state.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
+    if not state.took_off and state.stage is Stage.FLYING:
+        return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
+    if state.rebooted_s is not None:
+        return Finding(Verdict.FAIL, f"its autopilot has started anew, and it is disarmed{_alarm(view)}")
+    if not mission_over(view.context, state):
+        return Finding(Verdict.FAIL, f"disarmed over its pad in the midst of its mission{_alarm(view)}")
+    return OK
+
+
+def _down_in_flight(view: View) -> Finding:
+    """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
+    fix, limits = view.state.fix, view.context.limits
+    if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.on_ground:
+        return OK
+    speed_m_s = math.hypot(*fix.velocity_m_s)
+    if fix.alt_rel_m > limits.off_pad_up_m and speed_m_s > limits.at_rest_m_s:
+        text = f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{_alarm(view)}"
+        return Finding(Verdict.FAIL, text)
+    return OK
+
+
+def terminated(view: View) -> Finding:
+    """Its heartbeat says that it gave itself up."""
+    heartbeat = view.state.heartbeat
+    if heartbeat is None:
+        return STALE
+    names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
+    if heartbeat.armed and heartbeat.system_status in names:
+        return Finding(Verdict.FAIL, f"reports {names[heartbeat.system_status]}{_alarm(view)}")
+    return OK
+
+
+def falling(view: View) -> Finding:
+    """It sinks faster than it was ever told to."""
+    fix = view.state.fix
+    if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
+        return STALE
+    if fix.velocity_m_s[2] < -view.context.limits.fall_m_s:
+        return Finding(Verdict.FAIL, f"falls at {-fix.velocity_m_s[2]:.1f} m/s")
+    return OK
+
+
+def left_mission(view: View) -> Finding:
+    """It is in a mode that nobody here ordered, by its own failsafe."""
+    state = view.state
+    if state.heartbeat is None:
+        return STALE
+    dialect = view.setup.dialect
+    if view.setup.planned:
+        if not state.armed or state.cause is not Cause.FAILSAFE:
+            return OK
+        mode = mode_name(dialect, state.heartbeat.custom_mode)
+        return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
+    if is_mission_mode(dialect, state.heartbeat.custom_mode) or not state.armed:
+        return OK
+    if view.now_s - state.ordered_mode_s < view.context.limits.mode_grace_s:
+        return OK
+    if not state.flew_mission or _by_order(view):
+        return OK  # it never was on a mission, or somebody else ordered this
+    if is_home_mode(dialect, state.heartbeat.custom_mode) and _at_its_end(view):
+        return OK  # and ends a mission whose last item is a return in the mode for it
+    mode = mode_name(dialect, state.heartbeat.custom_mode)
+    return Finding(Verdict.FAIL, f"went to mode {mode} by itself{_alarm(view)}")
+
+
+def battery_stepped(view: View) -> Finding:
+    """Much was lost at once."""
+    if not _battery_fresh(view):
+        return STALE
+    limits, known = view.context.limits, view.state.battery
+    window_s = limits.battery_step_window_s
+    long_s = 4 * window_s
+    # While it fails the window moves on; and nobody may have looked while a step was in it.
+    fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
+    excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
+    if excess >= limits.battery_step_pct:
+        used = excess + expected
+        return Finding(Verdict.FAIL, f"lost {used:.0f} % at once where the flight costs {expected:.1f} %")
+    return OK
+
+
+def battery_drains(view: View) -> Finding:
+    """More is used than the flight should cost, by more than a climb or a gust explains."""
+    return _drains(view, hurried=False)
+
+
+def battery_plunges(view: View) -> Finding:
+    """So much more is used that there is no time to wait for one more report."""
+    return _drains(view, hurried=True)
+
+
+def _drains(view: View, *, hurried: bool) -> Finding:
+    if not _battery_fresh(view):
+        return STALE
+    limits, known = view.context.limits, view.state.battery
+    eased = (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
+    for found, threshold, which in _excesses(known, limits, hurried=hurried):
+        if cusum.exceeds(found, eased * threshold, limits.battery_step_pct):
+            return Finding(
+                Verdict.FAIL,
+                f"used {found.used_pct:.1f} % in {found.lasted_s(view.now_s):.0f} s where {found.expected_pct:.1f} % "
+                f"is usual{which}",
+            )
+    return OK
+
+
+def _excesses(
+    known: account.BatteryState, limits: Limits, *, hurried: bool
+) -> Iterator[tuple[cusum.Drift, float, str]]:
+    """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
+    share = PLUNGE if hurried else 1.0
+    yield known.charge.drift, share * limits.charge_excess_pct, " by its counter of charge"
+    if not account.is_blind(known):
+        yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
+    else:
+        yield known.drift, limits.blind_excess_pct, ""
+    if not hurried:
+        yield known.slow, limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct, " over minutes"
+
+
+def voltage_stepped(view: View) -> Finding:
+    """The voltage fell at once by more than the load explains."""
+    volts, limits = view.state.volts, view.context.limits
+    if view.now_s - volts.reported_s > limits.battery_stale_s:
+        return STALE
+    threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
+    if view.failing:
+        threshold *= 0.7
+    if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
+        return OK
+    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {volts.usual_v:.2f} V is usual under this load")
+
+
+def cells_weak(view: View) -> Finding:
+    """A cell is near its end, or far below the others, for longer than a climb."""
+    volts, limits = view.state.volts, view.context.limits
+    if view.now_s - volts.reported_s > limits.battery_stale_s:
+        return STALE
+    if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
+        return Finding(Verdict.FAIL, f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others")
+    if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
+        return Finding(Verdict.FAIL, f"{volts.weakest_v or 0.0:.2f} V a cell under load")
+    return OK
+
+
+def reserve_broken(view: View) -> Finding:
+    """The mission on board, or where none is known the way home, would end below the reserve."""
+    leg, limits = view.state.leg, view.context.limits
+    if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
+        return OK  # it is on its way home already: nothing else could be ordered
+    floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
+    chance = projection.landing_chance_below(view.context, view.state, view.setup, floor_pct)
+    if chance is None or not _battery_fresh(view):
+        return STALE
+    if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
+        ahead = projection.at_landing(view.context, view.state, view.setup)
+        if ahead is None:
+            return STALE
+        return Finding(
+            Verdict.FAIL,
+            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.sd_pct:.1f}, reserve "
+            f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
+        )
+    return OK
+
+
+def battery_failsafe(view: View) -> Finding:
+    """The autopilot itself says that it acts on its battery."""
+    text, said_s = view.state.alarm
+    if view.now_s - said_s > view.context.limits.alarm_s or not _BATTERY_ALARM.search(text):
+        return OK
+    # A text is the one thing that anybody can send: what it says must show somewhere else as well.
+    return Finding(Verdict.FAIL, f"it says: {text}") if not view.setup.planned or _shows(view) else OK
+
+
+def _shows(view: View) -> bool:
+    """Return whether an alarm of the battery shows in anything besides its text."""
+    state, beat, volts = view.state, view.state.heartbeat, view.state.volts
+    if beat is not None and (
+        beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
+    ):
+        return True
+    low = state.battery.remaining_pct is None or state.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
+    sick = state.battery.charge_state >= LOW or state.battery_faults or state.unhealthy & BATTERY_SENSOR
+    return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
+
+
+def battery_critical(view: View) -> Finding:
+    """The autopilot itself calls the battery critical, failed or unhealthy."""
+    if not _battery_fresh(view):
+        return STALE
+    names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
+    state = view.state.battery.charge_state
+    if state in names:
+        return Finding(Verdict.FAIL, f"the autopilot calls its battery {names[state]}")
+    bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.battery_faults & bit]
+    if bits:
+        return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
+    return OK
+
+
+def position_jumped(view: View) -> Finding:
+    """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
+    off_m, at_s = view.state.jump
+    limits = view.context.limits
+    if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
+        return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
+    return OK
+
+
+def stalled(view: View) -> Finding:
+    """It is on its mission and does not move."""
+    state, limits = view.state, view.context.limits
+    if state.fix is None or state.anchor is None or view.now_s - state.fix.at_s > limits.link_stale_s:
+        return STALE
+    if state.held_s is not None:
+        return OK  # the operator's order
+    if view.setup.planned is False and not _on_mission(view):
+        return OK  # somebody flies it by hand
+    # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
+    stood_s = state.fix.boot_s - state.anchor.boot_s
+    if stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s):
+        return Finding(Verdict.FAIL, f"has not moved for {stood_s:.0f} s")
+    return OK
+
+
+def _on_mission(view: View) -> bool:
+    heartbeat = view.state.heartbeat
+    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
+
+
+def _by_order(view: View) -> bool:
+    return abs(view.state.mode_since_s - view.state.ordered_mode_s) < view.context.limits.mode_grace_s
+
+
+def _at_its_end(view: View) -> bool:
+    """Return whether the item that it flies to is the last of its mission but one."""
+    seq, total = view.state.item or (0, None)
+    if not total or total == NO_ITEM:
+        return False
+    last = total if view.setup.dialect.current_counts_home else total - 1
+    return seq >= last - 1
+
+
+def _climbs(view: View) -> bool:
+    fix = view.state.fix
+    return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
+
+
+def _alarm(view: View) -> str:
+    """Return what the vehicle said of it, if it did."""
+    text, said_s = view.state.alarm
+    return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""
+
+
+def _battery_fresh(view: View) -> bool:
+    # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
+    fresh = view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
+    # Without positions nobody knows what the flight should have cost.
+    return fresh and (streams.position_fresh(view) or not view.setup.planned)
+
+
+LOW = 2
+"""MAV_BATTERY_CHARGE_STATE_LOW."""
+BATTERY_SENSOR = 0x2000000
+"""MAV_SYS_STATUS_SENSOR_BATTERY."""
+NEAR_PCT = 15.0
+"""So near to its reserve a battery may well be low by its voltage."""
+PLUNGE = 1.7
+"""Times the threshold of a drain."""
+_IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
+_OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
+_ON_MISSION = frozenset({Stage.FLYING})
+
+TABLE: tuple[Watchpoint, ...] = (
+    Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR),
+    Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR),
+    Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR),
+    Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE),
+    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION),
+    Watchpoint("positions", FaultKind.INTERRUPTION, streams.position_gone, 0.0, _ON_MISSION),
+    Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION),
+    Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION),
+    Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION),
+    Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION),
+    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery_failsafe, 1.0, _ON_MISSION),
+    Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION),
+    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION),
+    Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION),
+    Watchpoint("battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION),
+    Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION),
+    Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION),
+    Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION),
+    Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION),
+)
+
+
+_BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for stage in Stage}
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """All watchpoints of one vehicle at one moment."""
+
+    watches: tuple[tuple[str, Watch], ...]
+    raised: tuple[tuple[Watchpoint, str], ...]
+    """What has failed for long enough, the most important first, with its evidence."""
+
+
+def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
+    """Look at every watchpoint of a vehicle."""
+    old = dict(state.watches)
+    watches: list[tuple[str, Watch]] = []
+    raised: list[tuple[Watchpoint, str]] = []
+    fine, failing = (View(context, setup, state, failed, now_s) for failed in (False, True))
+    for point in _BY_STAGE[state.stage]:
+        since = old[point.name].failing_since_s if point.name in old else None
+        finding = point.judge(fine if since is None else failing)
+        if finding.verdict is Verdict.FAIL:
+            since = now_s if since is None else since
+            if now_s - since >= point.raise_after_s:
+                raised.append((point, finding.evidence))
+        elif finding.verdict is Verdict.OK:
+            since = None
+        if since is not None:
+            watches.append((point.name, Watch(since)))
+    return Judgement(tuple(watches), tuple(raised))

@@ -1,0 +1,1 @@
+"""What vehicles say, into what is known of them."""

@@ -1,0 +1,171 @@
+"""Whether a vehicle may be told to come home, or to land.
+
+An order is given once, and again only if it was lost or refused.
+
+An autopilot that acts on an emergency of its own is left to that, and so is one that comes down over its own pad: a
+descent must not become a flight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from executor.core.changed import changed
+from executor.core.commands import Command, LandNow, Level, Say, SendHome
+from executor.core.context import Context
+from executor.core.custody.causes import in_other_hands
+from executor.core.events import OrderEnded, ReturnEnded
+from executor.core.state import FleetState
+from executor.core.vehicle import Cause, Errand, Stage, VehicleState
+from missions import Phase
+from missions.autopilots.modes import is_home_mode, is_mission_mode
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+REFUSED_AGAIN_S = 5.0
+"""After a refusal an order is given again this much later."""
+FRESH_FIX_S = 1.5
+"""Who was not heard is asked where it is before it is told where to go; so long its position is waited for."""
+SINKS_M_S = 0.3
+UNSAID_S = 5.0
+"""So long without HEARTBEAT its mode is not known."""
+
+
+class Answer(Enum):
+    """What is to be done about a vehicle that should come home."""
+
+    RETURN = "return"
+    LAND = "land"
+    LEAVE = "leave"
+    """It is left to what it does."""
+    WAIT = "wait"
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """An answer with its reason."""
+
+    answer: Answer
+    words: str = ""
+
+
+def comes_home(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether it says that it flies home, or lands, by itself."""
+    dialect = context.vehicles[vehicle.name].dialect
+    return vehicle.heartbeat is not None and is_home_mode(dialect, vehicle.heartbeat.custom_mode)
+
+
+def on_mission(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether it says that it is in mission mode."""
+    dialect = context.vehicles[vehicle.name].dialect
+    return vehicle.heartbeat is not None and is_mission_mode(dialect, vehicle.heartbeat.custom_mode)
+
+
+def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # noqa: PLR0911 - one return a reason
+    """Return what to do about a vehicle that should not fly its mission any more."""
+    errand = vehicle.errand or Errand(now_s)
+    if in_other_hands(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
+        return Advice(Answer.LEAVE, "it is with its pilot and is not commanded")
+    if errand.land:
+        return Advice(Answer.LAND)
+    if comes_home(context, vehicle) and not errand.force:
+        return Advice(Answer.LEAVE, "it comes home or lands by itself and is left to that")
+    if not errand.force and (failsafe := _failsafe_acts(context, vehicle, now_s)) is not None:
+        return failsafe
+    fix = vehicle.fix
+    if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
+        if now_s - errand.since_s < FRESH_FIX_S:
+            return Advice(Answer.WAIT)
+        return Advice(Answer.RETURN)  # nobody knows where it is: its own return does
+    over_pad = math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
+    if over_pad:
+        if on_mission(context, vehicle) and _lands(vehicle) and not _hangs(vehicle):
+            return Advice(Answer.LEAVE, "it comes down on its pad and is left to that")
+        return Advice(Answer.LAND)
+    if on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
+        return Advice(Answer.LEAVE, "it is landing and is left to that")
+    return Advice(Answer.RETURN)
+
+
+def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Advice | None:
+    """Return how long a failsafe is waited for that holds before it acts; None if none acts."""
+    if vehicle.cause is not Cause.FAILSAFE or vehicle.heartbeat is None:
+        return None
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    if vehicle.heartbeat.custom_mode != hold:
+        return Advice(Answer.LEAVE, "it is left to its own failsafe")
+    if now_s - vehicle.mode_since_s < context.limits.failsafe_hold_s:
+        return Advice(Answer.WAIT, "its own failsafe holds it and is waited for")
+    return None
+
+
+HANGS_S = 10.0
+
+
+def _hangs(vehicle: VehicleState) -> bool:
+    """Return whether it has stood over its pad for longer than any mission of ours does."""
+    fix, anchor = vehicle.fix, vehicle.anchor
+    return fix is not None and anchor is not None and fix.boot_s - anchor.boot_s >= HANGS_S
+
+
+def _lands(vehicle: VehicleState) -> bool:
+    fix, leg = vehicle.fix, vehicle.leg
+    landing = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
+    return landing or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
+
+
+def sent_home(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, land: bool = False, force: bool = False
+) -> Stepped:
+    """Let a vehicle that has left its mission come home: it is told now, or as soon as that is right."""
+    vehicle = changed(vehicle, errand=Errand(now_s, land=land, force=force))
+    return pursued(context, state.put(vehicle), vehicle.name, now_s)
+
+
+def pursued(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+    """Tell a vehicle what it is to be told, if that is right now."""
+    vehicle = state.vehicles[name]
+    errand = vehicle.errand
+    if errand is None or errand.told:
+        return state, ()
+    if vehicle.stage is not Stage.RETURNING:
+        return state.put(changed(vehicle, errand=None)), ()
+    if vehicle.stale or now_s < errand.not_before_s:
+        return state, ()
+    found = advice(context, vehicle, now_s)
+    match found.answer:
+        case Answer.RETURN | Answer.LAND:
+            return _told(context, state, vehicle, errand, now_s, land=found.answer is Answer.LAND)
+        case Answer.WAIT | Answer.LEAVE:
+            return state, ()
+
+
+def _told(
+    context: Context, state: FleetState, vehicle: VehicleState, errand: Errand, now_s: float, *, land: bool
+) -> Stepped:
+    modes = context.vehicles[vehicle.name].dialect.modes
+    expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
+    told = changed(vehicle, errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected))
+    return state.put(told), (LandNow(vehicle.name) if land else SendHome(vehicle.name),)
+
+
+def answered(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -> Stepped:
+    """Take what a vehicle made of the order: what was lost or refused is told again, whatever else is not."""
+    vehicle = state.vehicles[event.vehicle]
+    errand = vehicle.errand
+    if errand is None or not errand.told:
+        return state, ()
+    if event.accepted:
+        return state.put(changed(vehicle, errand=None)), ()
+    if event.lost:
+        return state.put(changed(vehicle, errand=replace(errand, told=False))), ()
+    if event.refused:
+        again = replace(errand, told=False, not_before_s=now_s + REFUSED_AGAIN_S)
+        return state.put(changed(vehicle, errand=again)), ()
+    done = state.put(changed(vehicle, errand=None))
+    if vehicle.heartbeat_s is None or now_s - vehicle.heartbeat_s >= UNSAID_S:
+        return done, ()  # nobody knows what it does
+    text = f"{vehicle.name}: acknowledged the order and does not follow it; it is not told again"
+    return done, (Say(Level.WARNING, text),)

@@ -1,0 +1,101 @@
+"""Where a vehicle is, in words for people who look for it, and whether it may be on the ground there."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from executor.core.context import Scene
+from executor.core.vehicle import Stage, VehicleState
+from missions import Phase
+from missions.autopilots.modes import is_home_mode
+
+
+def coordinates(context: Scene, vehicle: VehicleState) -> str:
+    """Return a vehicle's place as people paste it into a map."""
+    fix = vehicle.fix
+    if fix is None:
+        return "an unknown place"
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    return f"{lat_deg:.6f}, {lon_deg:.6f}"
+
+
+def where(context: Scene, vehicle: VehicleState) -> str:
+    """Return a vehicle's place as coordinates and height over its home."""
+    height = "" if vehicle.fix is None else f", {vehicle.fix.alt_rel_m:.0f} m over its home"
+    return coordinates(context, vehicle) + height
+
+
+def last_heard(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle was heard last."""
+    return f"last position {where(context, vehicle)}" if vehicle.fix is not None else "its position is not known"
+
+
+_KILLED = re.compile(r"emergency stop|kill", re.IGNORECASE)
+"""ArduPilot: "RC: Motors Emergency Stopped"; PX4: "Kill engaged", "Kill-switch engaged"."""
+RESTS_AFTER_S = 3.0
+"""A vehicle whose motors have stopped falls from 40 m in this time."""
+RESTS_M_S = 0.5
+SINKS_M_S = 0.3
+LANDS_M_S = 1.2
+"""Nobody touches down faster: ArduPilot's LAND_SPEED is 0.5, PX4's MPC_LAND_SPEED 0.7 by default."""
+SEEN_S = 1.5
+UNSEEN_S = 6.0
+"""After this nobody waits any more for a position of a vehicle that has disarmed."""
+
+
+def seen_at_rest(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that has disarmed was seen since; after a while it is taken for where it was last."""
+    fix = vehicle.fix
+    return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.disarmed_s) >= UNSEEN_S
+
+
+def fell(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle disarmed in the air, as far as its last position tells."""
+    fix = vehicle.fix
+    if fix is None:
+        return False
+    text, said_s = vehicle.alarm
+    if _KILLED.search(text) and abs(vehicle.disarmed_s - said_s) <= context.limits.alarm_s:
+        return True
+    return sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
+
+
+def sank(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that has disarmed was on its way down when it was seen last."""
+    fix = vehicle.fix
+    return fix is not None and fix.velocity_m_s[2] < -(SINKS_M_S if fix.alt_rel_m > 1.0 else LANDS_M_S)
+
+
+def at_rest(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle whose motors are off is seen to lie where it is."""
+    fix = vehicle.fix
+    if fix is None or now_s - vehicle.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
+        return False
+    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
+
+
+def place_words(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle is down, and what that means for whoever goes there."""
+    state = "armed: keep away" if vehicle.armed else "disarmed"
+    return f"down at {coordinates(context, vehicle)}, {state}"
+
+
+def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it is where it may land, seen from above."""
+    fix = vehicle.fix
+    return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
+
+
+def mission_over(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that disarms has landed: its mission was over, or it was on its way home."""
+    if vehicle.rebooted_s is not None:
+        return False  # it did not come down by itself
+    if vehicle.stage is Stage.RETURNING or vehicle.away_once:
+        return True  # whatever its index says: it has been out there, and has come back
+    leg, beat = vehicle.leg, vehicle.heartbeat
+    if leg is None or leg.phase in {Phase.LAND, Phase.RETURN}:
+        return True
+    # Nobody saw how it came down: it may have flown its mission to the end.
+    unseen = vehicle.unseen_until_s is not None and vehicle.unseen_until_s == vehicle.heartbeat_s
+    return unseen or (beat is not None and is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode))

@@ -1,0 +1,1 @@
+"""What the crew asks for in flight: refused with a reason, or ordered and answered."""

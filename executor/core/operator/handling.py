@@ -1,0 +1,399 @@
+"""What becomes of an operator's wish: refused with its reason, or ordered, and answered by the vehicle itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from executor.core.changed import changed
+from executor.core.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, Say, SendHome
+from executor.core.context import Context
+from executor.core.custody.causes import in_other_hands
+from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
+from executor.core.homing import homeward
+from executor.core.homing.homeward import on_mission, sent_home
+from executor.core.homing.places import place_words
+from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.operator import refusals
+from executor.core.replan import replanning
+from executor.core.roster import takeover
+from executor.core.roster.withdraw import declare, left_plan, withdrawn
+from executor.core.state import FleetState
+from executor.core.vehicle import Cause, Fault, FaultKind, Stage, VehicleState, moved_to
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+KEPT_INTENTS = 500
+"""Older ones that have come to their end are forgotten."""
+ANSWER_S = 90.0
+"""A vehicle that has not answered an order by then did not hear it."""
+OTHERS_MODE_S = 20.0
+"""A held vehicle that flies its mission for longer than this was sent on by somebody else, or never heard the order."""
+LATE_S = 120.0
+"""An order may be followed this late: a radio keeps it, or only the answers were lost."""
+SHARED_S = 15.0
+"""So long the work of one that was cleared to fly again waits for the others that were offered."""
+_RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
+_ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
+
+
+@dataclass(frozen=True, slots=True)
+class _Ordered:
+    """What an intent leads to."""
+
+    state: FleetState
+    text: str
+    commands: tuple[Command, ...] = ()
+    waiting: frozenset[str] = frozenset()
+    """Vehicles whose own answer decides."""
+    open: bool = False
+    """Whether something else than an answer decides."""
+    level: Level = Level.INFO
+
+
+def step(
+    context: Context,
+    state: FleetState,
+    event: IntentReceived | OrderEnded | ReturnEnded | ReturnAllOrdered,
+    now_s: float,
+) -> Stepped:
+    """Take what an operator wants, or what became of an order."""
+    match event:
+        case IntentReceived(intent):
+            return _received(context, state, intent, now_s)
+        case OrderEnded():
+            return _answered(context, state, event, now_s)
+        case ReturnEnded():
+            return _return_answered(state, event, now_s)
+        case ReturnAllOrdered():
+            return _recall(context, state, now_s)
+
+
+def _received(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
+    """Take an intent; one that was taken before changes nothing."""
+    if intent.id in state.intents:
+        return state, ()
+    reason = refusals.reason(context, state, intent, now_s)
+    wish = f"{intent.source} asks: {intent.action.value}" + (f" {intent.vehicle}" if intent.vehicle else "")
+    if reason:
+        state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s))
+        return state, (Say(Level.WARNING, f"{wish}; refused: {reason}"),)
+    question = refusals.question(context, state, intent)
+    if question:
+        record = IntentRecord(intent, Outcome.REFUSED, "has to be confirmed", now_s, ended_s=now_s, question=question)
+        return _kept(state, record), ()
+    ordered = _HANDLERS[intent.action](context, state, intent, now_s)
+    under_way = bool(ordered.waiting) or ordered.open
+    outcome = Outcome.ACCEPTED if under_way else Outcome.DONE
+    ended_s = None if under_way else now_s
+    record = IntentRecord(intent, outcome, ordered.text, now_s, ordered.waiting, ended_s)
+    state = _kept(ordered.state, record)
+    return state, (Say(ordered.level, f"{wish}; {ordered.text}"), *ordered.commands)
+
+
+def _kept(state: FleetState, record: IntentRecord) -> FleetState:
+    intents = {**state.intents, record.intent.id: record}
+    if len(intents) > KEPT_INTENTS:
+        over = next((name for name, one in intents.items() if one.ended_s is not None), None)
+        intents.pop(over or next(iter(intents)))
+    return changed(state, intents=MappingProxyType(intents))
+
+
+def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
+    if intent.vehicle is None:
+        raise ValueError(f"{intent.action.value} names no vehicle")
+    return state.vehicles[intent.vehicle]
+
+
+def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    held = replace(vehicle, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s)
+    if vehicle.stage is Stage.PILOT:
+        held = replace(moved_to(held, Stage.FLYING), taken=None)
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    state = state.put(replace(held, ordered_modes=frozenset({hold}), cause=Cause.OURS))
+    return _Ordered(state, "it is told to hold", (Hold(vehicle.name),), frozenset({vehicle.name}))
+
+
+def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
+    mission = context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
+    state = state.put(replace(vehicle, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
+    return _Ordered(
+        state, "it is told to go on with its mission", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name})
+    )
+
+
+def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    state, more = _sent_home(context, state, vehicle, now_s, force=intent.confirmed)
+    state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: returns by the operator's order", now_s)
+    text = "it is told to return, and stays on the ground until it is included; the others are given what is left"
+    return _Ordered(state, text, (*others, *more), frozenset({vehicle.name}))
+
+
+def _sent_home(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, force: bool = False
+) -> Stepped:
+    """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
+    if vehicle.stage is Stage.STARTING and not vehicle.armed:
+        state = state.put(replace(left_plan(vehicle, Stage.LANDED, now_s), excluded=True))
+        return state, (SendHome(vehicle.name),)  # in place of its start
+    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), excluded=True)
+    if force:
+        left = replace(left, taken=None, cause=Cause.OURS)
+    return sent_home(context, state, left, now_s, force=force)
+
+
+def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    planned = vehicle.stage in _ON_MISSION
+    fault = vehicle.fault or Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s)
+    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault)
+    left = replace(left, taken=None, cause=Cause.OURS) if intent.confirmed else left
+    state, told = sent_home(context, state, left, now_s, land=True, force=intent.confirmed)
+    others: tuple[Command, ...] = ()
+    if planned:
+        state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: lands by the operator's order", now_s)
+    text = "it is told to land where it is; the others are given what is left"
+    return _Ordered(state, text, (*others, *told), frozenset({vehicle.name}), level=Level.WARNING)
+
+
+def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    state = state.put(replace(vehicle, excluded=True))
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+        return _Ordered(state.put(replace(state.vehicles[vehicle.name], cleared_s=None)), "it stays on the ground")
+    if vehicle.stage is Stage.PILOT:
+        hold = replace(vehicle.taken, given_away=True) if vehicle.taken is not None else None
+        state = state.put(replace(state.vehicles[vehicle.name], taken=hold))
+        state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
+        return _Ordered(state, "it is left to its pilot; the others are given what is left", more)
+    starting = vehicle.stage is Stage.STARTING and not vehicle.armed
+    state, commands = declare(
+        context, state, state.vehicles[vehicle.name], FaultKind.OPERATOR, "excluded by the operator's word", now_s
+    )
+    if starting:
+        commands = (*commands, SendHome(vehicle.name))  # in place of its start
+    told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
+    text = "it is treated as lost" + (" and told to return" if told else "")
+    alone = replanning.orphans(context, state)
+    if alone and not _others(state, vehicle.name):
+        text += f"; nobody else is left to inspect {len(alone)} segments"
+    return _Ordered(state, text, commands, told, level=Level.WARNING)
+
+
+def _others(state: FleetState, name: str) -> bool:
+    gone = (Stage.LOST, Stage.RETURNING)
+    return any(
+        one.name != name and one.fault is None and not one.excluded and one.stage not in gone
+        for one in state.vehicles.values()
+    )
+
+
+def _include(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    vehicle = _vehicle(state, intent)
+    if vehicle.stage is Stage.PILOT:
+        state, more = takeover.given_back(context, state, vehicle, now_s)
+        return _Ordered(state, "it is back in the plan", more)
+    mended = state.mended if vehicle.fault is None else (*state.mended, (vehicle.name, vehicle.fault))
+    ready = replace(
+        moved_to(vehicle, Stage.GROUND), fault=None, excluded=False, stubborn=False, lands=False, held_s=None,
+        watches=(), alarm=("", float("-inf")), failures=0, armed_once=False, cleared_s=now_s, taken=None,
+    )  # fmt: skip
+    trigger = f"{vehicle.name}: is back with {vehicle.battery.remaining_pct or 0.0:.0f} % in its battery"
+    state = replace(
+        state.put(ready), mended=mended, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s,
+        considered=state.considered - {vehicle.name}, offers_over=False,
+    )  # fmt: skip
+    if state.offer is not None and len(state.offer.vehicles) > 1:
+        # The others may be cleared in a moment: the work is shared then.
+        state = replace(state, wait_until_s=max(state.wait_until_s, now_s + SHARED_S))
+    if replanning.orphans(context, state):
+        return _Ordered(state, "it is back in the plan, which is made anew with it")
+    return _Ordered(state, "it is back; nothing is left over for it, a re-plan would share the work with it")
+
+
+def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    vehicle = _vehicle(state, intent)
+    told = (Disarm(vehicle.name, force=True),)
+    return _Ordered(state, "its motors are told to stop", told, frozenset({vehicle.name}), level=Level.WARNING)
+
+
+def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    briefing = replace(state.briefing, question=None, answered=intent.action.value)
+    return _Ordered(changed(state, briefing=briefing), "yes")
+
+
+def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    trigger = f"{intent.source} asks for it"
+    state = replace(state, ordered=True, trigger=trigger, trigger_s=now_s, given_up=frozenset())
+    return _Ordered(state, "everything that is still to be flown is planned anew", open=True)
+
+
+def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    state, commands = _recall(context, state, now_s)
+    told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
+    commands = commands[1:]  # the first line says what the intent's own does
+    text = "everybody is told to return"
+    if not told and state.silent_since_s is not None:
+        text = "nobody is heard; who is heard again is told to return"
+    elif not told:
+        text = "nobody flies its mission; nobody takes off any more"
+    return _Ordered(state, text, commands, told, level=Level.WARNING)
+
+
+def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Send everybody home."""
+    commands: list[Command] = [Say(Level.WARNING, "the operator sends everybody home")]
+    if state.replan is not None and state.replan.solve_s is None:
+        commands.append(CancelSolve(state.replan.solve.revision))
+    for vehicle in state.vehicles.values():
+        if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and in_other_hands(vehicle)):
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: is with its pilot and is not told to return"))
+        elif vehicle.stage in _ON_MISSION:
+            state, more = _sent_home(context, state, vehicle, now_s)
+            commands.extend(more)
+    return replace(state, recalled=True, replan=None, offer=None, launched_s=state.launched_s or now_s), tuple(commands)
+
+
+_Handler = Callable[[Context, FleetState, Intent, float], _Ordered]
+_HANDLERS: Mapping[Action, _Handler] = {
+    Action.HOLD: _hold,
+    Action.RESUME: _resume,
+    Action.RETURN: _return,
+    Action.LAND: _land,
+    Action.EXCLUDE: _exclude,
+    Action.INCLUDE: _include,
+    Action.REPLAN: _replan,
+    Action.ABORT: _abort,
+    Action.DISARM: _disarm,
+    Action.PREPARE: _answer,
+    Action.TAKE_OFF: _answer,
+}
+
+
+def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
+    """Take a vehicle's answer to an order to hold, to go on or to land."""
+    state, more = homeward.answered(state, event, now_s) if event.action is Action.LAND else (state, ())
+    vehicle = state.vehicles[event.vehicle]
+    actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
+    state = _closed(state, event.vehicle, actions, event.reason, now_s, accepted=event.accepted)
+    if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
+        # It may still obey, or have obeyed unheard: that is no change of mode by itself. `settled` forgets it later.
+        state = state.put(replace(vehicle, ordered_mode_s=now_s))
+    if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
+        gone_on = replace(vehicle, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s, anchor=None)
+        state = state.put(gone_on)
+    if event.action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
+        # It was to be stopped on the ground and is not there any more.
+        state, more = homeward.sent_home(context, state, vehicle, now_s)
+    if not event.accepted:
+        text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
+        return state, (Say(Level.WARNING, text), *more)
+    done = {Action.HOLD: "holds", Action.RESUME: "flies on", Action.LAND: "lands", Action.DISARM: "disarmed"}[
+        event.action
+    ]
+    note = f"; {event.reason}" if event.reason else ""
+    if event.action is Action.DISARM and vehicle.stage is Stage.DOWN:
+        note = f"; {place_words(context, replace(vehicle, heartbeat=None))}"
+    return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
+
+
+def _return_answered(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
+    """Take a vehicle's answer to the order to come home."""
+    state = _closed(state, event.vehicle, _RETURNS, event.reason, now_s, accepted=event.accepted)
+    state, more = homeward.answered(state, event, now_s)
+    if event.accepted:
+        return state, (Say(Level.INFO, f"{event.vehicle}: returns"), *more)
+    said = "refused the return" if event.refused else "did not acknowledge the return"
+    return state, (Say(Level.WARNING, f"{event.vehicle}: {said} ({event.reason})"), *more)
+
+
+_DONE = {
+    Action.HOLD: "it holds",
+    Action.RESUME: "it flies on",
+    Action.RETURN: "it returns",
+    Action.LAND: "it lands",
+    Action.DISARM: "its motors are off",
+    Action.EXCLUDE: "it is out of the plan and returns",
+    Action.ABORT: "everybody returns",
+}
+
+
+def _closed(
+    state: FleetState, vehicle: str, actions: frozenset[Action], reason: str, now_s: float, *, accepted: bool
+) -> FleetState:
+    """Note an answer in every intent that waits for it."""
+    intents = dict(state.intents)
+    for name, record in state.intents.items():
+        if record.intent.action not in actions or vehicle not in record.waiting:
+            continue
+        waiting = record.waiting - {vehicle}
+        if not accepted:
+            intents[name] = replace(
+                record, outcome=Outcome.FAILED, text=f"{vehicle}: {reason}", waiting=waiting, ended_s=now_s
+            )
+        elif not waiting and record.outcome is Outcome.ACCEPTED:
+            text = _DONE[record.intent.action] + (f"; {reason}" if reason else "")
+            intents[name] = replace(record, outcome=Outcome.DONE, text=text, waiting=waiting, ended_s=now_s)
+        else:
+            intents[name] = replace(record, waiting=waiting)
+    return changed(state, intents=MappingProxyType(intents))
+
+
+def settled(context: Context, state: FleetState, now_s: float) -> FleetState:
+    """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
+    for vehicle in state.vehicles.values():
+        if vehicle.held_s is not None and _goes_on(context, vehicle, now_s):
+            state = state.put(replace(vehicle, held_s=None, anchor=None))
+        elif vehicle.held_s is None and _holds_late(context, vehicle, now_s):
+            state = state.put(replace(vehicle, held_s=now_s))
+    ended = {
+        name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s)
+        for name, record in state.intents.items()
+        if record.outcome is Outcome.ACCEPTED
+        for outcome, text in (_settlement(state, record, now_s),)
+        if outcome is not None
+    }
+    return changed(state, intents=MappingProxyType({**state.intents, **ended})) if ended else state
+
+
+def _goes_on(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    quiet = now_s - max(vehicle.ordered_mode_s, vehicle.mode_since_s) > OTHERS_MODE_S
+    return quiet and not vehicle.stale and on_mission(context, vehicle)
+
+
+def _holds_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    if vehicle.stage is not Stage.FLYING or now_s - vehicle.hold_asked_s > LATE_S or vehicle.heartbeat is None:
+        return False
+    return vehicle.heartbeat.custom_mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+
+
+def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> tuple[Outcome | None, str]:
+    if record.intent.action is Action.REPLAN:
+        return _replan_settled(state, record)
+    for name in sorted(record.waiting):
+        vehicle = state.vehicles[name]
+        if vehicle.stage is Stage.LOST:
+            return Outcome.FAILED, f"{name} is not heard any more"
+        if record.intent.action in {Action.HOLD, Action.RESUME} and vehicle.stage is not Stage.FLYING:
+            why = f": {vehicle.fault.reason}" if vehicle.fault is not None else ""
+            return Outcome.FAILED, f"overtaken, {name} is {vehicle.stage.value}{why}"
+        if now_s - record.at_s > ANSWER_S:
+            return Outcome.FAILED, f"{name} did not answer"
+    return None, ""
+
+
+def _replan_settled(state: FleetState, record: IntentRecord) -> tuple[Outcome | None, str]:
+    last = state.records[-1] if state.records else None
+    if last is not None and last.ended_s > record.at_s and state.replan is None:
+        left = f", {len(last.uncovered)} segments are left over" if last.uncovered else ""
+        return Outcome.DONE, f"re-plan {last.revision} is on board{left}"
+    if state.recalled:
+        return Outcome.FAILED, "everybody was sent home"
+    if state.replan is None and not state.ordered and not state.urgent:
+        return Outcome.FAILED, "there was nothing to plan, or nobody to fly it"
+    return None, ""

@@ -1,0 +1,1 @@
+"""What must be true before anything moves, and what is set on board for the flight."""

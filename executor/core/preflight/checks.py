@@ -1,0 +1,263 @@
+"""What must be true before anything moves: plain checks over what the vehicles said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from executor.core.connection import Connection, Scheme
+from executor.core.context import Context
+from executor.core.hearing import firmware
+from executor.core.hearing.strangers import stranger_words
+from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
+from executor.core.preflight import failsafes
+from executor.core.preflight.failsafes import LinkFailsafe, Parameters
+from missions import Dialect, FlightPath, Pad, check_separation, estimate, margin_m
+
+RECORD_BYTES_S = 2500.0
+"""Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
+SPARE_ROOM = 4.0
+"""A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
+AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
+"""MAV_AUTOPILOT."""
+PAD_OFF_M = 15.0
+"""What a GPS may be off in height."""
+PAD_SLOPE = 0.3
+"""By how much the ground may rise from the depot to a pad, in metres a metre."""
+FARTHEST_PAD_M = 200.0
+"""A vehicle that stands farther from the depot than this is not the one that the site file means."""
+
+
+class Severity(Enum):
+    """What a finding means for the flight."""
+
+    OK = "ok"
+    WARNING = "warning"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of the checklist."""
+
+    severity: Severity
+    subject: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What one vehicle said before the flight."""
+
+    name: str
+    heartbeat: Heartbeat
+    position: Position
+    remaining_pct: float
+    version: Version | None
+    parameters: Parameters
+    """Those of `failsafes.names` that were answered."""
+    stations: tuple[StationHeard, ...] = ()
+    """Other ground stations whose heartbeats came over its link."""
+    doubles: tuple[DoubleHeard, ...] = ()
+    """Other vehicles with its number."""
+
+    @property
+    def words(self) -> str:
+        """Type, autopilot and firmware."""
+        version = "of unknown version" if self.version is None else str(self.version)
+        return (
+            f"{firmware.vehicle_words(self.heartbeat.vehicle_type)}, "
+            f"{firmware.autopilot_words(self.heartbeat.autopilot)} {version}"
+        )
+
+
+def pad_from(facts: Facts, east_m: float, north_m: float) -> Pad:
+    """Return the place where a vehicle really stands, which is where it will land."""
+    return Pad(facts.name, east_m, north_m, facts.position.alt_msl_m - facts.position.alt_rel_m)
+
+
+def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> list[Check]:
+    """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
+    found = [_who(facts, dialect)]
+    kind = facts.heartbeat.vehicle_type
+    if kind not in firmware.MULTICOPTERS:
+        text = f"its heartbeat says that it is a {firmware.vehicle_words(kind)}, expected a multicopter"
+        found.append(Check(Severity.STOP, facts.name, text))
+    expected = AUTOPILOT_NUMBERS[dialect.name]
+    if facts.heartbeat.autopilot != expected:
+        text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({expected})"
+        found.append(Check(Severity.STOP, facts.name, text))
+    found += [Check(Severity.STOP, facts.name, stranger_words(double)) for double in facts.doubles]
+    if facts.heartbeat.armed:
+        found.append(Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad"))
+    away_m = math.hypot(*place_m)
+    if away_m > FARTHEST_PAD_M:
+        text = f"stands {away_m:.0f} m from the depot, expected at most {FARTHEST_PAD_M:.0f} m"
+        found.append(Check(Severity.STOP, facts.name, text))
+    return found
+
+
+def pad_height(context: Context, facts: Facts) -> list[Check]:
+    """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
+    pad = context.setup.pad_of(facts.name)
+    off_m = pad.alt_m - context.frame.alt_m
+    text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
+    if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
+        return [Check(Severity.STOP, facts.name, f"{text}: expected depot.alt_m and GPS to agree")]
+    inspection = context.setup.inspection
+    if abs(off_m) > inspection.height_m - margin_m(context.setup):
+        return [
+            Check(Severity.WARNING, facts.name, f"{text}: its flight is {abs(off_m):.0f} m off if they do not agree")
+        ]
+    return []
+
+
+def _who(facts: Facts, dialect: Dialect) -> Check:
+    tested = f"tested with {dialect.tested_version}"
+    if facts.version is None:
+        return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}")
+    if (facts.version.major, facts.version.minor) < dialect.oldest_version:
+        oldest = ".".join(map(str, dialect.oldest_version))
+        text = f"{facts.words}, which is older than {oldest}; faultline is {tested}"
+        return Check(Severity.WARNING, facts.name, text)
+    return Check(Severity.OK, facts.name, facts.words)
+
+
+def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
+    """Say what the vehicle does by itself when it does not hear us, and how long it is waited for.
+
+    Args:
+        facts: What it said.
+        own: What its parameters mean.
+        waited_s: The silence after which its segments are given away.
+        wanted_s: The site file's figure for that; None if it has none.
+    """
+    given_up = f"given up after {waited_s:g} s of silence"
+    if wanted_s is not None and waited_s > wanted_s:
+        text = (
+            f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter than that, and its segments would be given "
+            f"away while it still flies them: it is {given_up} instead"
+        )
+        return Check(Severity.WARNING, facts.name, text)
+    return Check(Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {given_up}")
+
+
+def stations(facts: Facts, dialect: Dialect) -> list[Check]:
+    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
+    found: list[Check] = []
+    ours = GROUND_STATION[0]
+    counted = failsafes.counted_station(dialect, facts.parameters)
+    if counted is not None and counted[1] != ours:
+        name, value = counted
+        text = f"its ground-station failsafe waits for system {value} ({name}), ours is {ours}: it does not watch us"
+        found.append(Check(Severity.WARNING, facts.name, text))
+    for station in facts.stations:
+        hides = counted is None or counted[1] == station.system
+        then = "its heartbeats would hide that ours have ended" if hides else "it may command the vehicle too"
+        text = f"another ground station is on its link, system {station.system} component {station.component}: {then}"
+        found.append(Check(Severity.WARNING, facts.name, text))
+    return found
+
+
+def battery(facts: Facts, dialect: Dialect, left_pct: float | None) -> list[Check]:
+    """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
+    rule = failsafes.battery_rule(dialect, facts.parameters)
+    settings = ", ".join(
+        dict.fromkeys(
+            f"{level.action} {facts.parameters[level.action]:g}" if level.action in facts.parameters else level.action
+            for level in dialect.battery_failsafe.levels
+        )
+    )
+    if not rule.actions:
+        text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
+        if not rule.said:
+            text = f"did not say what it does on a low battery ({settings})"
+        return [Check(Severity.WARNING, facts.name, text)]
+    found = [Check(Severity.OK, facts.name, "by itself it " + ", ".join(action.words for action in rule.actions))]
+    for action in rule.actions:
+        if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
+            text = f"{action.words}, but its flight ends with {left_pct:.0f} %: its failsafe would act in the flight"
+            found.append(Check(Severity.WARNING, facts.name, text))
+    return found
+
+
+def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check]:
+    """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
+    setup = context.vehicles[facts.name]
+    cylinder = failsafes.geofence(setup.dialect, facts.parameters)
+    if cylinder is None:
+        return []
+    high_m, away_m = context.return_height_m(facts.name), 0.0
+    for point in path.waypoints if path is not None else ():
+        high_m = max(high_m, point.alt_rel_m)
+        away_m = max(away_m, math.dist(setup.pad_m, context.frame.to_local_m(point.lat_deg, point.lon_deg)))
+    rule, found = setup.dialect.geofence, []
+    for limit_m, needed_m, name, what in (
+        (cylinder.height_m, high_m, rule.height, "high"),
+        (cylinder.radius_m, away_m, rule.radius, "away from home"),
+    ):
+        if limit_m is not None and needed_m > limit_m:
+            text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
+            found.append(Check(Severity.WARNING, facts.name, text))
+    return found or [Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence")]
+
+
+def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
+    """Return what a flight should leave in the battery; None if there is no flight."""
+    if path is None:
+        return None
+    return remaining_pct - estimate(path, context.travel, context.setup.motion).energy_pct
+
+
+def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
+    """Compare what the flight should take with what is in the battery."""
+    setup = context.vehicles[name]
+    if path is None:
+        return Check(Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %")
+    needed = estimate(path, context.travel, context.setup.motion)
+    left = remaining_pct - needed.energy_pct
+    text = (
+        f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "
+        f"lands with {left:.0f} %"
+    )
+    if left < setup.reserve_pct:
+        return Check(Severity.STOP, name, f"{text}, expected at least the reserve of {setup.reserve_pct:g} %")
+    return Check(Severity.OK, name, text)
+
+
+def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
+    """Say who may speak for the vehicles, and to them.
+
+    Args:
+        connections: Of each vehicle.
+        signed: Whether frames must be signed.
+    """
+    if signed:
+        return Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused")
+    open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
+    if not open_:
+        radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
+        beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
+        return Check(Severity.OK, "signing", f"frames are not signed; {beyond}")
+    text = f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network"
+    return Check(Severity.WARNING, "signing", f"{text}: whoever can send there can command and imitate the vehicles")
+
+
+def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
+    """Compare the room on the disk with what the record of a flight takes."""
+    flown_s = sum(estimate(path, context.travel, context.setup.motion).duration_s for path in paths.values())
+    needed = RECORD_BYTES_S * flown_s
+    text = f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about {needed / 1e6:.0f} MB"
+    if free_bytes < SPARE_ROOM * needed:
+        return Check(Severity.WARNING, "disk", f"{text}: it may not fit")
+    return Check(Severity.OK, "disk", text)
+
+
+def separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
+    """Check that heights and layers keep any two vehicles apart."""
+    found = [
+        Check(Severity.STOP, "separation", text) for text in check_separation(paths, layer_m, home_alt_m=home_alt_m)
+    ]
+    return found or [Check(Severity.OK, "separation", f"any two vehicles stay at least {layer_m:g} m apart")]

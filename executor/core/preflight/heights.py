@@ -1,0 +1,74 @@
+"""Which heights a flight is flown by, in words for the checklist and as data for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from executor.core.preflight.checks import Check, Severity
+from missions import (
+    FlightPath,
+    FlightSetup,
+    check_ceiling,
+    check_clearance,
+    check_everywhere,
+    lowest_over_tops_m,
+    over_ground_m,
+    return_over_ground_m,
+)
+
+SUBJECT = "heights"
+SHOWN = 3
+"""Findings of one kind; more of them say the same."""
+
+
+def checks(setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequence[str] = ()) -> list[Check]:
+    """Return what the checklist says of the heights: by which they are flown, and every reason not to fly.
+
+    Args:
+        setup: Heights and pads.
+        paths: The missions.
+        worth_a_look: What was found about the network's heights when it was read.
+    """
+    found = [Check(Severity.OK, SUBJECT, words(setup, paths))]
+    found += [Check(Severity.WARNING, SUBJECT, text) for text in worth_a_look]
+    found += [Check(Severity.STOP, SUBJECT, text) for text in too_low(setup, paths)]
+    found += [Check(Severity.STOP, SUBJECT, text) for text in check_ceiling(setup, paths)]
+    return found
+
+
+def too_low(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
+    """Return in words where a flight, or one of a later plan, comes too near to the ground or to a line."""
+    everywhere = check_everywhere(setup)
+    more = [f"{len(everywhere) - SHOWN} more places like these"] if len(everywhere) > SHOWN else []
+    return [*check_clearance(setup, paths), *everywhere[:SHOWN], *more]
+
+
+def words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
+    """Return by which heights is flown: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
+    text = f"over {setup.layers.reference.value}"
+    if setup.network.flat:
+        text += ", taken to be flat" if not setup.network.has_heights else ", on ground that is taken to be flat"
+    least_m = lowest_over_tops_m(setup, paths)
+    if least_m is not None:
+        text += f", by {least_m:.1f} m or more"
+    heights = over_ground_m(setup, paths)
+    if heights is not None:
+        low, high = heights
+        text += f"; {low.height_m:.0f} to {high.height_m:.0f} m over the ground"
+    own_m = return_over_ground_m(setup).height_m
+    return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
+
+
+def document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
+    """Return the same as plain data, in metres."""
+    heights = over_ground_m(setup, paths)
+    least_m = lowest_over_tops_m(setup, paths)
+    return {
+        "over": setup.layers.reference.value,
+        "flat": setup.network.flat,
+        "least_over_tops_m": None if least_m is None else round(least_m, 1),
+        "least_over_ground_m": None if heights is None else round(heights[0].height_m, 1),
+        "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
+        "return_over_ground_m": round(return_over_ground_m(setup).height_m, 1),
+        "ceiling_m": setup.inspection.ceiling_m,
+    }

@@ -1,0 +1,302 @@
+"""Parameters that a flight needs otherwise than the vehicles have them: what is changed, and how it is given back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from executor.core.context import Context
+from executor.core.messages import ParamValue
+from executor.core.preflight.checks import Check, Severity
+from missions import Dialect, ReturnParameters, highest_return_m
+
+Present = Mapping[str, ParamValue]
+"""What one vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
+
+REAL32 = 9
+"""MAV_PARAM_TYPE of a float; 1 to 8 are integers."""
+HIGHER_M = 0.5
+"""A return this much above its layer is in its layer: half of what autopilots hold their height to."""
+KEPT_HIGHER_M = 50.0
+"""The highest of a fleet may return this much higher than it must: a crew knows why, nobody else is up there, and the
+longer way up and down takes a minute and some 4 % of a battery."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A parameter that is to be set for the flight."""
+
+    vehicle: str
+    name: str
+    old: float
+    """What is on board."""
+    new: float
+    kind: int
+    """MAV_PARAM_TYPE."""
+    unit: str
+    why: str
+
+    @property
+    def words(self) -> str:
+        """Old, new and why, for whoever must say yes."""
+        return f"{self.name} {number(self.old)} -> {number(self.new)}{_unit(self.unit)}: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What a flight would change on board, and what that is held against."""
+
+    present: Mapping[str, Present]
+    """What each vehicle has now, as far as it matters to its own return."""
+    changes: tuple[Change, ...]
+    checks: tuple[Check, ...]
+    """The same for the checklist, with what is right already and what is not known."""
+
+    def of(self, vehicle: str) -> tuple[Change, ...]:
+        """Return the changes of one vehicle."""
+        return tuple(change for change in self.changes if change.vehicle == vehicle)
+
+
+def number(value: float) -> str:
+    """Return a value as people write it.
+
+    >>> number(1500.0), number(27.299999237060547), number(0.0)
+    ('1500', '27.3', '0')
+    """
+    return str(int(value)) if value == int(value) else f"{value:g}"
+
+
+def same(one: float, other: float) -> bool:
+    """Return whether two values are one, but for what a float loses on its way."""
+    return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-6)
+
+
+def first_names(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that a vehicle is asked for before a change of its return."""
+    rule = dialect.return_parameters
+    return tuple(name for name in (rule.height, rule.cone, rule.descend_height, rule.descend_wait) if name is not None)
+
+
+def newer_names(dialect: Dialect, present: Present) -> tuple[str, ...]:
+    """Return what else it is asked for: the name of its height in newer firmware, where the older is not known."""
+    rule = dialect.return_parameters
+    return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
+
+
+def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: float | None = None) -> Proposal:
+    """Return what must be set so that every vehicle comes home by itself clear of the others.
+
+    What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
+    lower down may not return higher than its layer: it would climb through the layers of others.
+
+    Args:
+        context: Of the flight.
+        present: What each vehicle answered.
+        ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
+            site's ceiling over the ground allows.
+    """
+    changes: list[Change] = []
+    checks: list[Check] = []
+    highest = max(context.vehicles, key=lambda name: _return_up_m(context, name))
+    for name, said in present.items():
+        allowed_m = highest_return_m(context.setup, name) if ceiling_m is None else ceiling_m
+        own, check = _of_vehicle(context, name, said, allowed_m if name == highest else 0.0)
+        changes += own
+        checks += [check, *(Check(Severity.OK, name, f"to be set for the flight: {change.words}") for change in own)]
+    return Proposal(present, tuple(changes), tuple(checks))
+
+
+def _return_up_m(context: Context, name: str) -> float:
+    """Return how high over the depot a vehicle returns."""
+    return context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
+
+
+def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float) -> tuple[list[Change], Check]:
+    rule, wanted_m = context.vehicles[vehicle].dialect.return_parameters, context.return_height_m(vehicle)
+    name, unit_m = height_name(rule, said)
+    known = said.get(name)
+    if known is None:
+        text = f"the height of its own return is not known: {name} does not answer; nothing is set"
+        return [], Check(Severity.WARNING, vehicle, text)
+    is_m = known.value * unit_m
+    most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
+    changes, height_m = [], is_m
+    if not wanted_m - unit_m <= is_m <= most_m:
+        value = _rounded_up(wanted_m, unit_m, known.kind)
+        height_m = value * unit_m
+        unit = "cm" if unit_m < 1.0 else "m"
+        changes.append(Change(vehicle, name, known.value, value, known.kind, unit, _why_so_high(context)))
+    changes += _beside(vehicle, rule, said, height_m)
+    stays = "is" if height_m == is_m else "will be"
+    return changes, Check(Severity.OK, vehicle, f"its own return {stays} at {height_m:.4g} m ({name})")
+
+
+def settled(context: Context, vehicle: str, proposal: Proposal, ends: Mapping[str, str]) -> Check:
+    """Say at which height a vehicle comes home by itself once its parameters are set.
+
+    Args:
+        context: Of the flight.
+        vehicle: Which one.
+        proposal: What was to be set.
+        ends: By name, why a parameter is not as wanted; empty where it is.
+    """
+    said, wanted_m = proposal.present[vehicle], context.return_height_m(vehicle)
+    name, unit_m = height_name(context.vehicles[vehicle].dialect.return_parameters, said)
+    problems = "; ".join(problem for problem in ends.values() if problem)
+    new = next((change.new for change in proposal.of(vehicle) if change.name == name), said[name].value)
+    height_m = (said[name].value if ends.get(name) else new) * unit_m
+    if ends.get(name):
+        text = (
+            f"its own return stays at {height_m:.4g} m ({name}), not at the {wanted_m:.0f} m that keep it clear of the "
+            f"others: {problems}"
+        )
+        return Check(Severity.WARNING, vehicle, text)
+    if problems:
+        return Check(Severity.WARNING, vehicle, f"its own return is set to {height_m:.4g} m, but {problems}")
+    return Check(Severity.OK, vehicle, f"its own return is set to {height_m:.4g} m ({name})")
+
+
+def height_name(rule: ReturnParameters, said: Present) -> tuple[str, float]:
+    """Return the parameter that holds the height of a vehicle's own return, and its unit in metres."""
+    if rule.newer_height is not None and rule.height not in said and rule.newer_height in said:
+        return rule.newer_height, 1.0
+    return rule.height, rule.unit_m
+
+
+def _rounded_up(height_m: float, unit_m: float, kind: int) -> float:
+    """Return a height in a parameter's unit: whole centimetres, whole metres of an integer, else tenths."""
+    step = 0.1 if unit_m == 1.0 and kind == REAL32 else 1.0
+    return round(math.ceil(round(height_m / unit_m / step, 6)) * step, 1)
+
+
+def _why_so_high(context: Context) -> str:
+    heights = context.setup.layers.track_heights_m
+    if len(context.vehicles) == 1:
+        return "keeps its RTL above the line"
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
+        return "keeps its RTL above the others' layers"
+    return "keeps its RTL in its own layer"
+
+
+def _beside(vehicle: str, rule: ReturnParameters, said: Present, height_m: float) -> list[Change]:
+    """Return what else keeps a vehicle from returning at that height."""
+    changes = []
+    cone = said.get(rule.cone)
+    if cone is not None and cone.value >= rule.cone_least:
+        why = "climbs to that height near its pad, too"
+        changes.append(Change(vehicle, rule.cone, cone.value, rule.cone_off, cone.kind, rule.cone_unit, why))
+    stop = None if rule.descend_height is None else said.get(rule.descend_height)
+    wait = None if rule.descend_wait is None else said.get(rule.descend_wait)
+    waits = wait is None or wait.value != 0.0
+    if stop is not None and waits and stop.value < height_m:
+        why = "waits over its pad in its own layer"
+        changes.append(Change(vehicle, stop.name, stop.value, height_m, stop.kind, "m", why))
+    return changes
+
+
+class Stage(Enum):
+    """How far a change has come."""
+
+    PLANNED = "planned"
+    """It may be on board: this is written before it is sent."""
+    SET = "set"
+    """It was read back."""
+    RESTORED = "restored"
+    """What was there before was read back."""
+    LEFT = "left"
+    """Something else was found on board, which somebody set since: it was left as it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What is on record of one parameter, so that it can be given back whatever happens to the ground station."""
+
+    vehicle: str
+    sysid: int
+    autopilot: str
+    name: str
+    old: float
+    """What was there before anybody here set anything."""
+    new: float
+    """What was set last."""
+    kind: int
+    """MAV_PARAM_TYPE."""
+    unit: str
+    why: str
+    stage: Stage = Stage.PLANNED
+    earlier: tuple[float, ...] = ()
+    """What earlier attempts at the same flight set, and may have left on board."""
+
+    @property
+    def open(self) -> bool:
+        """Whether it has still to be given back."""
+        return self.stage is not Stage.RESTORED
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Vehicle and name."""
+        return self.vehicle, self.name
+
+    @property
+    def words(self) -> str:
+        """What is given back, for whoever must say yes."""
+        return f"{self.vehicle}: {self.name} {number(self.new)} -> {number(self.old)}{_unit(self.unit)}"
+
+    def ours(self, value: float) -> bool:
+        """Return whether a value on board was set from here."""
+        return any(same(value, one) for one in (self.new, *self.earlier))
+
+
+def kept(change: Change, sysid: int, autopilot: str, before: Kept | None) -> Kept:
+    """Return what is on record once a change is planned.
+
+    Args:
+        change: What is to be set.
+        sysid: Of its vehicle.
+        autopilot: Of its vehicle, 'ardupilot' or 'px4'.
+        before: What an earlier attempt left on record of it. What that one found is the oldest value, and given back,
+            unless somebody set something else since.
+    """
+    fresh = Kept(
+        change.vehicle, sysid, autopilot, change.name, change.old, change.new, change.kind, change.unit, change.why
+    )
+    if before is None or not before.open or not (same(change.old, before.old) or before.ours(change.old)):
+        return fresh
+    earlier = dict.fromkeys((*before.earlier, before.new))
+    return replace(fresh, old=before.old, earlier=tuple(value for value in earlier if value != change.new))
+
+
+def on_record(changes: Sequence[Change], about: Mapping[str, tuple[int, str]], before: Sequence[Kept]) -> list[Kept]:
+    """Return the whole record before a flight sets anything.
+
+    Args:
+        changes: What it is going to set.
+        about: System and autopilot of each vehicle.
+        before: The record of earlier attempts; what is not set again stays on it.
+    """
+    known = {one.key: one for one in before}
+    for change in changes:
+        key = (change.vehicle, change.name)
+        known[key] = kept(change, *about[change.vehicle], known.get(key))
+    return list(known.values())
+
+
+class Found(Enum):
+    """What a parameter's value on board means."""
+
+    OLD = "old"
+    OURS = "ours"
+    OTHER = "other"
+
+
+def found(one: Kept, value: float) -> Found:
+    """Return what a value on board means: it is only ours to take back where we set it."""
+    if same(value, one.old):
+        return Found.OLD
+    return Found.OURS if one.ours(value) else Found.OTHER
+
+
+def _unit(unit: str) -> str:
+    return f" {unit}" if unit else ""

@@ -1,0 +1,1 @@
+"""After a loss: who can take over what, and what the next loss would mean."""

@@ -1,0 +1,1 @@
+"""After a time in which nobody listened: what became of everything meanwhile."""

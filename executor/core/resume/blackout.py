@@ -1,0 +1,104 @@
+"""A time in which nobody was heard, or nobody listened: what the vehicles did meanwhile, and how long they can.
+
+The ground's own radio ends no flight. While nobody at all is heard nothing is held against anybody, until the battery
+of each would be empty; who is heard again is taken up where it is, with what it flew.
+"""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+
+from executor.core.changed import changed
+from executor.core.commands import Command, Level, Say
+from executor.core.context import Context, Scene
+from executor.core.replan import replanning
+from executor.core.resume.inference import NOTHING, flown_meanwhile
+from executor.core.state import FleetState
+from executor.core.vehicle import Before, OnBoard, Stage, VehicleState
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+CATCH_UP_S = 5.0
+"""So long a vehicle that is heard again is waited for until it has said where it is, in which mode, on which item."""
+ENDURES = 1.5
+"""Nobody flies longer than this many times what the energy model makes of its battery."""
+
+
+def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before | None:
+    """Return where a vehicle on its mission is now, before nobody is heard; None for one that is not on it."""
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.fix is None or vehicle.board is None:
+        return None
+    percent = vehicle.battery.remaining_pct
+    return Before(vehicle.fix, vehicle.waypoint, vehicle.run, vehicle.run_visit, percent, until_s)
+
+
+def began(state: FleetState, since_s: float) -> FleetState:
+    """Keep where everybody was when all fell silent: a run with such a gap proves nothing."""
+    for vehicle in state.vehicles.values():
+        before = vehicle.before or before_of(vehicle, since_s)
+        if before is not vehicle.before:
+            state = state.put(changed(vehicle, before=before, run=None))
+    return state
+
+
+def endures_s(context: Scene, vehicle: VehicleState) -> float:
+    """Return how long a vehicle can fly at most from when it was heard last."""
+    percent = vehicle.battery.remaining_pct
+    return ENDURES * (100.0 if percent is None else percent) / min(context.draws_pct_s)
+
+
+def may_fly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that is not heard may still be in the air."""
+    return vehicle.spoke_s is not None and now_s - vehicle.spoke_s < endures_s(context, vehicle)
+
+
+def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
+    """Take up a vehicle that is heard again after nobody was; None as long as it has not said enough."""
+    before = vehicle.before
+    if before is None:
+        return state, ()
+    since_s = before.until_s
+    asked = math.isinf(since_s)  # after a restart it was asked already
+    if asked or vehicle.fix is None or vehicle.heartbeat_s is None or vehicle.board is None:
+        return state.put(changed(vehicle, before=None)), ()
+    if vehicle.stale or vehicle.regained_s is None or vehicle.regained_s <= since_s:
+        return None
+    said = vehicle.fix.at_s > since_s and vehicle.heartbeat_s > since_s
+    item = vehicle.item_s is not None and vehicle.item_s > since_s
+    if said and (item or not vehicle.armed):
+        return caught_up(context, state, vehicle, vehicle.board, None)
+    if now_s - vehicle.regained_s < CATCH_UP_S:
+        return None
+    return state.put(changed(vehicle, before=None)), ()
+
+
+def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
+    """Take a vehicle on its mission for where it is now, with what it flew on its way there.
+
+    Args:
+        context: Of the flight.
+        state: Of it.
+        vehicle: Heard again; `before` says where it was.
+        board: What it carries.
+        seq: The item that it flies to; None where its state has that.
+    """
+    waypoint = vehicle.waypoint
+    if seq is not None and 0 <= seq < len(board.waypoint_of):
+        waypoint = board.waypoint_of[seq] or waypoint
+    found = NOTHING if vehicle.before is None else flown_meanwhile(context, vehicle, board, waypoint)
+    took_off = vehicle.took_off or not vehicle.armed
+    run, visit = (vehicle.run, vehicle.run_visit) if found.joins is None else (found.run, found.joins)
+    vehicle = changed(vehicle, before=None, waypoint=waypoint, took_off=took_off, run=run, run_visit=visit)
+    state = state.put(vehicle)
+    new = [segment for segment in found.segments if segment not in state.inspected]
+    inspected = {**state.inspected, **dict.fromkeys(new, vehicle.name)}
+    marked = set(new) if found.joins is None else {*new, board.tracks[found.joins].segment}
+    state = changed(state, inspected=MappingProxyType(inspected), inferred=state.inferred | marked)
+    if found.why_not:
+        text = f"{vehicle.name}: what it flew meanwhile does not count: {found.why_not}"
+        return state, (Say(Level.WARNING, text),)
+    if not new:
+        return state, ()
+    listed = replanning.listed(context, tuple(new))
+    return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)

@@ -1,0 +1,177 @@
+"""What a vehicle flew while nobody listened, where everything that is known fits one story.
+
+A segment that was seen counts by its positions. Of one that nobody saw there is this evidence: the vehicle's own clock
+ran on; it was on the mission that we know before and after; it is now where that mission leads in just that time; and
+no segment can have been flown too fast without making it early. Then the segment counts, and is marked as inferred.
+Anything that does not fit makes the whole time worth nothing, and the segments are flown again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from executor.core.battery import account
+from executor.core.context import Context
+from executor.core.coverage import SPEED_FACTOR, Run, Sample, joined
+from executor.core.vehicle import Before, Fix, OnBoard, VehicleState
+from missions import Phase
+from missions.autopilots.modes import is_home_mode, is_mission_mode
+from planner import segment_of
+
+LEAST_TOLERANCE_S = 2.0
+"""The hold of a second at either end of the time, and a second between two reports of the index."""
+TOLERANCE = 1.0 - 1.0 / SPEED_FACTOR
+"""Share of a segment's time that is won by flying it just too fast to count."""
+ENERGY_TOLERANCE = 0.15
+"""How far a landed vehicle's use may be from what its mission should have cost: take-off and descent are estimates."""
+ENERGY_TOLERANCE_PCT = 2.0
+"""Two reports, each rounded, and the level flight to the pad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inferred:
+    """What is taken to have been flown."""
+
+    segments: tuple[int, ...] = ()
+    """From end to end, in their order."""
+    joins: int | None = None
+    """The visit under way now, if its beginning is taken to have been flown as well."""
+    run: Run | None = None
+    """That visit's run."""
+    why_not: str = ""
+    """What does not fit, in words; empty if everything does."""
+
+
+NOTHING = Inferred()
+
+
+def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> Inferred:
+    """Return what a vehicle inspected between the last position before the silence and its newest one.
+
+    Args:
+        context: Of the flight.
+        state: The vehicle, heard again; `before` says where it was.
+        board: The mission that it was found to carry.
+        waypoint: Of that mission, the end of the leg under way.
+    """
+    before, fix = state.before, state.fix
+    if before is None or fix is None or before.waypoint >= len(board.legs):
+        return NOTHING
+    elapsed_s = fix.boot_s - before.fix.boot_s
+    if elapsed_s <= 0.0:
+        return Inferred(why_not="its clock began anew")
+    if not state.armed:
+        return _landed(context, state, board, elapsed_s)
+    if why_not := _elsewhere(context, state, board, waypoint):
+        return Inferred(why_not=why_not)
+    visits = _passed(before, board, waypoint)
+    joins = board.path.waypoints[waypoint].visit
+    if board.path.waypoints[waypoint].phase is not Phase.INSPECT or (
+        waypoint == before.waypoint and before.run is None
+    ):
+        joins = None
+    if not visits and joins is None:
+        return NOTHING
+    expected_s = _left_s(board, before.waypoint, before.fix) - _left_s(board, waypoint, fix)
+    expected_s += sum(leg.duration_s for leg in board.legs[before.waypoint + 1 : waypoint + 1])
+    tolerance_s = _tolerance_s(board, (*visits, *(() if joins is None else (joins,))))
+    if abs(elapsed_s - expected_s) > tolerance_s:
+        return Inferred(why_not=f"it took {elapsed_s:.0f} s where its way takes {expected_s:.0f} s")
+    segments = tuple(segment_of(board.visits[visit]) for visit in visits)
+    if joins is None:
+        return Inferred(segments)
+    sample = Sample(fix.boot_s, fix.place_m, math.hypot(*fix.velocity_m_s[:2]))
+    return Inferred(segments, joins, joined(board.tracks[joins], sample, context.inspection_speed_m_s))
+
+
+def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> str:
+    """Return why a vehicle in the air is not where its mission leads; empty if it is."""
+    before, fix, dialect = state.before, state.fix, context.vehicles[state.name].dialect
+    if state.heartbeat is None or not is_mission_mode(dialect, state.heartbeat.custom_mode):
+        return "it is not on its mission any more"
+    if before is None or waypoint < before.waypoint:
+        return "its mission went back"
+    away_m = math.inf if fix is None else _beside_m(board, waypoint, fix.place_m)
+    return f"it is {away_m:.0f} m beside its way" if away_m > context.corridor_m else ""
+
+
+def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: float) -> Inferred:
+    """Look at a vehicle that is on the ground again: when it landed nobody knows, but what it used tells how far."""
+    before, fix, setup = state.before, state.fix, context.vehicles[state.name]
+    if before is None or fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+        return Inferred(why_not="it is not on its pad")
+    if state.heartbeat is None or is_home_mode(setup.dialect, state.heartbeat.custom_mode):
+        return Inferred(why_not="it came home by itself")
+    if setup.failsafe_s is not None and elapsed_s >= setup.failsafe_s:
+        # PX4 goes back to its mission mode once it has disarmed, however it came home.
+        return Inferred(why_not="its own failsafe may have brought it home")
+    rest = board.legs[before.waypoint + 1 :]
+    left = _share_left(board, before.waypoint, before.fix)
+    first = board.legs[before.waypoint]
+    expected_s = left * first.duration_s + sum(leg.duration_s for leg in rest)
+    visits = _passed(before, board, len(board.legs))
+    if elapsed_s < expected_s - _tolerance_s(board, visits):
+        return Inferred(why_not=f"{elapsed_s:.0f} s are too short for its way of {expected_s:.0f} s")
+    if before.remaining_pct is None or state.battery.remaining_pct is None:
+        return Inferred(why_not="nobody knows what it used")
+    expected_pct = account.factor(state.battery) * (left * first.energy_pct + sum(leg.energy_pct for leg in rest))
+    used_pct = before.remaining_pct - state.battery.remaining_pct
+    if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
+        return Inferred(why_not=f"it used {used_pct:.0f} % where its way costs {expected_pct:.0f} %")
+    return Inferred(tuple(segment_of(board.visits[visit]) for visit in visits))
+
+
+def _passed(before: Before, board: OnBoard, waypoint: int) -> tuple[int, ...]:
+    """Return the visits that end before the leg under way, without one whose beginning is known not to count."""
+    visits = []
+    for index in range(before.waypoint, waypoint):
+        point = board.path.waypoints[index]
+        if point.phase is not Phase.INSPECT or point.visit is None:
+            continue
+        if index > before.waypoint or (before.run is not None and before.run_visit == point.visit):
+            visits.append(point.visit)
+    return tuple(visits)
+
+
+def _tolerance_s(board: OnBoard, visits: tuple[int, ...]) -> float:
+    """Return how far a time may be off: less than any one of the segments flown too fast would make it."""
+    shortest_s = min(
+        (
+            board.legs[index].duration_s
+            for index, point in enumerate(board.path.waypoints)
+            if point.phase is Phase.INSPECT and point.visit in visits
+        ),
+        default=0.0,
+    )
+    return max(LEAST_TOLERANCE_S, TOLERANCE * shortest_s)
+
+
+def _left_s(board: OnBoard, waypoint: int, fix: Fix) -> float:
+    """Return how long the rest of a leg takes from a place on it."""
+    return _share_left(board, waypoint, fix) * board.legs[waypoint].duration_s
+
+
+def _share_left(board: OnBoard, waypoint: int, fix: Fix) -> float:
+    end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
+    begin, begin_up_m = end, 0.0  # the climb from the pad
+    if waypoint > 0:
+        begin, begin_up_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
+    length = math.dist(begin, end)
+    left = math.dist(fix.place_m, end)
+    if length < 1.0:
+        length, left = abs(end_up_m - begin_up_m), abs(end_up_m - fix.alt_rel_m)
+    return min(1.0, left / length) if length >= 1.0 else 1.0
+
+
+def _beside_m(board: OnBoard, waypoint: int, place_m: tuple[float, float]) -> float:
+    """Return how far beside the leg to a waypoint a place lies."""
+    end = board.places_m[waypoint]
+    begin = board.places_m[max(0, waypoint - 1)]
+    length = math.dist(begin, end)
+    if length < 1.0:
+        return math.dist(place_m, end)
+    east, north = (end[0] - begin[0]) / length, (end[1] - begin[1]) / length
+    de, dn = place_m[0] - begin[0], place_m[1] - begin[1]
+    along = min(length, max(0.0, de * east + dn * north))
+    return math.hypot(de - along * east, dn - along * north)

@@ -1,0 +1,260 @@
+"""A flight taken up again: what became of everything that was under way when the ground station went away.
+
+The log says what was decided; the vehicles say what they carry and where they are. Where the two do not agree, what is
+on board holds, as long as it is one of the missions that were decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from executor.core.battery.voltage import VoltageState
+from executor.core.changed import changed
+from executor.core.commands import Command, Level, Say, Start, Upload
+from executor.core.context import Context, FlyAgain
+from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
+from executor.core.homing.homeward import on_mission, sent_home
+from executor.core.link_quality import LinkQuality
+from executor.core.replan import replanning
+from executor.core.resume.blackout import before_of, caught_up
+from executor.core.roster.withdraw import left_plan, withdrawn
+from executor.core.state import Absence, FleetState, NewMission, Replan
+from executor.core.vehicle import Stage, VehicleState, aboard, moved_to
+from missions import MissionItem, alike, encode
+from missions.autopilots.modes import is_mission_mode
+from planner import segment_of
+
+FLOWN_PCT = 3.0
+"""A vehicle on the ground that has used more than this since it was told to start has flown."""
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Resumption:
+    """What is to be done once everybody was asked."""
+
+    state: FleetState
+    commands: tuple[Command, ...]
+    ended: tuple[Event, ...]
+    """What came to its end while nobody listened, as if it were heard now."""
+    strange: tuple[tuple[str, str], ...]
+    """(vehicle, why) of those that cannot be left on what they carry."""
+
+
+def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
+    """Begin to listen again: nothing of the time in between is held against anybody."""
+    for vehicle in state.vehicles.values():
+        state = state.put(
+            changed(
+                vehicle,
+                before=vehicle.before or before_of(vehicle),
+                errand=None if vehicle.errand is None else replace(vehicle.errand, told=False),
+                heard_s=None if vehicle.heard_s is None else now_s,
+                heartbeat_s=None,
+                excused_s=now_s,
+                run=None,
+                anchor=None,
+                watches=(),
+                stale=False,
+                volts=VoltageState(highest_v=vehicle.volts.highest_v),
+                quality=LinkQuality(),
+            )
+        )
+    absences = (*state.absences, Absence(now_s, event.away_s, restarted=True))
+    state = changed(state, tick_s=None, silent_since_s=None, absences=absences)
+    said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
+    return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
+
+
+def found_on(
+    context: Context, state: FleetState, name: str, items: Sequence[MissionItem] | None, seq: int | None
+) -> Found:
+    """Compare what was read from a vehicle that answers with every mission that it may have been given.
+
+    Args:
+        context: Of the flight.
+        state: By the log.
+        name: Of the vehicle.
+        items: What is on board; None if it could not be read.
+        seq: The item that it flies to.
+    """
+    vehicle, plan, dialect = state.vehicles[name], state.replan, context.vehicles[name].dialect
+    paths = {} if vehicle.board is None else {vehicle.board.revision: vehicle.board.path}
+    if plan is not None and name in plan.missions:
+        paths[plan.solve.revision] = plan.missions[name].path
+    matches = []
+    for revision, path in paths.items() if items is not None else ():
+        ours = encode(path, dialect).items
+        same = alike(ours, items or (), dialect)
+        matches.append(Match(revision, same, whole=same == len(ours) == len(items or ())))
+    return Found(name, True, seq, None if items is None else len(items), tuple(matches))
+
+
+def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
+    """Take up every vehicle where it is."""
+    state = _really_away(state, event)
+    plan = state.replan
+    if plan is not None and plan.solve_s is None:
+        state = replanning.wanted_again(state, plan)  # the solver died with the ground station
+    elif plan is not None and plan.unmade:
+        state = replace(state, replan=replanning.all_made(context, state, plan))
+    commands: list[Command] = []
+    ended: list[Event] = []
+    strange: list[tuple[str, str]] = []
+    again: dict[str, tuple[Command, ...]] = {}
+    for found in event.found:
+        if not found.heard:
+            commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
+            state = state.put(changed(state.vehicles[found.vehicle], before=None))
+            continue
+        state, one = _taken_up(context, state, found, now_s)
+        commands += one.commands
+        ended += one.ended
+        strange += one.strange
+        if one.again:
+            again[found.vehicle] = one.again
+    for found in event.found:
+        if found.vehicle in again:
+            state, more = _sent_again(context, state, found, again[found.vehicle], now_s)
+            commands += more
+    return Resumption(state, tuple(commands), tuple(ended), tuple(strange))
+
+
+def _really_away(state: FleetState, event: Resumed) -> FleetState:
+    """Take the vehicles' word for how long it was: their clocks ran on, ours may have been set."""
+    heard = {found.vehicle for found in event.found if found.heard}
+    gaps = [
+        vehicle.fix.boot_s - vehicle.before.fix.boot_s
+        for vehicle in state.vehicles.values()
+        if vehicle.name in heard and vehicle.fix is not None and vehicle.before is not None
+    ]
+    if not state.absences or not gaps:
+        return state
+    last = state.absences[-1]
+    return changed(state, absences=(*state.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps))))
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    commands: tuple[Command, ...] = ()
+    ended: tuple[Event, ...] = ()
+    strange: tuple[tuple[str, str], ...] = ()
+    again: tuple[Command, ...] = ()
+    """What sends the rest of a mission, if it is still wanted."""
+
+
+def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -> tuple[FleetState, _Taken]:
+    vehicle, plan = state.vehicles[found.vehicle], state.replan
+    if plan is not None and found.vehicle in plan.pending:
+        return _half_uploaded(context, state, plan, found, now_s)
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.board is None:
+        return state.put(changed(vehicle, before=None)), _Taken()
+    match = found.against(vehicle.board.revision)
+    if match is not None and not match.whole and vehicle.armed:
+        why = f"carries another mission than the one that was put on board, from item {match.alike} on"
+        return state.put(changed(vehicle, before=None)), _Taken(strange=((found.vehicle, why),))
+    if vehicle.stage is Stage.STARTING:
+        return _started(context, state, vehicle, now_s)
+    state, said = caught_up(context, state, vehicle, vehicle.board, found.seq)
+    return state, _Taken(said)
+
+
+def _half_uploaded(
+    context: Context, state: FleetState, plan: Replan, found: Found, now_s: float
+) -> tuple[FleetState, _Taken]:
+    """Bring an upload to its end that was under way, or about to begin, or over without our knowing."""
+    vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
+    revision = plan.solve.revision
+    new = found.against(revision)
+    board = vehicle.board
+    said: tuple[Command, ...] = ()
+    if new is not None and new.whole:
+        ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason=""),)
+        if not mission.fresh:
+            board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
+            state, said = caught_up(context, state, vehicle, board, found.seq)
+        return state, _Taken(said, ended)
+    old = None if board is None else found.against(board.revision)
+    if not mission.fresh and board is not None and (old is None or old.whole):
+        state, said = caught_up(context, state, vehicle, board, found.seq)
+        offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
+        if not replanning.still_fits(state.vehicles[found.vehicle], offer):
+            state, plan, let_go = replanning.let_go(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
+            state, more = replanning.ended_if_done(state, now_s)
+            return state, _Taken((*said, let_go, *more))
+    elif not mission.fresh and new is not None and _at_its_end(found, new) and on_mission(context, vehicle):
+        # In any other mode its own failsafe knows better: a landing must not become a flight home.
+        return _stranded(context, state, found, mission, revision, now_s)
+    elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
+        why = "its mission is a mixture of two, and it flies beyond what is new"
+        return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
+    state = state.put(changed(state.vehicles[found.vehicle], before=None))
+    text = f"{found.vehicle}: the new mission of re-plan {revision} is not whole on board; it is sent again"
+    again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
+    return state, _Taken(said, again=(Say(Level.WARNING, text), again))
+
+
+def _at_its_end(found: Found, new: Match) -> bool:
+    """Return whether a vehicle flies to the last item of a new mission's beginning, or hovers there.
+
+    ArduPilot says then that its mission is complete: what is put on board later moves nothing, and what could move it
+    again begins the whole list anew. Item 0 is its home, which it never flies to, and what it says after an end.
+    """
+    return found.items == new.alike and found.seq is not None and (found.seq == 0 or found.seq >= new.alike - 1)
+
+
+def _stranded(
+    context: Context, state: FleetState, found: Found, mission: NewMission, revision: int, now_s: float
+) -> tuple[FleetState, _Taken]:
+    """Bring a vehicle home whose mission was cut short by our death: it is well, and may fly again."""
+    vehicle = state.vehicles[found.vehicle]
+    board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
+    state, said = caught_up(context, state, vehicle, board, found.seq)
+    why = "reached the end of what was on board of its new mission"
+    left = left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
+    state, told = sent_home(context, state.put(left), left, now_s)
+    state, more = withdrawn(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
+    text = f"{found.vehicle}: {why}; it is told to return"
+    return state, _Taken((*said, Say(Level.WARNING, text), *more, *told))
+
+
+def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[Command, ...], now_s: float) -> Stepped:
+    """Send the rest of a mission, unless others have flown a part of it meanwhile and it can still be let go of."""
+    name, plan = found.vehicle, state.replan
+    if plan is None:
+        return state, again
+    vehicle, mission = state.vehicles[name], plan.missions[name]
+    flown = {segment for visit in mission.visits if state.inspected.get(segment := segment_of(visit), name) != name}
+    old = None if vehicle.board is None else found.against(vehicle.board.revision)
+    if not flown or not (mission.fresh or (old is not None and old.whole)):
+        return state, again
+    why = f"others flew {replanning.listed(context, frozenset(flown))} of its new mission meanwhile"
+    state, plan, said = replanning.let_go(state, plan, name, why, now_s)
+    state, more = replanning.ended_if_done(state, now_s)
+    return state, (said, *more)
+
+
+def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, _Taken]:
+    """Look what became of a vehicle that had been told to take off."""
+    name, heartbeat, fix = vehicle.name, vehicle.heartbeat, vehicle.fix
+    vehicle = changed(vehicle, before=None)
+    state = state.put(vehicle)
+    if vehicle.armed and heartbeat is not None and fix is not None:
+        dialect = context.vehicles[name].dialect
+        if is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m:
+            return state, _Taken(ended=(StartEnded(name, accepted=True, reason=""),))
+    had_pct, has_pct = vehicle.began_pct, vehicle.battery.remaining_pct
+    if not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT:
+        text = f"{name}: has flown and landed meanwhile"
+        return state.put(moved_to(vehicle, Stage.LANDED)), _Taken((Say(Level.INFO, text),))
+    if context.fly_again is FlyAgain.AUTO:
+        state = state.put(changed(vehicle, ordered_mode_s=now_s))
+        return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+    # The crew's yes is from before: somebody may stand at the pad by now.
+    if vehicle.armed:
+        why = "was armed and had not taken off when the ground station went away"
+        return state, _Taken(strange=((name, why),))
+    state = state.put(moved_to(vehicle, Stage.GROUND))
+    return state, _Taken((Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground"),))

@@ -1,0 +1,156 @@
+"""Vehicles on the ground that could take over work: offered to the crew, started by its word and never by silence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from executor.core.changed import changed
+from executor.core.commands import Command, Level, Say
+from executor.core.context import Context, FlyAgain
+from executor.core.replan import replanning
+from executor.core.state import FleetState, Offer
+from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
+from missions import Phase
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+CLEARED_S = 120.0
+"""After this the crew's word that a pad is clear is too old."""
+LANDING_S = 180.0
+"""For so long at most an offer waits for those that are about to land, so that the work is shared."""
+LEAST_SPARE_PCT = 5.0
+"""A battery with less than this over the reserve is not worth an offer."""
+_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
+
+
+def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle on the ground may take off without asking the crew again."""
+    if context.fly_again is FlyAgain.AUTO:
+        return True
+    return vehicle.cleared_s is not None and now_s - vehicle.cleared_s <= CLEARED_S
+
+
+def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle stands ready on its pad with nothing to do."""
+    setup, fix = context.vehicles[vehicle.name], vehicle.fix
+    out = not _is_well(vehicle) or vehicle.stubborn or vehicle.excluded or vehicle.armed
+    if out or vehicle.stage not in _ON_GROUND or vehicle.pending is not None or fix is None:
+        return False
+    if vehicle.stage is Stage.LANDED and context.fly_again is FlyAgain.NEVER:
+        return False
+    heard = vehicle.heard_s is not None and now_s - vehicle.heard_s < context.limits.link_stale_s
+    spare_pct = (vehicle.battery.remaining_pct or 0.0) - setup.reserve_pct
+    on_pad = math.dist(fix.place_m, setup.pad_m) <= context.limits.off_pad_m
+    return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
+
+
+def _is_well(vehicle: VehicleState) -> bool:
+    """Return whether it is sound; one that its failsafe brought to its pad may be offered."""
+    if vehicle.fault is None:
+        return True
+    return vehicle.stage is Stage.LANDED and vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION}
+
+
+def open_segments(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what nobody flies and somebody might."""
+    hopeless = {segment for segment, tries in state.attempts.items() if tries > replanning.ATTEMPTS}
+    return (replanning.orphans(context, state) | state.given_up) - set(state.inspected) - hopeless
+
+
+def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
+    """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
+    remaining = vehicle.battery.remaining_pct or 0.0
+    spare_pct = remaining - context.vehicles[vehicle.name].reserve_pct - context.fixed_pct
+    ends_m, pad_m, travel = context.setup.network.ends_m, context.vehicles[vehicle.name].pad_m, context.travel
+    reach = set()
+    for segment in segments:
+        a, b = (tuple(end) for end in ends_m[segment].tolist())
+        transit_s = (math.dist(pad_m, a) + math.dist(b, pad_m)) / travel.transit_speed_m_s
+        inspect_s = math.dist(a, b) / travel.inspection_speed_m_s
+        if travel.transit_pct_per_s * transit_s + travel.inspection_pct_per_s * inspect_s <= spare_pct:
+            reach.add(segment)
+    return frozenset(reach)
+
+
+def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Offer, change or withdraw what the crew may say yes to."""
+    if context.fly_again is FlyAgain.AUTO or state.launched_s is None or state.recalled or state.finished:
+        return _without(state), ()
+    if state.offers_over or state.replan is not None or state.urgent or state.ordered or now_s < state.wait_until_s:
+        return state, ()
+    ready = [one for one in state.vehicles.values() if idle(context, one, now_s) and one.cleared_s is None]
+    wanted = open_segments(context, state)
+    able = {one.name: reach for one in ready if wanted and (reach := within_reach(context, one, wanted))}
+    if not able or _others_will(context, state, now_s):
+        return _without(state), ()
+    if state.offer is None and _lands_soon(state) and now_s - (state.offer_wanted_s or now_s) < LANDING_S:
+        return changed(state, offer_wanted_s=state.offer_wanted_s or now_s), ()
+    segments = tuple(sorted(frozenset[int]().union(*able.values())))
+    if state.offer is not None and state.offer.vehicles == tuple(able):
+        if state.offer.segments != segments:
+            state = changed(state, offer=replace(state.offer, segments=segments))
+        return _expired(context, state, now_s)
+    offer = Offer(tuple(able), segments, now_s)
+    state = changed(state, offer=offer, offer_wanted_s=state.offer_wanted_s or now_s)
+    return state, (Say(Level.FAULT, f"{words(context, offer)}; include each that may take off"),)
+
+
+def stands(state: FleetState) -> bool:
+    """Return whether the crew is still to answer."""
+    return state.offer is not None
+
+
+def words(context: Context, offer: Offer) -> str:
+    """Return an offer in words."""
+    names = " and ".join(offer.vehicles)
+    count = f"{len(offer.segments)} segment{'s' if len(offer.segments) != 1 else ''}"
+    pads = f"are the pads of {names}" if len(offer.vehicles) > 1 else f"is the pad of {names}"
+    listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
+    more = ", ..." if len(offer.segments) > 6 else ""
+    return f"{names} can take over {count} ({listed}{more}): {pads} clear of people?"
+
+
+def _without(state: FleetState) -> FleetState:
+    if state.offer is None and state.offer_wanted_s is None:
+        return state
+    return changed(state, offer=None, offer_wanted_s=None)
+
+
+def _others_will(context: Context, state: FleetState, now_s: float) -> bool:
+    """Return whether somebody in the air, or cleared, is about to be given what is open."""
+    return bool(replanning.orphans(context, state)) and any(
+        replanning.survivor(context, vehicle, now_s) is not None for vehicle in state.vehicles.values()
+    )
+
+
+def _lands_soon(state: FleetState) -> bool:
+    return any(
+        not vehicle.excluded
+        and (vehicle.fault is None or vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION})
+        and (
+            vehicle.stage is Stage.RETURNING
+            or (
+                vehicle.stage is Stage.FLYING
+                and vehicle.leg is not None
+                and vehicle.leg.phase in {Phase.RETURN, Phase.LAND}
+            )
+        )
+        for vehicle in state.vehicles.values()
+    )
+
+
+def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """End an offer that nobody answered, once nothing else is left to wait for."""
+    offer = state.offer
+    aloft = any(one.stage in IN_THE_AIR or one.stage is Stage.STARTING for one in state.vehicles.values())
+    if offer is None or aloft:
+        return state if offer is None else changed(state, offer=replace(offer, alone_since_s=None)), ()
+    if offer.alone_since_s is None:
+        return changed(state, offer=replace(offer, alone_since_s=now_s)), ()
+    if now_s - offer.alone_since_s < context.offer_s:
+        return state, ()
+    left = open_segments(context, state)
+    state = changed(state, offer=None, offers_over=True, given_up=state.given_up | left)
+    text = f"nobody was cleared to take off again within {context.offer_s:g} s; {len(left)} segments are left over"
+    return state, (Say(Level.WARNING, text),)

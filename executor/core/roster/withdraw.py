@@ -1,0 +1,110 @@
+"""A vehicle leaves the plan: the judgement that it will not finish its route, and what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core.changed import changed
+from executor.core.commands import CancelSolve, Command, Disarm, Level, Say
+from executor.core.context import Context
+from executor.core.custody.causes import in_other_hands
+from executor.core.homing import homeward
+from executor.core.homing.homeward import Answer
+from executor.core.homing.places import fell, last_heard, mission_over, over_its_pad
+from executor.core.replan import replanning
+from executor.core.state import FleetState
+from executor.core.vehicle import Errand, Fault, FaultKind, Stage, VehicleState, moved_to
+from planner import segment_of
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+
+def declare(
+    context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
+) -> Stepped:
+    """Declare a fault: the vehicle is brought home where it can be, and the others are given its work."""
+    fault = Fault(kind, why, now_s)
+    left = _left_by(state, vehicle)
+    down = vehicle.armed_once and not vehicle.armed
+    commands: tuple[Command, ...] = ()
+    if kind is FaultKind.LINK:
+        stage, then = Stage.LOST, last_heard(context, vehicle)
+    elif kind is FaultKind.DOWN:
+        stage, then = Stage.DOWN, ""  # its place is its reason
+    elif down and not _at_home(context, vehicle):
+        stage, then = Stage.DOWN, last_heard(context, vehicle)  # where it comes to rest is said when it does
+    elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
+        stage, then = Stage.LANDED, ""
+    elif in_other_hands(vehicle):
+        stage, then = Stage.PILOT, "it is with its pilot and is not commanded"
+    elif vehicle.stage is Stage.STARTING and not vehicle.took_off:
+        stage, then, commands = Stage.RETURNING, "it is told to disarm", (Disarm(vehicle.name, force=False),)
+    else:
+        stage, then = Stage.RETURNING, ""
+    state = state.put(replace(left_plan(vehicle, stage, now_s), fault=fault, place_told=kind is FaultKind.DOWN))
+    if stage is Stage.RETURNING and not then:
+        then = _words(context, state, vehicle.name, now_s)
+        state, commands = homeward.sent_home(context, state, state.vehicles[vehicle.name], now_s)
+    trigger = f"{vehicle.name}: {kind.value}, {why}"
+    state, more = withdrawn(state, vehicle.name, trigger, now_s)
+    line = "; ".join(part for part in (trigger, then, _handed_on(state, vehicle.name, left)) if part)
+    return state, (Say(Level.FAULT, line), *more, *commands)
+
+
+def _at_home(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that has disarmed lies where, and as, a landed one does."""
+    stood = not vehicle.took_off or mission_over(context, vehicle)
+    return over_its_pad(context, vehicle) and stood and not fell(context, vehicle)
+
+
+def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:
+    vehicle = changed(state.vehicles[name], errand=Errand(now_s))
+    found = homeward.advice(context, vehicle, now_s)
+    match found.answer:
+        case Answer.RETURN:
+            return "it is told to return"
+        case Answer.LAND:
+            return "it is over its pad and is told to land"
+        case _:
+            return found.words
+
+
+def _left_by(state: FleetState, vehicle: VehicleState) -> frozenset[int]:
+    if vehicle.stage not in {Stage.FLYING, Stage.STARTING, Stage.PILOT}:
+        return frozenset()
+    return frozenset(segment_of(visit) for visit in vehicle.remaining_visits()) - set(state.inspected)
+
+
+def _handed_on(state: FleetState, name: str, left: frozenset[int]) -> str:
+    """Return what becomes of what a vehicle leaves; nothing where it leaves nothing."""
+    if not left or state.recalled:
+        return ""
+    others = any(
+        one.name != name and one.fault is None and not one.excluded and one.stage in {Stage.STARTING, Stage.FLYING}
+        for one in state.vehicles.values()
+    )
+    what = f"{len(left)} segment{'s' if len(left) != 1 else ''}"
+    return f"{what} to be planned for the others" if others else f"{what} left without a vehicle"
+
+
+def left_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:
+    """Return a vehicle that does not fly its mission any more."""
+    return replace(
+        moved_to(vehicle, stage), ordered_mode_s=now_s, run=None, pending=None, held_s=None, errand=None, anchor=None,
+        left_s=now_s, owed=None, cleared_s=None,
+    )  # fmt: skip
+
+
+def withdrawn(state: FleetState, name: str, trigger: str, now_s: float) -> Stepped:
+    """Plan around a vehicle at once: a re-plan that is being solved counted on it, one that is put on board goes on."""
+    plan = state.replan
+    solving = plan is not None and plan.solve_s is None
+    before = [plan.solve.trigger] if plan is not None and solving else []
+    before += [state.trigger] if state.urgent and state.trigger not in before else []
+    state = replace(state, urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
+    if plan is not None and solving:
+        return replace(state, replan=None), (CancelSolve(plan.solve.revision),)
+    if plan is not None and name in plan.pending:
+        state = replace(state, replan=replace(plan, pending=plan.pending - {name}))
+        return replanning.ended_if_done(state, now_s)
+    return state, ()

@@ -1,0 +1,57 @@
+"""The checklist before the flight: every check over what the vehicles said, in the order in which a crew reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from executor.core.context import Context
+from executor.core.preflight import checks, heights
+from executor.core.preflight.checks import Check, Facts
+from executor.core.preflight.failsafes import LinkFailsafe
+from executor.core.vehicle import OnBoard
+from executor.site.config import Site
+from executor.site.plan_words import plan_checks
+from missions import PlanFile
+
+
+def checklist(
+    site: Site,
+    plan: PlanFile,
+    context: Context,
+    facts: Mapping[str, Facts],
+    own: Mapping[str, LinkFailsafe],
+    boards: Mapping[str, OnBoard | None],
+    free_bytes: int,
+    worth_a_look: Sequence[str] = (),
+) -> list[Check]:
+    """Return what was found.
+
+    Args:
+        site: The site file.
+        plan: The first plan.
+        context: Of the flight.
+        facts: What each vehicle said.
+        own: What each vehicle does by itself when it does not hear us.
+        boards: The first mission of each vehicle.
+        free_bytes: On the disk that takes the record.
+        worth_a_look: What was found about the network's heights when it was read.
+    """
+    paths = {name: board.path for name, board in boards.items() if board is not None}
+    found = heights.checks(context.setup, list(paths.values()), worth_a_look)
+    links = {table.name: table.link for table in site.vehicle}
+    found.append(checks.talkers(links, signed=site.signing is not None))
+    found.append(checks.disk(free_bytes, paths, context))
+    found += checks.separation(list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m)
+    for name, fact in facts.items():
+        setup, board = context.vehicles[name], boards[name]
+        path = board.path if board is not None else None
+        place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
+        found += checks.identity(fact, setup.dialect, place_m)
+        found += checks.pad_height(context, fact)
+        found.append(checks.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s))
+        found += checks.stations(fact, setup.dialect)
+        found += checks.battery(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
+        found += checks.fence(context, fact, path)
+        found.append(checks.energy(context, name, path, fact.remaining_pct))
+    # Last, beside the question that follows: what is said yes to is what is seen.
+    return found + plan_checks(plan, len(context.setup.network.segments))

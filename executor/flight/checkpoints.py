@@ -1,0 +1,214 @@
+"""Checkpoints beside the event log: the whole state at one place of it, so that nobody reads ten hours of log.
+
+The log stays the only truth. A checkpoint saves reading what is before its place, and whatever makes it doubtful
+(another program, another plan, another log, damage) makes it nothing: the one before it is taken, or the whole log is
+read. It is JSON, checked against the types of the state; a run directory may come from anybody, so nothing is ever
+unpickled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from executor.adapters.logend import Place, holds
+from executor.adapters.run_directory import write_whole
+from executor.core.commands import Solve
+from executor.core.events import SolveEnded
+from executor.core.state import FleetState, Replan
+from executor.core.vehicle import VehicleState
+
+FORMAT = "faultline-checkpoint/1"
+FILES = ("checkpoint-a.jsonl", "checkpoint-b.jsonl")
+"""The last two: while one is written, the other is whole."""
+PLAN = "plan-000.json"
+
+Planned = tuple[Solve, SolveEnded]
+"""A problem and its answer."""
+T = TypeVar("T", FleetState, Replan)
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """All that the log up to one place comes to."""
+
+    place: Place
+    state: FleetState
+    solve: Solve | None
+    """The last that was to be solved."""
+    unkept: tuple[Planned, ...]
+    """Plans that were found, and may be in no file."""
+    set_s: float
+    """By how much the computer's time of day was set in the flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a run directory has."""
+
+    checkpoint: Checkpoint | None
+    name: str
+    """Its file; empty without one."""
+    notes: tuple[str, ...]
+    """Why a newer one, or any, is not used."""
+
+
+class _Part(BaseModel):
+    """A line; strict, so that what is read is what was written, or an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, ser_json_inf_nan="constants")
+
+
+class _Head(_Part):
+    format: str
+    program: str
+    """Which wrote it: another one may know another state, or decide otherwise."""
+    plan: str
+    """Digest of the first plan."""
+    place: Place
+    body: str
+    """Digest of all other lines."""
+
+
+class _Fleet(_Part):
+    state: FleetState
+    """Without the vehicles, which have a line each."""
+    solve: Solve | None
+    unkept: tuple[Planned, ...]
+    set_s: float
+
+
+class _Vehicle(_Part):
+    vehicle: VehicleState
+
+
+@cache
+def program() -> str:
+    """Return the version of this program, and the shape of the state that it knows."""
+    shape = json.dumps([model.model_json_schema() for model in (_Fleet, _Vehicle)], sort_keys=True)
+    release = ""
+    with suppress(PackageNotFoundError):  # run from its sources
+        release = version("faultline")
+    return f"{release} {_digest(shape.encode())[:16]}"
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write one, whole or not at all; called in a thread.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    write_whole(path, encoded(checkpoint, (path.parent / PLAN).read_bytes()))
+
+
+def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
+    """Return what the file of a checkpoint holds.
+
+    No step of this takes longer than one vehicle's state does, so that the event loop, which has to share the
+    interpreter with it, waits for some milliseconds at most.
+
+    Args:
+        checkpoint: What to write.
+        plan: The file of the flight's first plan.
+    """
+    state = checkpoint.state
+    plain = replace(_thawed(state), vehicles={}, replan=None if state.replan is None else _thawed(state.replan))
+    fleet = _Fleet.model_construct(
+        state=plain, solve=checkpoint.solve, unkept=checkpoint.unkept, set_s=checkpoint.set_s
+    )
+    parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
+    body = b"".join(part.model_dump_json().encode() + b"\n" for part in parts)
+    head = _Head(format=FORMAT, program=program(), plan=_digest(plan), place=checkpoint.place, body=_digest(body))
+    return head.model_dump_json().encode() + b"\n" + body
+
+
+def newest(run: Path, log: Path) -> Found:
+    """Return the newest checkpoint that fits a run directory's log."""
+    notes: list[str] = []
+    files: dict[str, tuple[_Head, bytes]] = {}
+    for name in FILES:
+        try:
+            files[name] = _opened((run / name).read_bytes())
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, RecursionError) as error:
+            notes.append(f"{name} is not used: {_why(error)}")
+    for name in sorted(files, key=lambda name: files[name][0].place.size, reverse=True):
+        try:
+            return Found(_fitting(run, log, *files[name]), name, tuple(notes))
+        except (OSError, ValueError) as error:
+            notes.append(f"{name} is not used: {_why(error)}")
+    if notes:
+        notes.append("without a checkpoint the whole log is read")
+    return Found(None, "", tuple(notes))
+
+
+def _opened(content: bytes) -> tuple[_Head, bytes]:
+    head, _, body = content.partition(b"\n")
+    found = json.loads(head)
+    known = found.get("format") if isinstance(found, dict) else None
+    if known != FORMAT:
+        raise ValueError(f"expected format {FORMAT}, got {known!s:.40}")
+    return _Head.model_validate_json(head), body
+
+
+def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
+    """Return what a file holds.
+
+    Raises:
+        ValueError: it does not fit, or is damaged.
+    """
+    if head.program != program():
+        raise ValueError("another version of the program wrote it")
+    if head.plan != _digest((run / PLAN).read_bytes()):
+        raise ValueError("it is of a flight with another plan")
+    if head.body != _digest(body):
+        raise ValueError("it is torn or damaged")
+    if not holds(log, head.place):
+        raise ValueError("the log does not reach as far, or is another one")
+    first, *rest = body.splitlines()
+    fleet = _Fleet.model_validate_json(first)
+    vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
+    plan = fleet.state.replan
+    state = replace(
+        _frozen(fleet.state),
+        vehicles=MappingProxyType(vehicles),
+        replan=None if plan is None else _frozen(plan),
+    )
+    return Checkpoint(head.place, state, fleet.solve, fleet.unkept, fleet.set_s)
+
+
+def _thawed(value: T) -> T:
+    """Return a state whose mappings can be written."""
+    held = {field.name: getattr(value, field.name) for field in fields(value)}
+    changes: dict[str, Any] = {name: dict(one) for name, one in held.items() if isinstance(one, Mapping)}
+    return replace(value, **changes)
+
+
+def _frozen(value: T) -> T:
+    """Return a state whose mappings cannot be changed."""
+    held = {field.name: getattr(value, field.name) for field in fields(value)}
+    changes: dict[str, Any] = {name: MappingProxyType(one) for name, one in held.items() if isinstance(one, dict)}
+    return replace(value, **changes)
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _why(error: Exception) -> str:
+    """Return in one line why a checkpoint is not used."""
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False)[0]
+        return f"{'.'.join(map(str, first['loc'])) or 'the file'}: {first['msg']}"
+    return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)

@@ -1,0 +1,59 @@
+"""The checklist alone: everybody is asked, nothing is changed on board, and nothing moves."""
+
+from __future__ import annotations
+
+import asyncio
+
+from executor import supervised
+from executor.adapters.clock import SystemClock
+from executor.core.commands import Level
+from executor.core.ports import OpenLink
+from executor.core.preflight import checks
+from executor.core.preflight.checks import Check, Facts, Severity
+from executor.errors import ExecutorError
+from executor.flight import linking, preparing
+from executor.flight.flight_order import Console, Order
+from executor.flight.parameter_changes import read_changes
+from executor.site.config import VehicleTable
+from executor.site.plan_words import plan_checks
+from missions import dialect_for
+
+
+async def examine(order: Order, console: Console) -> list[Check]:
+    """Ask every vehicle, and return what a flight would be told before its take-off.
+
+    A vehicle that does not answer, or is not ready, is a check that stops; the others are looked at all the same.
+
+    Raises:
+        ConnectionFailed: a connection cannot be opened.
+    """
+    with supervised.hear(lambda text: console.say(Level.FAULT, text), None):
+        return await _examined(order, console)
+
+
+async def _examined(order: Order, console: Console) -> list[Check]:
+    clock = SystemClock(order.site.flight.speedup)
+
+    async def one(table: VehicleTable, link: OpenLink) -> Facts | Check:
+        try:
+            return await preparing.interview(order.site, table, link, clock, console)
+        except ExecutorError as error:
+            return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "))
+
+    async with linking.open_links(order, clock, recorded=False) as links:
+        answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))
+        facts = {answer.name: answer for answer in answers if isinstance(answer, Facts)}
+        found = [answer for answer in answers if isinstance(answer, Check)]
+        if not found:
+            context, _, found_of = preparing.examined(order, facts)
+            return [*found_of, *(await read_changes(context, links, clock)).checks]
+    found += plan_checks(order.plan, len(order.ground.network.segments))
+    # Without everybody's place there are no pads, and no paths to look at.
+    frame = order.ground.network.frame
+    for table in order.site.vehicle:
+        if table.name in facts:
+            fact, dialect = facts[table.name], dialect_for(table.autopilot)
+            found += checks.identity(fact, dialect, frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg))
+            found += checks.stations(fact, dialect)
+            found += checks.battery(fact, dialect, None)
+    return found

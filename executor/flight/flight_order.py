@@ -1,0 +1,81 @@
+"""What is to be flown, where its record goes, and where the operator looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from executor.adapters.clock import SystemClock
+from executor.adapters.run_directory import keep_site
+from executor.analysis.report import Happening
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.preflight.checks import Check
+from executor.core.state import FleetState
+from executor.flight.mqtt import Settings
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import Site
+from missions import PlanFile, write_plan
+
+
+class Console(Protocol):
+    """Where the operator looks."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show one line; `at_s` counts from the order to take off."""
+        ...
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Show the checklist."""
+        ...
+
+    def confirm(self, question: str) -> bool:
+        """Ask while nobody has to be listened to."""
+        ...
+
+    async def ask(self, question: str) -> bool:
+        """Ask beside everything else that goes on."""
+        ...
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Show the fleet; called often, draws seldom."""
+        ...
+
+    def done(self) -> None:
+        """Stop drawing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be flown, and where its record goes."""
+
+    site: Site
+    base: Path
+    """The folder that the site file's paths are relative to."""
+    ground: Ground
+    plan: PlanFile
+    """Over all of the ground's segments, for its vehicles."""
+    run: Path
+    truths: Callable[[SystemClock], Sequence[Happening]]
+    """What really happened, asked for at the end; empty without a simulator."""
+    mqtt: Settings | None = None
+    """Where it is published."""
+
+
+def keep(order: Order) -> None:
+    """Write the site and the first plan into the run directory."""
+    files = {}
+    if order.site.network.file != assembly.DEFAULT_NETWORK:
+        files["network", "file"] = order.base / order.site.network.file
+    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
+        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
+    content = order.site.model_dump(exclude_none=True, mode="json")
+    if order.site.signing is not None and order.site.signing.key_file is not None:
+        # The key stays where it is: a run directory is copied and handed on.
+        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    keep_site(order.run, content, files)
+    write_plan(order.run / "plan-000.json", order.plan)

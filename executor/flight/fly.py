@@ -1,0 +1,239 @@
+"""Wires the parts together for one flight; holds no rule."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import partial
+
+from executor import supervised
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import EventLog
+from executor.adapters.run_directory import locked, write_json
+from executor.adapters.solver import SolverProcess, SolverSetup
+from executor.analysis.report import Said, report_of, vehicles_of
+from executor.core import fleet
+from executor.core.commands import Level, Say
+from executor.core.context import Context
+from executor.core.events import Asked, IntentReceived, Reopened
+from executor.core.intents import Action
+from executor.core.ports import OpenLink
+from executor.core.preflight.checks import Check, Severity
+from executor.core.preflight.parameters import Proposal
+from executor.core.state import CheckLine, FleetState
+from executor.core.vehicle import OnBoard
+from executor.core.view import fleet_view
+from executor.errors import PreflightFailed
+from executor.flight import parameter_changes, web
+from executor.flight.changed_parameters import reported
+from executor.flight.flight_order import Console, Order
+from executor.flight.leaving import Interrupts
+from executor.flight.linking import open_links
+from executor.flight.mqtt import Publication
+from executor.flight.preparing import examined, interviews, load_all
+from executor.flight.recorder import NOTHING_LEFT, Keeper, Legacy, in_force
+from executor.runtime.flight import Flight
+from executor.runtime.outlook import keep_judging
+from executor.site.assembly import Ground
+from executor.site.plan_words import route_words, summary
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What is left after a flight."""
+
+    report: Mapping[str, object]
+    context: Context
+    left: bool
+    """Whether the operator left while the vehicles flew on."""
+
+
+async def fly(order: Order, console: Console) -> Flown:
+    """Connect, check, upload, fly and report.
+
+    Raises:
+        ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
+    """
+    web.check(order.site.web)
+    clock = SystemClock(order.site.flight.speedup)
+    solver = solver_of(order, order.ground, console)
+    with locked(order.run), supervised.hear(lambda text: console.say(Level.FAULT, text), order.run):
+        async with open_links(order, clock) as links, solver:
+            return await _fly(order, console, clock, solver, links)
+
+
+def solver_of(order: Order, ground: Ground, console: Console) -> SolverProcess:
+    """Return the solver of a flight, not started yet."""
+    setup = SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
+    return SolverProcess(setup, telling(console))
+
+
+async def _fly(
+    order: Order,
+    console: Console,
+    clock: SystemClock,
+    solver: SolverProcess,
+    links: Mapping[str, OpenLink],
+) -> Flown:
+    run = order.run
+    facts = await interviews(order, links, clock, console)
+    context, boards, found = examined(order, facts)
+    console.checks(found)
+    try:
+        _must_not_stop(found)
+    except PreflightFailed:
+        await parameter_changes.give_back(run, links, clock, console)  # of an earlier attempt in this directory
+        raise
+    proposal = await parameter_changes.read_changes(context, links, clock)
+    console.checks(proposal.checks)
+    found += proposal.checks
+    state = fleet.initial(boards, tuple(CheckLine(one.severity.value, one.subject, one.text) for one in found))
+    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
+    seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
+    flown: Flown | None = None
+    try:
+        flown = await supervise(order, console, seat, Beginning(proposal, boards, found))
+    except PreflightFailed:
+        (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
+        raise
+    finally:
+        if flown is None:
+            # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
+            await parameter_changes.give_back(run, links, clock, console)
+    return flown
+
+
+def _must_not_stop(found: Sequence[Check]) -> None:
+    stops = [check for check in found if check.severity is Severity.STOP]
+    if stops:
+        raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What has to be done before a flight that begins."""
+
+    proposal: Proposal
+    boards: Mapping[str, OnBoard | None]
+    found: list[Check]
+    """The checklist so far."""
+
+
+async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Beginning) -> None:
+    """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
+
+    Raises:
+        PreflightFailed: the operator did not say yes, or something cannot be put on board.
+    """
+    context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
+    if proposal.changes:
+        text = parameter_changes.question(proposal)
+        if not await _asked(flight, console, Action.PREPARE, text, parameter_changes.lines(proposal)):
+            raise PreflightFailed("the operator did not say yes; nothing was changed on board")
+    beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
+    await load_all(context, links, clock, beginning.boards, console)
+    write_json(order.run / "vehicles.json", vehicles_of(context, seat.said))
+    text = f"All missions are on board and read back: {summary(order.plan)}. Take off?"
+    if not await _asked(flight, console, Action.TAKE_OFF, text, tuple(route_words(order.plan))):
+        raise PreflightFailed("the operator did not say yes; nothing has moved")
+
+
+async def _asked(flight: Flight, console: Console, action: Action, text: str, lines: Sequence[str] = ()) -> bool:
+    """Ask the crew, in the terminal and on the page; the first answer counts."""
+    flight.apply(Asked(action.value, text, tuple(lines)))
+    answers = {asyncio.ensure_future(console.ask(text)), asyncio.ensure_future(flight.answered(action))}
+    try:
+        done, _ = await asyncio.wait(answers, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for answer in answers:
+            answer.cancel()
+    return any(answer.result() for answer in done)
+
+
+@dataclass(frozen=True, slots=True)
+class Cockpit:
+    """All that a flight is supervised with."""
+
+    context: Context
+    state: FleetState
+    """Before the launch, or when the ground station went away."""
+    links: Mapping[str, OpenLink]
+    clock: SystemClock
+    log: EventLog
+    solver: SolverProcess
+    said: Said
+    legacy: Legacy = NOTHING_LEFT
+    """What the process before this one left."""
+
+
+async def supervise(order: Order, console: Console, seat: Cockpit, begins: Beginning | Reopened) -> Flown:
+    """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
+
+    Raises:
+        PreflightFailed: the operator did not say yes.
+        ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+    """
+    context, clock, links = seat.context, seat.clock, seat.links
+    publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
+    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.legacy)
+    if publication is not None:
+        publication.plan(seat.state.revision, in_force(order, seat.state.revision))
+    flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
+    hearing = supervised.hear(lambda text: keeper.told(Say(Level.FAULT, text), clock.now_s()), order.run)
+    try:
+        listening = flight.listening() if isinstance(begins, Beginning) else nullcontext()
+        with hearing, listening, Interrupts(flight, console) as interrupts:
+            async with (
+                web.page(order.site.web, flight, clock, console),
+                _published(publication, flight, keeper, clock),
+            ):
+                reopened = begins if isinstance(begins, Reopened) else None
+                if isinstance(begins, Beginning):
+                    await interrupts.unless_pressed(_begun(order, console, seat, flight, begins))
+                with _settled_memory():
+                    async with supervised.beside("judging losses", partial(keep_judging, flight, seat.solver)):
+                        await flight.run(reopened, order.site.flight.connect_timeout_s)
+                        await keeper.settle()
+    finally:
+        console.done()
+        seat.log.close()
+    ended_s = clock.now_s()
+    given_back = await parameter_changes.give_back(order.run, links, clock, console)
+    frames = {name: link.counts for name, link in links.items()}
+    report = report_of(context, flight.state, ended_s, order.truths(clock), frames, seat.said, reported(given_back))
+    try:
+        write_json(order.run / "report.json", report)
+    except OSError as error:
+        console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
+    return Flown(report, context, interrupts.left)
+
+
+def _published(
+    publication: Publication | None, flight: Flight, keeper: Keeper, clock: SystemClock
+) -> AbstractAsyncContextManager[None]:
+    if publication is None:
+        return nullcontext()
+    return publication.running(
+        view=lambda: fleet_view(flight.context, flight.state, clock.now_s()),
+        accept=lambda intent: flight.apply(IntentReceived(intent)),
+        tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
+    )
+
+
+@contextmanager
+def _settled_memory() -> Iterator[None]:
+    """Keep the collector of cycles away from what was there before the flight: one look at all of it takes 80 ms."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def telling(console: Console) -> Callable[[str], None]:
+    """Return how a log tells the operator of its troubles."""
+    return lambda text: console.say(Level.WARNING, text)

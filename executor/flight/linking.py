@@ -1,0 +1,45 @@
+"""Opens the links of a flight, and keeps up our heartbeat on them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
+
+from executor.adapters.clock import SystemClock
+from executor.adapters.mavlink import endpoints
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.tlog_writer import TelemetryLog
+from executor.adapters.mavsdk import link as mavsdk
+from executor.core.ports import Keyring, LinkOrder, OpenLink
+from executor.flight.flight_order import Order
+from executor.runtime.flight import keep_heartbeat
+from executor.site.config import signing_key
+from executor.supervised import beside
+
+
+@asynccontextmanager
+async def open_links(
+    order: Order, clock: SystemClock, *, recorded: bool = True
+) -> AsyncIterator[Mapping[str, OpenLink]]:
+    """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
+
+    Raises:
+        ConnectionFailed: one cannot be opened.
+    """
+    async with AsyncExitStack() as stack:
+        wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
+        for table in order.site.vehicle:
+            log = None
+            if recorded:
+                log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
+                stack.callback(log.close)
+            wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
+        key = signing_key(order.site, order.base)
+        keyring = None if key is None else Keyring(key, clock.dated_s)
+        radios = order.site.link.senders
+        native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring, radios))
+        others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec(radios=radios)))
+        links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
+        async with beside("our heartbeat", partial(keep_heartbeat, links, clock), at_once=True):
+            yield links

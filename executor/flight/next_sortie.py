@@ -1,0 +1,74 @@
+"""The next sortie: what a flight left over, planned anew for vehicles with full batteries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from executor.errors import LogError
+from executor.site import assembly, planning
+from executor.site.assembly import Ground
+from executor.site.plan_words import left_words
+from missions import PlanFile, read_plan
+
+PLAN_S = 2.0
+"""Of the solver; the crew can have more with `faultline plan --after`."""
+
+
+class _Report(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+    segments_uncovered: tuple[int, ...]
+
+
+def left_over(run: Path, ground: Ground) -> tuple[int, ...]:
+    """Return the segments that a flight over a site's network left, by its report.
+
+    Raises:
+        LogError: there is no report yet, or nothing is left over.
+        MissionsError: the flight's network is not the site's.
+    """
+    path = run / "report.json"
+    try:
+        report = _Report.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise LogError(
+            f"{path}: cannot be read: {error.strerror}; expected the report of a flight that is over"
+        ) from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise LogError(f"{path}: {key}: expected the report of a flight: {first['msg']}") from error
+    if not report.segments_uncovered:
+        raise LogError(f"{path}: segments_uncovered: nothing is left over")
+    plan = run / "plan-000.json"
+    planning.same_segments(read_plan(plan), ground, str(plan))
+    return report.segments_uncovered
+
+
+def next_sortie(ground: Ground, report: Mapping[str, object], seed: int) -> PlanFile | None:
+    """Return a plan for what a flight left over, by the vehicles that are not at fault; None if nothing, or nobody, is.
+
+    Args:
+        ground: Of the flight.
+        report: Of the flight.
+        seed: Of the solver.
+    """
+    uncovered = cast("list[int]", report["segments_uncovered"])
+    faults = cast("list[dict[str, str]]", report["faults"])
+    lost = {fault["vehicle"] for fault in faults}
+    if not uncovered or lost >= set(ground.names):
+        return None
+    wanted = replace(planning.DEFAULT, seconds=PLAN_S, seed=seed)
+    return planning.first_plan(ground, wanted, task=assembly.task_of(ground, uncovered, lost))
+
+
+def sortie_words(plan: PlanFile, file: Path) -> str:
+    """Return what the crew can do with the next sortie."""
+    names = ", ".join(vehicle.name for vehicle in plan.vehicles)
+    words = f"the next sortie is planned in {file} for {names} with full batteries"
+    return "\n".join([words, *left_words(plan)])

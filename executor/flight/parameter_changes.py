@@ -1,0 +1,210 @@
+"""What a flight changes on board: looked at, set with a record of what was there, and given back."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.ports import Clock, OpenLink
+from executor.core.preflight.checks import Check
+from executor.core.preflight.parameters import Kept, Present, Proposal, Stage, number, on_record, propose, settled
+from executor.errors import LogError, PreflightFailed
+from executor.flight.changed_parameters import RECORD, read_kept, write_kept
+from executor.flight.flight_order import Console
+from executor.runtime import parameters
+from executor.runtime.parameters import HEARD_S, GivenBack
+from executor.site.config import Site
+
+AT_ONCE = 10
+"""Vehicles that are spoken to at the same time: a radio has its limits, and so has a simulator."""
+Links = Mapping[str, OpenLink]
+
+
+async def read_changes(context: Context, links: Links, clock: Clock) -> Proposal:
+    """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
+    turn = asyncio.Semaphore(AT_ONCE)
+
+    async def one(name: str) -> Present:
+        async with turn:
+            return await parameters.read_present(links[name], clock, context.vehicles[name].dialect)
+
+    found = await asyncio.gather(*(one(name) for name in context.vehicles))
+    return propose(context, dict(zip(context.vehicles, found, strict=True)))
+
+
+def lines(proposal: Proposal) -> list[str]:
+    """Return every change with its old and new value and its reason."""
+    return [f"{change.vehicle}: {change.words}" for change in proposal.changes]
+
+
+def question(proposal: Proposal) -> str:
+    """Return what is asked before anything is set."""
+    count = len(proposal.changes)
+    what = "1 parameter" if count == 1 else f"{count} parameters"
+    return f"Change {what} on board until the flight is over?"
+
+
+async def apply_changes(
+    run: Path, proposal: Proposal, context: Context, links: Links, clock: Clock, console: Console
+) -> list[Check]:
+    """Set what the flight needs, and return how every changed vehicle comes home now.
+
+    What was there before is on record in the run directory, and on its disk, before anything is sent.
+
+    Raises:
+        PreflightFailed: the record cannot be written; nothing was set.
+        LogError: there is a record of an earlier attempt, and it cannot be read.
+    """
+    about = {name: (setup.sysid, setup.dialect.name) for name, setup in context.vehicles.items()}
+    record = _Record(run, console, on_record(proposal.changes, about, read_kept(run) or ()))
+    try:
+        record.write()
+    except OSError as error:
+        text = f"{run / RECORD}: cannot be written: {error.strerror}; nothing was changed on board"
+        raise PreflightFailed(text) from error
+    checks: list[Check] = []
+    turn = asyncio.Semaphore(AT_ONCE)
+
+    async def one(name: str) -> None:
+        async with turn:
+            ends = await parameters.set_changes(links[name], clock, proposal.of(name))
+        for parameter, problem in ends.items():
+            if not problem:
+                record.stage(name, parameter, Stage.SET)
+        record.keep()
+        checks.append(settled(context, name, proposal, ends))
+        console.checks(checks[-1:])
+
+    async with asyncio.TaskGroup() as tasks:
+        for name in dict.fromkeys(change.vehicle for change in proposal.changes):
+            tasks.create_task(one(name))
+    return checks
+
+
+@dataclass(slots=True)
+class _Record:
+    """What is on record, and where."""
+
+    run: Path
+    console: Console
+    kept: list[Kept]
+    told: bool = False
+
+    def stage(self, vehicle: str, name: str, stage: Stage) -> None:
+        """Note how far a change has come."""
+        self.take([replace(one, stage=stage) for one in self.kept if one.key == (vehicle, name)])
+
+    def take(self, changed: Sequence[Kept]) -> None:
+        """Take over what has changed."""
+        known = {one.key: one for one in changed}
+        self.kept = [known.get(one.key, one) for one in self.kept]
+
+    def write(self) -> None:
+        """Write it down.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        write_kept(self.run, self.kept)
+
+    def keep(self) -> None:
+        """Write it down where there is room: an older record gives everything back as well, it only asks again."""
+        try:
+            self.write()
+        except OSError as error:
+            if not self.told:
+                self.told = True
+                self.console.say(Level.WARNING, f"{self.run / RECORD}: cannot be written: {error.strerror}")
+
+
+async def give_back(
+    run: Path, links: Links, clock: Clock, console: Console, heard_s: float = HEARD_S
+) -> tuple[Kept, ...]:
+    """Give back what was changed to every vehicle that answers and is not armed; say of each what became of it.
+
+    Args:
+        run: Where the record is.
+        links: To the vehicles.
+        clock: The flight's.
+        console: Where it is said.
+        heard_s: How long a vehicle is waited for, in its time.
+
+    Returns:
+        The whole record as it is now; empty if nothing was ever changed, or the record cannot be read.
+    """
+    try:
+        record = _Record(run, console, list(read_kept(run) or ()))
+    except LogError as error:
+        console.say(Level.WARNING, str(error))
+        return ()
+    waiting = _open(record.kept)
+    turn = asyncio.Semaphore(AT_ONCE)
+
+    async def one(name: str, kept: Sequence[Kept]) -> None:
+        if name not in links:
+            given = GivenBack(tuple(kept), ("is not in the site file",))
+        else:
+            async with turn:
+                given = await parameters.give_back(links[name], clock, kept, heard_s)
+        record.take(given.kept)
+        record.keep()
+        waiting.pop(name)
+        _tell(run, console, name, given)
+
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            for name, kept in tuple(waiting.items()):
+                tasks.create_task(one(name, kept))
+    except asyncio.CancelledError:
+        for name, kept in waiting.items():
+            _tell(run, console, name, GivenBack(tuple(kept), ("interrupted",)))
+        raise
+    return tuple(record.kept)
+
+
+def _open(kept: Sequence[Kept]) -> dict[str, list[Kept]]:
+    """Return by vehicle what has still to be given back."""
+    waiting: dict[str, list[Kept]] = defaultdict(list)
+    for one in kept:
+        if one.open:
+            waiting[one.vehicle].append(one)
+    return waiting
+
+
+def _tell(run: Path, console: Console, name: str, given: GivenBack) -> None:
+    """Say of one vehicle what it has again, and what stays."""
+    back = [f"{one.name} {number(one.old)}" for one in given.kept if not one.open]
+    if back:
+        console.say(Level.INFO, f"{name}: {', '.join(back)} restored")
+    stays = [f"{one.name} (was {number(one.old)})" for one in given.kept if one.open]
+    if stays:
+        console.say(Level.WARNING, f"{name}: {', '.join(stays)} not restored: {'; '.join(given.problems)}")
+        console.say(Level.WARNING, f"{name}: to give it back: faultline restore {run}")
+
+
+def still_open(run: Path) -> list[Kept]:
+    """Return what a run directory's record says is not given back; what cannot be read is left to `restore` to say."""
+    with suppress(LogError):
+        return [one for one in read_kept(run) or () if one.open]
+    return []
+
+
+def check_run(run: Path, site: Site) -> None:
+    """Refuse to fly from a directory whose record is of vehicles that the site file does not have: it would be lost.
+
+    Raises:
+        LogError: it is so, or the record cannot be read.
+    """
+    systems = {table.name: table.sysid for table in site.vehicle}
+    for one in read_kept(run) or ():
+        if one.open and systems.get(one.vehicle) != one.sysid:
+            raise LogError(
+                f"{run / RECORD}: {one.vehicle} (system {one.sysid}) has not been given {one.name} back, and is not in "
+                f"the site file; expected a new directory, or faultline restore {run} before"
+            )

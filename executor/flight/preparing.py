@@ -1,0 +1,137 @@
+"""What comes before a flight: everybody is asked, the checklist is made, the first missions are put on board."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import Coroutine, Iterable, Mapping
+from typing import TypeVar
+
+from executor.adapters.clock import SystemClock
+from executor.core.commands import Level
+from executor.core.context import Context
+from executor.core.ports import OpenLink
+from executor.core.preflight import checks
+from executor.core.preflight.checks import Check, Facts
+from executor.core.preflight.failsafes import link_failsafe
+from executor.core.vehicle import OnBoard, aboard
+from executor.flight.checklist import checklist
+from executor.flight.flight_order import Console, Order
+from executor.runtime import preflight as asking
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import Site, VehicleTable
+from missions import FlightSetup, dialect_for, encode
+
+T = TypeVar("T")
+
+LOADED_AT_ONCE = 10
+"""Vehicles that are given their first mission at the same time: a radio has its limits, and so has a simulator."""
+
+
+async def interviews(
+    order: Order, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
+) -> Mapping[str, Facts]:
+    """Ask everybody.
+
+    Raises:
+        ConnectionFailed: somebody does not answer.
+        PreflightFailed: somebody does not become ready.
+    """
+    console.say(Level.INFO, f"waiting for {len(links)} vehicles")
+    everybody = order.site.vehicle
+    facts = await together(interview(order.site, table, links[table.name], clock, console) for table in everybody)
+    return {table.name: fact for table, fact in zip(everybody, facts, strict=True)}
+
+
+async def together(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
+    """Do several things side by side; the first that fails ends the others, and is raised as it is."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        return await asyncio.gather(*tasks)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def interview(site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console) -> Facts:
+    """Wait for one vehicle, and ask it what it is and whether it is ready.
+
+    Raises:
+        ConnectionFailed: it does not answer.
+        PreflightFailed: it does not become ready.
+    """
+    name, timeout_s = table.name, site.flight.connect_timeout_s
+    await asking.answer(name, table.connection, table.sysid, link, timeout_s, clock)
+
+    def waits(missing: str) -> None:
+        console.say(Level.INFO, f"{name}: not ready yet: {missing}")
+
+    dialect = dialect_for(table.autopilot)
+    facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits)
+    console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
+    return facts
+
+
+def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping[str, OnBoard | None], list[Check]]:
+    """Return the context of the flight, everybody's first mission, and the checklist."""
+    ground = order.ground
+    setup = _setup(ground, facts)
+    task, plan = order.plan.task(), order.plan.plan
+    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
+    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
+    context = assembly.context_of(ground, setup, task, plan, own)
+    boards = _boards(context, assembly.routes_of(ground, task, plan))
+    return (
+        context,
+        boards,
+        checklist(
+            order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free, ground.worth_a_look
+        ),
+    )
+
+
+def _setup(ground: Ground, facts: Mapping[str, Facts]) -> FlightSetup:
+    frame = ground.network.frame
+    pads = []
+    for name in ground.names:
+        position = facts[name].position
+        east_m, north_m = frame.to_local_m(position.lat_deg, position.lon_deg)
+        pads.append(checks.pad_from(facts[name], east_m, north_m))
+    return assembly.setup_of(ground, pads)
+
+
+def _boards(context: Context, routes: Mapping[str, tuple[int, ...]]) -> dict[str, OnBoard | None]:
+    paths = assembly.paths_of(context.setup, routes)
+    return {
+        name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
+        for name in context.vehicles
+    }
+
+
+async def load_all(
+    context: Context,
+    links: Mapping[str, OpenLink],
+    clock: SystemClock,
+    boards: Mapping[str, OnBoard | None],
+    console: Console,
+) -> None:
+    """Put everybody's first mission on board.
+
+    Raises:
+        VehicleRefused: a vehicle did not take its mission.
+    """
+    turn = asyncio.Semaphore(LOADED_AT_ONCE)
+
+    async def one(name: str, board: OnBoard) -> None:
+        async with turn:
+            await load(name, board)
+
+    async def load(name: str, board: OnBoard) -> None:
+        dialect = context.vehicles[name].dialect
+        mission = encode(board.path, dialect)
+        await asking.load(name, links[name], clock, dialect, mission)
+        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
+
+    await together(one(name, board) for name, board in boards.items() if board is not None)

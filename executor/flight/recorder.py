@@ -1,0 +1,227 @@
+"""Whoever wants to know of a flight is told here: the operator, the event log, the plan files, the broker."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
+from executor.adapters.logend import Place
+from executor.adapters.solver import REPLAN_COST
+from executor.core.commands import Command, Level, Say, Solve
+from executor.core.context import Context
+from executor.core.events import Event, SolveEnded, Tick
+from executor.core.state import FleetState
+from executor.flight.checkpointing import Checkpointer
+from executor.flight.checkpoints import Checkpoint, Planned
+from executor.flight.flight_order import Console, Order
+from executor.flight.mqtt import Publication
+from executor.runtime.flight import Observer
+from executor.site.assembly import Ground
+from executor.supervised import report
+from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
+from planner import Plan, Route, Vehicle
+
+CLOCK_SET_S = 2.0
+"""Less than this a clock drifts, or is corrected, without that anybody set it."""
+
+SETTLE_S = 60.0
+"""Real seconds that the plans may take to be kept at the end of a flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Legacy:
+    """What an earlier process leaves to the one that takes its flight up."""
+
+    unkept: tuple[Planned, ...] = ()
+    """Plans that it found, and did not keep in a file."""
+    solve: Solve | None = None
+    """The last that was to be solved."""
+    set_s: float = 0.0
+    """By how much the computer's time of day was set in the flight so far."""
+    checkpoint: str = ""
+    """The file that the flight was taken up from."""
+
+
+NOTHING_LEFT = Legacy()
+"""Of a flight that begins."""
+
+
+class Keeper:
+    """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
+
+    def __init__(
+        self,
+        order: Order,
+        context: Context,
+        console: Console,
+        log: EventLog,
+        clock: SystemClock,
+        publication: Publication | None,
+        legacy: Legacy = NOTHING_LEFT,
+    ) -> None:
+        """Name who is told."""
+        self._order = order
+        self._publication = publication
+        self._context = context
+        self._console = console
+        self._log = log
+        self._clock = clock
+        self._solve = legacy.solve
+        self._set_s = clock.set_s()
+        self._noted_set_s = legacy.set_s
+        """What the log's notes come to."""
+        self._launched_s: float | None = None
+        self._state: FleetState | None = None
+        self._unkept = list(legacy.unkept)
+        """Plans that were found, and wait to be kept."""
+        self._in_no_file = list(legacy.unkept)
+        """Those, and what is just being kept."""
+        self._keeping: set[asyncio.Task[None]] = set()
+        self._checkpoints = Checkpointer(order.run, log, clock.speedup, self._warn, legacy.checkpoint)
+
+    def observer(self) -> Observer:
+        """Return what the flight tells of itself."""
+        return Observer(self.said, self.applied, self.decided)
+
+    def decided(self, command: Command, now_s: float) -> None:
+        """Write a decision down, before it is carried out."""
+        if not isinstance(command, Say):
+            self._log.note(now_s, command=to_plain(command))
+
+    def said(self, line: Say, now_s: float) -> None:
+        """Show, keep and publish a line."""
+        self._log.note(now_s, said=line.text, level=line.level.value)
+        self._show(line, now_s)
+
+    def told(self, line: Say, now_s: float) -> None:
+        """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
+        self._log.note(now_s, told=line.text, level=line.level.value)
+        self._show(line, now_s)
+
+    def _show(self, line: Say, now_s: float) -> None:
+        """Show and publish a line by the clock that people go by, which begins with the order to take off."""
+        flight_s = None if self._launched_s is None else now_s - self._launched_s
+        self._console.say(line.level, line.text, flight_s)
+        if self._publication is not None:
+            self._publication.said(line, now_s, flight_s)
+
+    def applied(self, event: Event, state: FleetState, now_s: float) -> None:
+        """Show the fleet after an event, and keep the plan that it brought."""
+        self._launched_s, self._state = state.launched_s, state
+        if isinstance(event, Tick):
+            self._look_at_the_clock(now_s)
+        if state.replan is not None:
+            self._solve = state.replan.solve
+        if isinstance(event, SolveEnded) and event.routes is not None:
+            solve = self._solve
+            if solve is not None and event.revision == solve.revision:
+                self._unkept.append((solve, event))
+                self._in_no_file.append((solve, event))
+        if self._unkept and (state.replan is None or state.replan.solve_s is None):
+            self._keep_plans()
+        self._console.show(self._context, state, now_s)
+        if self._publication is not None:
+            self._publication.applied(event, state)
+        if self._checkpoints.due(state, now_s):
+            # Between two events: what this one decides is in the log by then.
+            asyncio.get_running_loop().call_soon(self._begin_checkpoint, now_s)
+
+    def _begin_checkpoint(self, now_s: float) -> None:
+        self._checkpoints.begin(now_s, self._checkpoint)
+
+    def _checkpoint(self, place: Place) -> Checkpoint:
+        if self._state is None:
+            raise RuntimeError("a checkpoint is due after an event")
+        return Checkpoint(place, self._state, self._solve, tuple(self._in_no_file), self._noted_set_s)
+
+    def _warn(self, text: str) -> None:
+        self.told(Say(Level.WARNING, text), self._clock.now_s())
+
+    def _look_at_the_clock(self, now_s: float) -> None:
+        """Write down that the time of day was set: the flight does not go by it, but whoever takes it up again does."""
+        set_s = self._clock.set_s()
+        by_s = set_s - self._set_s
+        if abs(by_s) < CLOCK_SET_S:
+            return
+        self._set_s = set_s
+        self._noted_set_s += by_s
+        self._log.note(now_s, **{CLOCK_SET: by_s})
+        way = "forward" if by_s > 0 else "back"
+        text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
+        self.told(Say(Level.WARNING, text), now_s)
+
+    def _keep_plans(self) -> None:
+        """Keep what was planned, in a thread: for fifty vehicles it takes longer than the loop may be blocked.
+
+        It waits until the new missions are on board, which are more urgent and need the same processor.
+        """
+        for planned in self._unkept:
+            task = asyncio.create_task(self._keep(planned))
+            self._keeping.add(task)
+            task.add_done_callback(self._keeping.discard)
+        self._unkept.clear()
+
+    async def _keep(self, planned: Planned) -> None:
+        try:
+            content = await asyncio.to_thread(_plan_file, self._order, planned)
+        except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
+            text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
+            self.told(Say(Level.WARNING, text), self._clock.now_s())
+            report("keeping a plan", error, said=True)
+            return
+        if plan_path(self._order.run, planned).exists():
+            self._in_no_file.remove(planned)
+        if self._publication is not None:
+            self._publication.plan(planned[1].revision, content)
+
+    async def settle(self) -> None:
+        """Wait until everything is kept, but not for a disk that never answers."""
+        self._keep_plans()
+        if self._keeping:
+            _, waiting = await asyncio.wait(self._keeping, timeout=SETTLE_S)
+            if waiting:
+                text = f"{len(waiting)} plans are not on the disk after {SETTLE_S:g} s; they are in the event log"
+                self.told(Say(Level.WARNING, text), self._clock.now_s())
+        await self._checkpoints.settle()
+
+
+def plan_path(run: Path, planned: Planned) -> Path:
+    """Return where a re-plan is kept."""
+    return run / f"plan-{planned[1].revision:03d}.json"
+
+
+def _plan_file(order: Order, planned: Planned) -> PlanFile:
+    """Return a re-plan as a plan file, and keep it where there is room."""
+    ground, (solve, event) = order.ground, planned
+    task, plan = _replanned(ground, solve, event)
+    solved = Solved(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
+    content = make_plan_file(
+        ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
+    )
+    with suppress(OSError):
+        write_plan(plan_path(order.run, planned), content)
+    return content
+
+
+def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
+    vehicles = [
+        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
+        for offer in solve.survivors
+    ]
+    task = open_task(ground.network, solve.open_segments, vehicles, ground.travel)
+    number = {segment: index for index, segment in enumerate(task.segment_ids)}
+    visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
+    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(vehicles))
+    return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
+
+
+def in_force(order: Order, revision: int) -> PlanFile:
+    """Return the newest plan that is on record; a flight that is taken up again may have had several."""
+    with suppress(OSError, MissionsError):
+        if revision > 0:
+            return read_plan(order.run / f"plan-{revision:03d}.json")
+    return order.plan

@@ -1,0 +1,51 @@
+"""Vehicles are given back what a flight changed on them, from its run directory, whatever became of the flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.adapters.clock import SystemClock
+from executor.adapters.mavlink import endpoints
+from executor.adapters.run_directory import locked
+from executor.core.ports import Keyring, LinkOrder
+from executor.core.preflight.parameters import Kept
+from executor.errors import LogError
+from executor.flight.changed_parameters import RECORD, read_kept
+from executor.flight.flight_order import Console
+from executor.flight.parameter_changes import give_back
+from executor.site.config import Site, read_site, signing_key
+
+
+def read_open(run: Path) -> tuple[Site, list[Kept]]:
+    """Return the site of a flight, and what has still to be given back.
+
+    Raises:
+        LogError: the directory holds no record, or one that cannot be read.
+        SiteError: site.toml cannot be used.
+    """
+    kept = read_kept(run)
+    if kept is None:
+        raise LogError(f"{run}: expected a run directory with {RECORD}; no parameter was changed from here")
+    return read_site(run / "site.toml"), [one for one in kept if one.open]
+
+
+async def restore(run: Path, console: Console) -> tuple[Kept, ...]:
+    """Give back what is on record; returns the record as it is then.
+
+    Nobody hears a heartbeat from here: a vehicle that somebody flies would take its end for a lost ground station.
+
+    Raises:
+        LogError: another process flies from this directory, or it holds no record.
+        SiteError: site.toml cannot be used, or the signing key is missing.
+        ConnectionFailed: a connection cannot be opened.
+    """
+    with locked(run):
+        site, waiting = read_open(run)  # now that nobody else writes to it
+        names = {one.vehicle for one in waiting}
+        clock = SystemClock(site.flight.speedup)
+        key = signing_key(site, run)
+        keyring = None if key is None else Keyring(key, clock.dated_s)
+        # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
+        wanted = {table.name: LinkOrder(table.link, table.sysid) for table in site.vehicle if table.name in names}
+        async with endpoints.open_links(wanted, keyring) as links:
+            return await give_back(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)

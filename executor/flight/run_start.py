@@ -1,0 +1,106 @@
+"""What a run directory says that its flight began with: the site, the first plan, and who stood where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from executor.core import fleet
+from executor.core.context import Context
+from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
+from executor.core.state import FleetState
+from executor.core.vehicle import aboard
+from executor.errors import LogError
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import read_site
+from executor.site.planning import belongs
+from missions import Pad, PlanFile, dialect_for, read_plan
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class _PadRow(_Row):
+    east_m: float
+    north_m: float
+    alt_m: float
+
+
+class _VehicleRow(_Row):
+    name: str
+    pad: _PadRow | None = None
+    parameters: dict[str, float] = {}
+
+
+class _Vehicles(_Row):
+    """What a replay takes from vehicles.json."""
+
+    vehicles: tuple[_VehicleRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """A flight before its launch."""
+
+    ground: Ground
+    plan: PlanFile
+    context: Context
+    state: FleetState
+
+
+def beginning(run: Path) -> Beginning:
+    """Return what a flight began with.
+
+    Raises:
+        LogError: vehicles.json cannot be used.
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan, or the network, cannot be used.
+    """
+    site = read_site(run / "site.toml")
+    ground = assembly.ground_of(site, run)
+    plan = read_plan(run / "plan-000.json")
+    belongs(plan, ground, str(run / "plan-000.json"))
+    task = plan.task()
+    rows = _vehicles(run / "vehicles.json")
+    pads = _pads(rows, ground.names)
+    setup = assembly.setup_of(ground, pads)
+    dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
+    own: Mapping[str, LinkFailsafe] = MappingProxyType({
+        name: link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
+    })  # fmt: skip
+    context = assembly.context_of(ground, setup, task, plan.plan, own)
+    routes = assembly.routes_of(ground, task, plan.plan)
+    paths = assembly.paths_of(setup, routes)
+    boards = {
+        name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
+        for name in context.vehicles
+    }
+    return Beginning(ground, plan, context, fleet.initial(boards))
+
+
+def _vehicles(path: Path) -> dict[str, _VehicleRow]:
+    try:
+        content = _Vehicles.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise LogError(f"{path}: {key}: expected what vehicles said before a flight: {first['msg']}") from error
+    return {row.name: row for row in content.vehicles}
+
+
+def _pads(rows: Mapping[str, _VehicleRow], names: tuple[str, ...]) -> list[Pad] | None:
+    pads = []
+    for name in names:
+        row = rows.get(name)
+        if row is None or row.pad is None:
+            return None  # an older directory: the pads are those that the site gives
+        pads.append(Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
+    return pads

@@ -1,0 +1,99 @@
+"""Opens the page beside a flight, as the site file wants it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import AsyncIterator
+from concurrent.futures import Future
+from contextlib import ExitStack, asynccontextmanager
+from functools import partial
+from typing import Protocol
+
+from executor.adapters.clock import SystemClock
+from executor.core.commands import Level
+from executor.core.intents import Intent, IntentRecord
+from executor.core.state import FleetState
+from executor.errors import ConnectionFailed, SiteError
+from executor.runtime.flight import Flight
+from executor.site.config import WebTable
+from executor.supervised import hand_over
+
+LEAST_TOKEN = 16
+"""Characters: shorter ones can be guessed."""
+
+
+class Console(Protocol):
+    """Where the operator looks."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show one line."""
+        ...
+
+
+def check(table: WebTable) -> None:
+    """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
+
+    Raises:
+        SiteError: the token is missing or too short.
+    """
+    if table.enabled:
+        _token(table)
+        import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
+
+
+def _token(table: WebTable) -> str | None:
+    if table.token_env is None:
+        return None
+    value = os.environ.get(table.token_env, "")
+    if (
+        len(value) < LEAST_TOKEN
+        or not value.isascii()
+        or not value.isprintable()
+        or not value.replace("-", "").isalnum()
+    ):
+        raise SiteError(
+            f"web.token_env: expected a token of {LEAST_TOKEN} or more letters, digits or hyphens in the environment "
+            f"variable {table.token_env}"
+        )
+    return value
+
+
+@asynccontextmanager
+async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Console) -> AsyncIterator[None]:
+    """Serve the page; a flight goes on without it where it cannot be served.
+
+    It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
+    """
+    if not table.enabled:
+        yield
+        return
+    from executor.adapters.web import WebServer, WebSettings
+
+    loop = asyncio.get_running_loop()
+
+    def now() -> tuple[FleetState, float]:
+        return flight.state, clock.now_s()
+
+    async def take(intent: Intent) -> IntentRecord:
+        return flight.ask(intent)
+
+    def submit(intent: Intent) -> Future[IntentRecord]:
+        return asyncio.run_coroutine_threadsafe(take(intent), loop)
+
+    token = _token(table)
+    settings = WebSettings(table.host, table.port, token, frozenset(table.names), clock.speedup)
+    server = WebServer(settings, flight.context, now, submit, mistake=partial(hand_over, loop))
+    stack = ExitStack()
+    try:
+        await asyncio.to_thread(stack.enter_context, server)
+    except ConnectionFailed as error:
+        console.say(Level.WARNING, f"{error}; the flight goes on without its page")
+        yield
+        return
+    try:
+        shown = f"{server.address}?token=${table.token_env}" if token is not None else server.address
+        console.say(Level.INFO, f"page: {shown}")
+        yield
+    finally:
+        await asyncio.to_thread(stack.close)

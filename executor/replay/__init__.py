@@ -1,0 +1,1 @@
+"""Recorded flights through the watchpoints of the live flight, and what came of it."""

@@ -1,0 +1,73 @@
+"""Truths beside recorded flights: *_truth.json files that say what was injected into which log, and when."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from executor.core.vehicle import FaultKind
+from executor.errors import LogError
+from executor.replay.result import Happened, Truth
+
+KINDS: Mapping[str, FaultKind] = {
+    "battery fault": FaultKind.BATTERY,
+    "link loss": FaultKind.LINK,
+    "interruption": FaultKind.INTERRUPTION,
+    "mission interruption": FaultKind.INTERRUPTION,
+}
+"""What a truth calls them; any other kind is no fault."""
+_ROUTINE = re.compile(r"first heartbeat|\barmed|disarmed|\bend(s|ed)?\b|\bover\b|\bback\b", re.IGNORECASE)
+"""Events of every flight, and ends of what was injected."""
+_ENDS = re.compile(r"\bover\b|\bback\b", re.IGNORECASE)
+
+
+def read_truths(folder: Path) -> dict[str, Truth]:
+    """Return the truths of a folder by the names of its telemetry logs; nothing where there are none.
+
+    Raises:
+        LogError: a truth file cannot be used.
+    """
+    found: dict[str, Truth] = {}
+    for path in sorted(folder.glob("*_truth.json")):
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            found |= {name: _truth(row, on_board=False) for name, row in content["logs"].items()}
+            found |= {Path(name).stem: _truth(row, on_board=True) for name, row in content["logs"].items()}
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise LogError(f"{path}: expected the truths of recorded flights: {error!r}") from error
+    return found
+
+
+def truth_for(log: Path, truths: Mapping[str, Truth]) -> Truth | None:
+    """Return the truth of a log; an autopilot's own log shares that of the telemetry log with its name."""
+    return truths.get(log.name) if log.suffix.lower() == ".tlog" else truths.get(log.stem)
+
+
+def _truth(row: Mapping[str, Any], *, on_board: bool) -> Truth:
+    """Read one; the autopilots' own logs count from the vehicle's boot."""
+    events = tuple(
+        Happened(_when(event, on_board=on_board), str(event["what"])) for event in row["events"]
+    )  # fmt: skip
+    kind = KINDS.get(row["kind"])
+    if kind is FaultKind.LINK and row.get("vehicle_silent") and not on_board:
+        silent = row["vehicle_silent"][0]
+        return Truth(kind, silent["from_usec"], silent["to_usec"], events)
+    injected = [event for event in events if not _ROUTINE.search(event.what.split("(")[0])]
+    over = [event for event in events if _ENDS.search(event.what.split("(")[0])]
+    if on_board and kind is FaultKind.LINK:
+        kind = None  # the vehicle's own log knows nothing of it
+    return Truth(
+        kind,
+        injected[0].t_usec if injected and kind is not None else None,
+        over[0].t_usec if over else None,
+        events,
+    )
+
+
+def _when(event: Mapping[str, Any], *, on_board: bool) -> int:
+    return int(event["boot_ms"]) * 1000 if on_board else int(event["t_usec"])

@@ -1,0 +1,362 @@
+"""Recorded flights through the watchpoints of the live flight: what they would have declared, when, on what evidence.
+
+The log's own clock is the time: ticks come between its records as they come between messages in flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+from executor.core import projection
+from executor.core.battery.kalman import Prior
+from executor.core.context import Scene, VehicleSetup, draws_pct_s
+from executor.core.events import Heard, Tick
+from executor.core.faults import passive
+from executor.core.faults.link_loss import SLEPT_S
+from executor.core.faults.passive import Declared, Degraded, Finding
+from executor.core.limits import Limits
+from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, SystemStatus
+from executor.core.recording import Record, RecordedFile
+from executor.core.vehicle import FaultKind, Stage, VehicleState
+from executor.replay.result import Declaration, Impaired, LogReplay, Sample, Trace, VehicleReplay
+from executor.site import assembly
+from executor.site.config import Site
+from missions import Dialect, LocalFrame, dialect_for
+from planner import PRESETS
+
+TICK_S = 0.25
+CALM_TICK_S = 1.8
+"""While everybody is heard and no watchpoint fails; what may change that at once is looked at at once."""
+RESTLESS_PCT = 1.2
+"""So much excess consumption is no calm."""
+FALLS = 0.03
+"""A voltage that falls by this share between two reports is looked at at once."""
+CALM_S = 1.2
+"""Silence that is none: a heartbeat a second, and some of its way."""
+LINK_TIMEOUT_S = 4.5
+"""Without a site file nothing is given away, so nobody's failsafe must be waited for: four heartbeats are missed, and
+the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
+LINK_STALE_S = 2.0
+"""One heartbeat is missed, and with it every other message."""
+ANY_DRONE = Prior(2.2, 0.8)
+"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: 12 to 33 minutes of hover."""
+AUTOPILOTS: Mapping[int, str] = MappingProxyType({3: "ardupilot", 12: "px4"})
+"""MAV_AUTOPILOT."""
+COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
+"""MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
+BACK_USEC = 1_000_000
+"""Records that are out of order by less share a moment."""
+LONGEST_GAP_S = 120.0
+"""In a longer pause nothing is decided any more that was not decided before."""
+STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
+"""In which a HEARTBEAT that is as the last one changes nothing."""
+REPEATS_S = 2.5
+SAME, ALIKE = 0.003, 0.05
+"""Shares by which a voltage and a current may change within `REPEATS_S` and still say nothing new."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """By what a log is judged."""
+
+    limits: Limits = field(default_factory=lambda: Limits(link_stale_s=LINK_STALE_S))
+    link_timeout_s: float = LINK_TIMEOUT_S
+    """Where no site says otherwise."""
+    site: Site | None = None
+
+
+def rules_of(site: Site | None) -> Rules:
+    """Return the rules of a site, or those without one."""
+    return Rules() if site is None else Rules(limits=assembly.limits_of(site), site=site)
+
+
+def replay(file: RecordedFile, path: Path, rules: Rules, *, on_board: bool = False) -> LogReplay:
+    """Replay one log.
+
+    Args:
+        file: read from its beginning, once.
+        path: for the result.
+        rules: the thresholds, and what is known of the vehicles.
+        on_board: whether the vehicle itself wrote it: then its link cannot be judged.
+    """
+    player = _Player(rules, file, on_board=on_board)
+    for record in file.records():
+        player.take(record)
+    return player.result(path)
+
+
+_TICK = Tick()
+
+
+class _Player:
+    """Feeds records and ticks to the passive core; owns the time."""
+
+    def __init__(self, rules: Rules, file: RecordedFile, *, on_board: bool) -> None:
+        self._rules, self._file, self._on_board = rules, file, on_board
+        self._scene = _empty_scene(rules)
+        self._state = passive.begun(())
+        self._names: dict[int, str] = {}
+        self._others: dict[int, str] = {}
+        """Systems that are not followed, and why."""
+        self._first: int | None = None
+        self._last = 0
+        self._shift = 0
+        self._now_s = 0.0
+        self._next_s = 0.0
+        self._shifts: list[tuple[float, int]] = []
+        self._findings: list[Finding] = []
+        self._traces: dict[str, Trace] = {}
+        self._flown: dict[str, float] = {}
+        self._framed = False
+        self._beats: dict[str, float] = {}
+        """Heartbeats without news since the last tick."""
+        self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
+        self._ticked_s = 0.0
+
+    def take(self, record: Record) -> None:
+        """Let time pass to a record, and take what it says."""
+        t_usec, system, message = record
+        if self._first is None:
+            self._first = self._last = t_usec
+            self._shifts.append((0.0, t_usec))
+        if t_usec < self._last:
+            if self._last - t_usec > BACK_USEC:
+                self._file.skipped.time_back += 1
+                self._shift += self._last - t_usec
+                self._shifts.append((self._now_s, t_usec))
+                self._last = t_usec
+            else:
+                t_usec = self._last
+        self._last = t_usec
+        now_s = (t_usec - self._first + self._shift) / 1e6
+        if now_s >= self._next_s:
+            self._pass(now_s)
+        self._now_s = now_s
+        if message is None:
+            return
+        if system == 0:
+            for name in self._names.values():
+                self._heard(name, message, now_s)
+            return
+        name = self._names.get(system) or self._join(system, message)
+        if name:
+            self._heard(name, message, now_s)
+        else:
+            self._file.skipped.not_followed += 1
+
+    def _pass(self, now_s: float) -> None:
+        """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
+        gap_s = now_s - self._now_s
+        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
+            self._next_s = now_s
+        while self._next_s <= now_s:
+            self._next_s += self._tick(self._next_s)
+
+    def _tick(self, at_s: float) -> float:
+        """Look at everything; returns when to look again."""
+        for system, name in self._names.items():
+            usec = self._file.heard.get(system)
+            if usec is not None and self._first is not None:
+                heard_s = (usec - self._first + self._shift) / 1e6
+                self._state = passive.heard(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
+        self._state, found = passive.step(self._scene, self._state, _TICK, at_s)
+        self._findings += found
+        calm = True
+        for name, vehicle in self._state.fleet.vehicles.items():
+            if vehicle.armed and vehicle.stage is not Stage.LOST:
+                self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
+            calm = calm and _is_calm(vehicle, at_s)
+            trace = self._traces[name]
+            if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
+                trace.add(sampled(self._scene, vehicle, at_s))
+        self._ticked_s = at_s
+        return CALM_TICK_S if calm else TICK_S
+
+    def _heard(self, name: str, message: FlightMessage, now_s: float) -> None:
+        before = self._state.fleet.vehicles[name]
+        if self._says_nothing_new(before, message, now_s):
+            return
+        if isinstance(message, Battery):
+            volts = before.volts.voltage_v
+            if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
+                self._next_s = now_s
+        elif isinstance(message, Position) and not self._framed:
+            self._framed = True
+            frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
+            self._scene = replace(self._scene, frame=frame)
+        self._state, found = passive.step(self._scene, self._state, Heard(name, message), now_s)
+        self._findings += found
+        if isinstance(message, (Battery, SystemStatus)) and _drains(self._state.fleet.vehicles[name]):
+            self._next_s = min(self._next_s, now_s + TICK_S)
+        elif isinstance(message, Heartbeat):
+            if message != before.heartbeat:
+                self._next_s = now_s
+            if message.armed and not before.armed:
+                self._takes_off(self._state.fleet.vehicles[name])
+
+    def _says_nothing_new(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
+        """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
+        match message:
+            case Heartbeat():
+                settled = known.stage in STEADY and (known.flew_mission or not known.took_off)
+                if not settled or message != known.heartbeat:
+                    return False
+                self._beats[known.name] = now_s  # the next tick takes it
+                return True
+            case MissionCurrent(seq, total, number):
+                same = known.board is None or number in {None, known.carried.id}
+                return same and known.item == (seq, total)
+            case Battery():
+                return self._battery_repeats(known.name, message, now_s)
+            case _:
+                return False
+
+    def _battery_repeats(self, name: str, message: Battery, now_s: float) -> bool:
+        taken = self._batteries.get((name, message.battery))
+        if taken is not None and now_s - taken[0] < REPEATS_S:
+            known = taken[1]
+            if (
+                message.remaining_pct == known.remaining_pct
+                and abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
+                and abs((message.current_a or 0.0) - (known.current_a or 0.0)) <= ALIKE * (known.current_a or 0.0)
+                and (message.charge_state, message.faults) == (known.charge_state, known.faults)
+                and not message.cells_v
+            ):
+                return True
+        self._batteries[name, message.battery] = (now_s, message)
+        return False
+
+    def _takes_off(self, vehicle: VehicleState) -> None:
+        """Note where a vehicle starts: it is the place to come home to."""
+        if vehicle.fix is not None:
+            setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.fix.place_m)
+            self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
+
+    def _join(self, system: int, message: FlightMessage) -> str:
+        """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
+        if not isinstance(message, Heartbeat):
+            return ""
+        autopilot = AUTOPILOTS.get(message.autopilot)
+        if autopilot is None or message.vehicle_type not in COPTERS:
+            self._others[system] = (
+                f"system {system} is not followed: MAV_AUTOPILOT {message.autopilot}, MAV_TYPE {message.vehicle_type}; "
+                "known are copters with ArduPilot or PX4"
+            )
+            return ""
+        setup = _setup(self._rules, system, dialect_for(autopilot), on_board=self._on_board)
+        self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
+        self._state = passive.joined(self._state, setup.name)
+        self._names[system] = setup.name
+        self._traces[setup.name] = Trace()
+        return setup.name
+
+    def result(self, path: Path) -> LogReplay:
+        """Return what was found, once the log has ended."""
+        if self._first is not None:
+            self._pass(self._now_s)
+        found = [*self._findings, *passive.closed(self._state, self._now_s)]
+        if self._on_board:
+            found = [one for one in found if one.kind is not FaultKind.LINK]
+        vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
+        notes = list(self._others.values())
+        if not vehicles:
+            notes.insert(0, "no vehicle in it that can be followed")
+        return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
+
+    def _vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
+        mine = [one for one in found if one.vehicle == name]
+        declarations = [
+            Declaration(one.kind, one.reason, self._usec(one.at_s), one.evidence)
+            for one in mine
+            if isinstance(one, Declared)
+        ]
+        degraded = [
+            Impaired(
+                one.kind, one.reason, self._usec(one.from_s), self._usec(one.to_s or self._now_s), one.evidence
+            )
+            for one in mine
+            if isinstance(one, Degraded)
+        ]  # fmt: skip
+        return VehicleReplay(
+            sysid=system,
+            name=name,
+            autopilot=self._scene.vehicles[name].dialect.name,
+            declarations=tuple(declarations),
+            degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
+            flown_s=self._flown.get(name, 0.0),
+            samples=tuple(self._traces[name].samples),
+        )
+
+    def _usec(self, at_s: float) -> int:
+        """Return a moment on the log's own clock, which may have jumped back meanwhile."""
+        began_s, began_usec = next(pair for pair in reversed(self._shifts) if pair[0] <= at_s or pair[0] == 0.0)
+        return began_usec + round((at_s - began_s) * 1e6)
+
+
+def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
+    """Return whether nothing is to be expected of a vehicle in the next moments."""
+    if vehicle.stage is Stage.LOST:
+        return True
+    silent = vehicle.heard_s is not None and at_s - vehicle.heard_s > CALM_S
+    return not (silent or vehicle.watches or _drains(vehicle))
+
+
+def _drains(vehicle: VehicleState) -> bool:
+    """Return whether more is used than usual."""
+    known = vehicle.battery
+    return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
+
+
+def _empty_scene(rules: Rules) -> Scene:
+    site = rules.site
+    drone = PRESETS["mavic3"] if site is None else assembly.drone_of(site)
+    return Scene(
+        frame=LocalFrame(0.0, 0.0),
+        vehicles={},
+        limits=rules.limits,
+        drone=drone,
+        draws_pct_s=draws_pct_s(drone),
+        prior=ANY_DRONE if site is None else Prior(),
+        wind_m_s=(0.0, 0.0) if site is None else site.inspection.wind_m_s,
+        corridor_m=math.inf,
+        inspection_speed_m_s=math.inf,
+    )
+
+
+def _setup(rules: Rules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
+    """Return what is known of a vehicle without its plan."""
+    site = rules.site
+    table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
+    timeout_s = rules.link_timeout_s if site is None else assembly.link_timeout_s(site, dialect)
+    return VehicleSetup(
+        name=str(system) if table is None else table.name,
+        sysid=system,
+        dialect=dialect,
+        budget_pct=100.0 if table is None else table.budget_pct,
+        reserve_pct=0.0 if table is None else table.reserve_pct,
+        link_timeout_s=math.inf if on_board else timeout_s,
+        pad_m=(0.0, 0.0),
+        planned=False,
+    )
+
+
+def sampled(scene: Scene, vehicle: VehicleState, at_s: float) -> Sample:
+    """Return what a picture shows of a vehicle at one moment."""
+    estimate = vehicle.battery.estimate
+    ahead = projection.at_landing(scene, vehicle, scene.vehicles[vehicle.name])
+    return Sample(
+        at_s=at_s,
+        remaining_pct=vehicle.battery.remaining_pct,
+        estimate_pct=None if estimate is None else estimate.remaining_pct,
+        sd_pct=None if estimate is None else math.sqrt(estimate.var_remaining),
+        landing_pct=None if ahead is None else ahead.mean_pct,
+        voltage_v=vehicle.volts.voltage_v,
+        link_age_s=0.0 if vehicle.heard_s is None else at_s - vehicle.heard_s,
+        heartbeat_age_s=0.0 if vehicle.heartbeat_s is None else at_s - vehicle.heartbeat_s,
+        item=None if vehicle.item is None else vehicle.item[0],
+        height_m=None if vehicle.fix is None else vehicle.fix.alt_rel_m,
+    )

@@ -1,0 +1,62 @@
+"""Which reader a log needs, by its content."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from executor.core.recording import RecordedFile
+from executor.errors import LogError
+
+ULOG_MAGIC = b"ULog\x01\x12\x35"
+DATAFLASH_MAGIC = b"\xa3\x95"
+MARKS = frozenset({0xFD, 0xFE})
+STAMP = 8
+KNOWN = {".tlog", ".bin", ".ulg"}
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedLog:
+    """A log and who wrote it."""
+
+    file: RecordedFile
+    on_board: bool
+
+
+def open_log(path: Path) -> OpenedLog:
+    """Return a reader for a log; damaged and empty ones have one too, by their name.
+
+    Raises:
+        LogError: it cannot be read, or is no log of a kind that is known.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(64)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    kind = _kind(head, path.suffix.lower())
+    if kind == ".tlog":
+        from executor.adapters.mavlink.tlog_reader import TelemetryFile
+
+        return OpenedLog(TelemetryFile(path), on_board=False)
+    if kind == ".bin":
+        from executor.adapters.logs.dataflash import DataFlashFile
+
+        return OpenedLog(DataFlashFile(path), on_board=True)
+    if kind == ".ulg":
+        from executor.adapters.logs.ulog import UlogFile
+
+        return OpenedLog(UlogFile(path), on_board=True)
+    raise LogError(
+        f"{path}: expected a telemetry log (.tlog), a DataFlash log (.BIN), a ULog (.ulg) or a run directory"
+    )
+
+
+def _kind(head: bytes, suffix: str) -> str:
+    if head.startswith(ULOG_MAGIC):
+        return ".ulg"
+    if head.startswith(DATAFLASH_MAGIC):
+        return ".bin"
+    if len(head) > STAMP and head[STAMP] in MARKS:
+        return ".tlog"
+    return suffix if suffix in KNOWN else ""

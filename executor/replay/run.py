@@ -1,0 +1,164 @@
+"""A live flight again: the events of its run directory through the same `step`, and whether it decides the same.
+
+The context is built anew from what the directory holds: the site, the first plan, what each vehicle said and where
+it stood. What the flight decided stands in the log beside the events, so the two are compared command by command.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executor.adapters.eventlog import read_decisions, read_events, read_head, to_plain
+from executor.core import fleet
+from executor.core.commands import Command, Say
+from executor.core.context import Context
+from executor.core.events import Tick
+from executor.core.faults import passive
+from executor.core.faults.passive import Degraded
+from executor.core.faults.watching import View
+from executor.core.recording import Skipped
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage
+from executor.flight.run_start import beginning
+from executor.replay.logs import sampled
+from executor.replay.result import Declaration, Impaired, LogReplay, Trace, VehicleReplay
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What the flight decided beside what the replay did."""
+
+    logged: int
+    """Commands and lines of the flight."""
+    replayed: int
+    first_difference: str
+    """Empty if there is none."""
+
+    @property
+    def same(self) -> bool:
+        """Whether every command is the same, in the same order, at the same time."""
+        return not self.first_difference
+
+
+@dataclass(frozen=True, slots=True)
+class RunReplay:
+    """A run directory, replayed."""
+
+    log: LogReplay
+    comparison: Comparison
+    state: FleetState
+
+
+Decided = tuple[float, object]
+
+
+def rerun(run: Path) -> RunReplay:
+    """Replay a run directory.
+
+    Raises:
+        LogError: events.jsonl or vehicles.json cannot be used.
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan cannot be used.
+    """
+    begun = beginning(run)
+    context, state = begun.context, begun.state
+    events = run / "events.jsonl"
+    head = read_head(events)
+    watch = _Watch(context)
+    decided: list[Decided] = []
+    at_s = 0.0
+    for at_s, event in read_events(events):
+        # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
+        with suppress(Exception):
+            state, commands = fleet.step(context, state, event, at_s)
+            decided += [(at_s, _plain(command)) for command in commands]
+        if isinstance(event, Tick):
+            watch.look(state, at_s)
+    comparison = _compared(list(read_decisions(events)), decided)
+    vehicles = watch.vehicles(state, head.began_unix_s, at_s)
+    notes = () if comparison.same else (f"not what the flight decided: {comparison.first_difference}",)
+    log = LogReplay(run, vehicles, Skipped(), round(head.began_unix_s * 1e6), at_s, notes)
+    return RunReplay(log, comparison, state)
+
+
+def _plain(command: Command) -> object:
+    return command.text if isinstance(command, Say) else to_plain(command)
+
+
+def _compared(logged: list[Decided], replayed: list[Decided]) -> Comparison:
+    """Compare in the form that the log has: through JSON and back."""
+    made: list[Any] = json.loads(json.dumps(replayed))
+    commands = any(not isinstance(what, str) for _, what in logged)
+    if not commands:  # written before commands were kept: the lines are compared alone
+        made = [one for one in made if isinstance(one[1], str)]
+    first = ""
+    for number, (before, after) in enumerate(zip(logged, made, strict=False)):
+        if [before[0], before[1]] != after:
+            first = f"decision {number} at {before[0]:.2f} s was {_words(before[1])}, is {_words(after[1])}"
+            break
+    if not first and len(logged) != len(made):
+        first = f"the flight made {len(logged)} decisions, the replay {len(made)}"
+    return Comparison(len(logged), len(made), first)
+
+
+def _words(decided: object) -> str:
+    return repr(decided) if isinstance(decided, str) else json.dumps(decided)[:120]
+
+
+class _Watch:
+    """Collects what is not well, and samples for pictures, beside the decisions."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._open: dict[tuple[str, str], Degraded] = {}
+        self._over: list[Degraded] = []
+        self._traces = {name: Trace() for name in context.vehicles}
+        self._flown = dict.fromkeys(context.vehicles, 0.0)
+        self._looked_s: float | None = None
+
+    def look(self, state: FleetState, now_s: float) -> None:
+        """Look at everybody."""
+        elapsed_s = 0.0 if self._looked_s is None else now_s - self._looked_s
+        self._looked_s = now_s
+        for name, vehicle in state.vehicles.items():
+            setup = self._context.vehicles[name]
+            if vehicle.armed and vehicle.stage is not Stage.LOST:
+                self._flown[name] += elapsed_s
+            if vehicle.stage is not Stage.LOST:
+                found = passive.warned(View(self._context, setup, vehicle, False, now_s), self._open)
+                self._over += [one for one in found if isinstance(one, Degraded)]
+            trace = self._traces[name]
+            if not trace.samples or now_s - trace.samples[-1].at_s >= trace.every_s:
+                trace.add(sampled(self._context, vehicle, now_s))
+
+    def vehicles(self, state: FleetState, began_unix_s: float, ended_s: float) -> tuple[VehicleReplay, ...]:
+        """Return every vehicle as the replay of a log has it."""
+
+        def usec(at_s: float) -> int:
+            return round((began_unix_s + at_s) * 1e6)
+
+        found = []
+        for name, vehicle in state.vehicles.items():
+            fault = vehicle.fault
+            declared = (
+                ()
+                if fault is None
+                else (Declaration(fault.kind, fault.kind.value, usec(fault.detected_s), fault.reason),)
+            )
+            mine = [one for one in (*self._over, *self._open.values()) if one.vehicle == name]
+            degraded = tuple(
+                Impaired(one.kind, one.reason, usec(one.from_s), usec(one.to_s or ended_s), one.evidence)
+                for one in sorted(mine, key=lambda one: one.from_s)
+            )
+            setup = self._context.vehicles[name]
+            found.append(
+                VehicleReplay(
+                    setup.sysid, name, setup.dialect.name, declared, degraded, self._flown[name],
+                    tuple(self._traces[name].samples),
+                )
+            )  # fmt: skip
+        return tuple(found)

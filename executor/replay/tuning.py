@@ -1,0 +1,185 @@
+"""`faultline replay --tune`: thresholds swept over recorded flights whose truths are known.
+
+Every threshold is moved alone, the others keep their values; for each value the flights are replayed, and what was
+declared is held against what was injected: how late each fault was found, and how many declarations were false.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executor.core.vehicle import FaultKind
+from executor.errors import LogError
+from executor.replay.baseline_detector import PERCENT, FewLines
+from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.logs import Rules, replay
+from executor.replay.open_log import open_log
+from executor.replay.result import LogReplay, Truth
+
+SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
+LINK = "link_timeout_s"
+LOOK_USEC = 500_000
+"""How often the few lines look, at least."""
+LONGEST_USEC = 120_000_000
+"""In a longer pause nothing is said any more that was not said before."""
+THRESHOLDS = (LINK, "battery_excess_pct", "charge_excess_pct", "drain_slack", "voltage_step", "voltage_step_blind")
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One value of one threshold, over all flights."""
+
+    threshold: str
+    value: float
+    chosen: bool
+    """Whether it is the value in use."""
+    found: int
+    faults: int
+    mean_delay_s: float | None
+    """Of the faults that were found."""
+    false_alarms: int
+    flight_hours: float
+
+    @property
+    def false_per_hour(self) -> float:
+        """False alarms in a flight hour."""
+        return self.false_alarms / self.flight_hours if self.flight_hours else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One log."""
+
+    false_alarms: int
+    delay_s: float | None
+    """None where there is no fault, or it was not found."""
+    faults: int
+    flown_s: float
+
+
+def score(found: LogReplay, truth: Truth) -> Score:
+    """Hold what was declared in a log against the truth: the first declaration after the fault must be its kind."""
+    declared = sorted(
+        ((one.t_usec, one.kind) for vehicle in found.vehicles for one in vehicle.declarations),
+        key=lambda pair: pair[0],
+    )
+    return _scored(declared, truth, sum(vehicle.flown_s for vehicle in found.vehicles))
+
+
+def _scored(declared: Sequence[tuple[int, FaultKind]], truth: Truth, flown_s: float) -> Score:
+    if truth.kind is None or truth.fault_usec is None:
+        return Score(len(declared), None, 0, flown_s)
+    before = sum(usec < truth.fault_usec for usec, _ in declared)
+    after = [(usec, kind) for usec, kind in declared if usec >= truth.fault_usec]
+    if not after or after[0][1] is not truth.kind:
+        return Score(before + bool(after), None, 1, flown_s)
+    return Score(before, (after[0][0] - truth.fault_usec) / 1e6, 1, flown_s)
+
+
+def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
+    """Return what the detector of a few lines declares in a log, each kind once, and how long it flew."""
+    opened = open_log(path)
+    systems: dict[int, FewLines] = {}
+    said: set[tuple[int, FaultKind]] = set()
+    declared: list[tuple[int, FaultKind]] = []
+    began, flown_usec, last = 0, 0, 0
+    for usec, system, message in opened.file.records():
+        began, last = began or usec, last or usec
+        for at_usec in (*range(last + LOOK_USEC, min(usec, last + LONGEST_USEC), LOOK_USEC), usec):
+            for number, one in systems.items():
+                kind = one.says((at_usec - began) / 1e6)
+                if kind is not None and (number, kind) not in said and not (opened.on_board and kind is FaultKind.LINK):
+                    said.add((number, kind))
+                    declared.append((at_usec, kind))
+        flown_usec += (usec - last) * sum(one.armed for one in systems.values())
+        if message is not None and system:
+            systems.setdefault(system, FewLines(PERCENT)).take(message, (usec - began) / 1e6)
+        last = usec
+    return declared, flown_usec / 1e6
+
+
+def sweep(paths: Sequence[Path], rules: Rules) -> list[Point]:
+    """Replay all logs that have a truth with every value of every threshold.
+
+    Raises:
+        LogError: no log has a truth.
+    """
+    known = [(path, truth_for(path, read_truths(path.parent))) for path in paths]
+    logs = [(path, truth) for path, truth in known if truth is not None]
+    if not logs:
+        raise LogError("--tune: expected logs whose truths lie beside them, in *_truth.json")
+    points = []
+    for name in THRESHOLDS:
+        usual = rules.link_timeout_s if name == LINK else getattr(rules.limits, name)
+        for scale in SCALES:
+            value = usual * scale
+            changed = (
+                replace(rules, link_timeout_s=value)
+                if name == LINK
+                else replace(rules, limits=replace(rules.limits, **{name: value}))
+            )
+            points.append(_point(name, value, scale, [score(_replayed(path, changed), truth) for path, truth in logs]))
+    simple = [_scored(*_few(path, truth)) for path, truth in logs]
+    points.append(_point("few lines", PERCENT, 1.0, simple))
+    return points
+
+
+def _few(path: Path, truth: Truth) -> tuple[list[tuple[int, FaultKind]], Truth, float]:
+    declared, flown_s = few_lines(path)
+    return declared, truth, flown_s
+
+
+def _replayed(path: Path, rules: Rules) -> LogReplay:
+    opened = open_log(path)
+    return replay(opened.file, path, rules, on_board=opened.on_board)
+
+
+def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Point:
+    delays = [one.delay_s for one in scores if one.delay_s is not None]
+    return Point(
+        threshold=name,
+        value=round(value, 4),
+        chosen=scale == 1.0,
+        found=len(delays),
+        faults=sum(one.faults for one in scores),
+        mean_delay_s=sum(delays) / len(delays) if delays else None,
+        false_alarms=sum(one.false_alarms for one in scores),
+        flight_hours=sum(one.flown_s for one in scores) / 3600,
+    )
+
+
+def print_tuning(paths: Sequence[Path], rules: Rules, output: Path | None, *, as_json: bool) -> None:
+    """Sweep, print, and draw the picture where a folder for it is given."""
+    points = sweep(paths, rules)
+    if output is not None:
+        from executor.replay.pictures_tuning import Curve, draw_tuning
+
+        output.mkdir(parents=True, exist_ok=True)
+        names = list(dict.fromkeys(point.threshold for point in points))
+        curves = [
+            Curve(
+                name,
+                tuple(
+                    (one.value, one.mean_delay_s, one.false_per_hour, one.found, one.faults, one.chosen)
+                    for one in points
+                    if one.threshold == name
+                ),
+            )
+            for name in names
+        ]
+        draw_tuning(curves, output / "tuning.png")
+    if as_json:
+        keys = ("threshold", "value", "chosen", "found", "faults", "mean_delay_s", "false_alarms", "flight_hours")
+        print(json.dumps({"points": [{key: getattr(point, key) for key in keys} for point in points]}))
+        return
+    print("threshold              value   found  mean delay   false alarms per flight hour")
+    for point in points:
+        delay = "" if point.mean_delay_s is None else f"{point.mean_delay_s:.1f} s"
+        mark = "*" if point.chosen else " "
+        print(
+            f"{point.threshold:<20} {point.value:>7g}{mark}  {point.found} of {point.faults}  {delay:>10}   "
+            f"{point.false_per_hour:.2f} ({point.false_alarms})"
+        )

@@ -1,0 +1,99 @@
+"""The whole story in one call: a site of its own, a simulated fleet in a process of its own, a flight with a loss."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from executor.simulated.fleet import fleet_of
+from executor.simulated.injected import TRUTHS
+from executor.site.assembly import Ground
+from missions import default_network_path, read_network
+
+USUAL_VEHICLES = 4
+"""With these the whole of the default network is flown below the ceiling of a site."""
+SIMULATED_CEILING_M = 1000.0
+ENDS_S = 10.0
+"""Real seconds that the simulated fleet may take to end."""
+
+
+def demo_site(
+    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False
+) -> dict[str, object]:
+    """Return the content of a site file for a simulated fleet on free ports; `flat` claims so of its ground."""
+    table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
+    site: dict[str, object] = {
+        "network": table,
+        "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
+        "vehicle": [
+            {
+                "name": f"uav{number}",
+                "connection": f"udpin://127.0.0.1:{port}",
+                "sysid": number,
+                "autopilot": autopilot,
+            }
+            for number, port in enumerate(free_ports(vehicles), start=1)
+        ],
+    }
+    inspection: dict[str, object] = {"heights": "flat"} if flat else {}
+    if network is not None or vehicles > USUAL_VEHICLES:
+        # Over hills, and with so many layers, the highest return is above 120 m; a simulation needs no permit for that.
+        inspection["ceiling_m"] = SIMULATED_CEILING_M
+    if inspection:
+        site["inspection"] = inspection
+    if network is not None and not _is_json(network):
+        # A graph file says nothing of where it lies: the demo puts it where the default network is.
+        frame = read_network(default_network_path()).frame
+        site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
+    return site
+
+
+def _is_json(network: Path) -> bool:
+    """Return whether a file is GeoJSON, which has places of its own; one that is not there is the reader's concern."""
+    try:
+        with network.open("rb") as file:
+            return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    except OSError:
+        return False
+
+
+def free_ports(count: int) -> list[int]:
+    """Return UDP ports of this computer that nobody uses."""
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [int(one.getsockname()[1]) for one in sockets]
+
+
+def check_faults(ground: Ground, faults: Sequence[str]) -> None:
+    """Check the faults before anything is started.
+
+    Raises:
+        SimulatorError: one of them cannot be read, or names a vehicle that does not fly.
+    """
+    fleet_of(ground, speedup=1.0, faults=faults, seed=0, wind=1.0, failsafe=False)
+
+
+@contextmanager
+def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
+    """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
+    command = [sys.executable, "-m", "executor", "simulate", str(run / "site.toml"), "--seed", str(seed)]
+    command += ["--truth", str(run / TRUTHS), "--failsafe"]
+    for fault in faults:
+        command += ["--fault", fault]
+    with (run / "simulator.log").open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        try:
+            yield
+        finally:
+            process.terminate()
+            try:
+                process.wait(ENDS_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

@@ -1,0 +1,39 @@
+"""The heights of a plan before any vehicle has answered, over pads that are chosen around the depot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from executor.core.preflight import heights
+from executor.errors import SiteError
+from executor.site import assembly
+from executor.site.assembly import Ground
+from missions import PlanFile, SafetyError, check_ceiling
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedHeights:
+    """What a plan's flights are over."""
+
+    words: str
+    warnings: tuple[str, ...]
+    document: Mapping[str, object] | None
+    """None where no pads could be chosen."""
+
+
+def planned_heights(ground: Ground, plan: PlanFile) -> PlannedHeights:
+    """Return by which heights a plan of a site would be flown.
+
+    Raises:
+        SiteError: its flights come too near to the ground or to a line.
+    """
+    try:
+        setup = assembly.setup_of(ground)
+    except SafetyError as error:
+        return PlannedHeights(f"not checked: {error}", ground.worth_a_look, None)
+    paths = list(assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan)).values())
+    for text in heights.too_low(setup, paths):
+        raise SiteError(f"{ground.network.source}: heights: {text}")
+    warnings = (*ground.worth_a_look, *check_ceiling(setup, paths))
+    return PlannedHeights(heights.words(setup, paths), warnings, heights.document(setup, paths))

@@ -1,0 +1,106 @@
+"""A plan in words, for whoever must say yes to it: who flies what for how long, and what is left over and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.core.preflight.checks import Check, Severity
+from missions import PlanFile
+
+NAMED = 50
+"""Segments that a line names; of more it says how many, and `--json` names all."""
+NAMED_IN_CHECKLIST = 12
+OUT_OF_REACH = "out of reach there and back within any budget"
+USED_UP = "within reach, but the others use the budgets up"
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOver:
+    """A segment that a plan does not inspect."""
+
+    segment: int
+    """Its number in the site's network."""
+    name: str
+    alone_pct: float
+    """What a vehicle needs that flies there, along it and home, and nothing else; of the one that could do it best."""
+    budget_pct: float
+    """Of that vehicle."""
+    why: str
+
+
+def left_over(plan: PlanFile) -> tuple[LeftOver, ...]:
+    """Return what a plan does not inspect, and why."""
+    if not plan.plan.uncovered:
+        return ()
+    instance = plan.instance()
+    budgets = np.array([vehicle.budget_pct for vehicle in plan.vehicles])
+    # (k, n): what each vehicle needs for the way to a segment, along it and home, and nothing else.
+    alone_pct = (instance.start_pct + instance.home_pct).reshape(len(budgets), -1, 2).min(axis=2)
+    nearest = np.argmin(alone_pct - budgets[:, np.newaxis], axis=0)
+    found = []
+    for number in plan.plan.uncovered:
+        needed, budget = float(alone_pct[nearest[number], number]), float(budgets[nearest[number]])
+        why = OUT_OF_REACH if needed > budget else USED_UP
+        segment = plan.segments[number]
+        found.append(LeftOver(segment.id, segment.called, needed, budget, why))
+    return tuple(found)
+
+
+def route_words(plan: PlanFile) -> Iterator[str]:
+    """Yield what each vehicle does."""
+    for route in plan.plan.routes:
+        vehicle = plan.vehicles[route.vehicle]
+        minutes, energy_pct = plan.durations_s[route.vehicle] / 60, plan.energies_pct[route.vehicle]
+        if not route.visits:
+            yield f"{vehicle.name}: no segments, stays where it is"
+            continue
+        segments = "1 segment" if len(route.visits) == 1 else f"{len(route.visits)} segments"
+        yield (
+            f"{vehicle.name}: {segments}, {minutes:.1f} min, {energy_pct:.1f} % of its battery "
+            f"(budget {vehicle.budget_pct:g} %)"
+        )
+
+
+def summary(plan: PlanFile) -> str:
+    """Return a plan in one line: what it inspects, how long it takes, by what it was chosen."""
+    flown = sum(len(route.visits) for route in plan.plan.routes)
+    if not flown:
+        return f"none of {len(plan.segments)} segments, nobody flies"
+    longest_s = max(plan.durations_s)
+    who = plan.vehicles[plan.durations_s.index(longest_s)].name
+    return (
+        f"{flown} of {len(plan.segments)} segments, longest route {longest_s / 60:.1f} min ({who}), "
+        f"chosen by {plan.cost_name}"
+    )
+
+
+def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
+    """Return what is left over, a line for each reason, each with the names of `most` segments at most."""
+    reasons: dict[str, list[str]] = {}
+    for one in left_over(plan):
+        figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
+        reasons.setdefault(one.why, []).append(one.name + figure)
+    return [f"left over, {why}: {_listed(names, most)}" for why, names in reasons.items()]
+
+
+def _listed(names: list[str], most: int) -> str:
+    shown = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
+    return ", ".join(shown)
+
+
+def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
+    """Return a plan as lines of the checklist, so that it is looked at before the question.
+
+    Args:
+        plan: What is to be flown.
+        segments: Of the whole site.
+    """
+    found = [Check(Severity.OK, "plan", line) for line in (*route_words(plan), summary(plan))]
+    found += [Check(Severity.WARNING, "plan", line) for line in left_words(plan, NAMED_IN_CHECKLIST)]
+    if len(plan.segments) < segments:
+        text = f"it is about {len(plan.segments)} of the site's {segments} segments; the others are not flown"
+        found.append(Check(Severity.WARNING, "plan", text))
+    return found

@@ -1,0 +1,307 @@
+"""Plans outside of a flight: the first plan of a site, and what a loss would make of a plan."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from executor.site import assembly
+from executor.site.assembly import Ground
+from missions import PlanFile, PlanFileError, Solved, Task, Window, check_plan, make_plan_file, plan_document
+from planner import (
+    Cost,
+    Instance,
+    NoImprovement,
+    Plan,
+    Progress,
+    Remainder,
+    ReplanWindow,
+    Result,
+    Route,
+    Seconds,
+    StopRule,
+    any_of,
+    front,
+    grasp,
+    remaining,
+    replan,
+    replan_window,
+    solve,
+    solve_exact,
+    solve_window,
+)
+
+SAME_PLACE_M = 1.0
+"""A plan's segment that lies farther from the site's of the same number is another one."""
+SAME = 1e-9
+"""Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
+CHANGES_NAMED = 3
+SETTLED = 50_000
+"""Iterations without an improvement after which a first plan is good enough."""
+
+
+class Solver(Enum):
+    """Who plans."""
+
+    SEARCH = "search"
+    GRASP = "grasp"
+    EXACT = "exact"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a first plan is asked to be."""
+
+    cost: Cost | None
+    """None: the largest re-plan window."""
+    seconds: float
+    """The solver's time."""
+    seed: int
+    solver: Solver = Solver.SEARCH
+    all_vehicles: bool = False
+    """Keep no vehicle on the ground."""
+    stretch: float = 0.1
+    """With a window: how much longer than the best MinMax plan's the longest route may be, as a share of it."""
+    starts: int = 0
+    """Searches side by side; 0 for as many as there are processors."""
+
+    def __post_init__(self) -> None:
+        """Check that the solver can do it.
+
+        Raises:
+            PlanFileError: the window is asked of a solver that does not know it.
+        """
+        if self.cost is None and self.solver is not Solver.SEARCH:
+            raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+
+    @property
+    def threads(self) -> int:
+        """Searches side by side."""
+        return self.starts or os.cpu_count() or 1
+
+
+DEFAULT = Wanted(cost=Cost.MINMAX, seconds=5.0, seed=1)
+"""What every command plans by where it is not told otherwise: what was looked at is what is flown.
+
+MinMax, as re-plans in flight: everybody is home early, and budgets are left for a loss."""
+
+
+def first_plan(
+    ground: Ground,
+    wanted: Wanted,
+    on_progress: Callable[[Progress], None] | None = None,
+    task: Task | None = None,
+) -> PlanFile:
+    """Plan a whole site, or one task of it.
+
+    Raises:
+        planner.PlannerError: the solver cannot take this problem.
+    """
+    task = assembly.task_of(ground) if task is None else task
+    window: Window | None
+    if wanted.cost is None:
+        found = solve_window(
+            task.instance, stretch=wanted.stretch, stop=Seconds(wanted.seconds), seed=wanted.seed,
+            all_vehicles=wanted.all_vehicles, starts=wanted.threads, on_progress=on_progress,
+        )  # fmt: skip
+        plan, seconds, window = found.plan, found.seconds, window_in(found.window)
+    else:
+        result = _solved(task.instance, wanted, wanted.cost, on_progress)
+        plan, seconds, window = result.plan, result.seconds, None
+    solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
+    return make_plan_file(
+        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
+    )
+
+
+def front_plans(
+    ground: Ground, wanted: Wanted, on_progress: Callable[[Progress], None] | None = None
+) -> tuple[PlanFile, ...]:
+    """Return the plans of a site that no other one found beats in longest route, energy and window at once.
+
+    Raises:
+        planner.PlanError: there is one vehicle only.
+    """
+    task = assembly.task_of(ground)
+    found = front(
+        task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+        starts=wanted.threads, on_progress=on_progress,
+    )  # fmt: skip
+    solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
+    return tuple(
+        make_plan_file(
+            ground.network, task, ground.travel, entry.plan, None, solved, window=window_in(entry.window),
+            inspection=ground.inspection,
+        )
+        for entry in found
+    )  # fmt: skip
+
+
+def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
+    """Return what each of the paper's cost functions gives in a tenth of the time, by its name: to compare with."""
+    plans = {}
+    for cost in Cost:
+        content = first_plan(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
+        plans[cost.value] = replace(content, window=window_in(replan_window(content.instance(), content.plan)))
+    return plans
+
+
+def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callable[[Progress], None] | None) -> Result:
+    limit = Seconds(wanted.seconds)
+    match wanted.solver:
+        case Solver.GRASP:
+            return grasp(
+                instance, cost=cost, stop=limit, seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+                on_progress=on_progress,
+            )  # fmt: skip
+        case Solver.EXACT:
+            return solve_exact(
+                instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, on_progress=on_progress
+            )
+        case Solver.SEARCH:
+            return solve(
+                instance, cost=cost, stop=_settled(wanted.seconds), seed=wanted.seed, starts=wanted.threads,
+                all_vehicles=wanted.all_vehicles, on_progress=on_progress,
+            )  # fmt: skip
+
+
+def _settled(seconds: float) -> StopRule:
+    return any_of(Seconds(seconds), NoImprovement(SETTLED))
+
+
+def window_in(found: ReplanWindow) -> Window:
+    """Return a re-plan window as plan files keep it."""
+    return Window(found.window_pct, found.earliest_s, found.longest_route_s)
+
+
+def fits(plan: PlanFile, ground: Ground, source: str) -> None:
+    """Check that a plan file is what a site asks for: its figures are right, and the site is as it was then.
+
+    Raises:
+        PlanFileError: it is another site's, or the site has changed since: one line that says where.
+    """
+    belongs(plan, ground, source)
+    for line in check_plan(plan, search_window=False):
+        raise PlanFileError(f"{source}: {line}; `faultline check` says more")
+    changed = changes(plan, ground)
+    if changed:
+        more = f"; and {len(changed) - CHANGES_NAMED} more" if len(changed) > CHANGES_NAMED else ""
+        raise PlanFileError(f"{source}: the site has changed: {'; '.join(changed[:CHANGES_NAMED])}{more}: plan again")
+
+
+def changes(plan: PlanFile, ground: Ground) -> list[str]:
+    """Return in words where a site says something else now than when a plan was made for it.
+
+    Args:
+        plan: One that belongs to the site.
+        ground: The site.
+    """
+    task = assembly.task_of(ground, [segment.id for segment in plan.segments])
+    nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
+    inspection = None if plan.inspection is None else ground.inspection
+    now = make_plan_file(ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection)
+    return list(_differing(_asked(plan), _asked(now)))
+
+
+def _asked(plan: PlanFile) -> dict[str, object]:
+    """Return what a plan file says of the site that it was made for."""
+    document = plan_document(plan)
+    return {
+        **{key: document.get(key) for key in ("depot", "travel", "inspection")},
+        "vehicles": {vehicle.name: asdict(vehicle) for vehicle in plan.vehicles},
+        "segments": {
+            segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
+        },
+    }
+
+
+def _differing(before: object, now: object, place: str = "") -> Iterator[str]:
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in {**before, **now}:
+            yield from _differing(before.get(key), now.get(key), f"{place}.{key}" if place else str(key))
+    elif isinstance(before, list | tuple) and isinstance(now, list | tuple) and len(before) == len(now):
+        for index, (one, other) in enumerate(zip(before, now, strict=True)):
+            yield from _differing(one, other, f"{place}[{index}]")
+    elif not _alike(before, now):
+        yield f"{place} is {_said(now)}, the plan was made with {_said(before)}"
+
+
+def _alike(before: object, now: object) -> bool:
+    if isinstance(before, int | float) and isinstance(now, int | float):
+        return math.isclose(before, now, rel_tol=SAME, abs_tol=SAME)
+    return before == now
+
+
+def _said(value: object) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else "not known" if value is None else str(value)
+
+
+def belongs(plan: PlanFile, ground: Ground, source: str) -> None:
+    """Check that a plan file is about a site's vehicles and segments.
+
+    Raises:
+        PlanFileError: it has other vehicles, or segments that are not the site's.
+    """
+    names = tuple(vehicle.name for vehicle in plan.vehicles)
+    if names != ground.names:
+        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(names)}")
+    same_segments(plan, ground, source)
+
+
+def same_segments(plan: PlanFile, ground: Ground, source: str) -> None:
+    """Check that a plan's segments, all of a site's or some of them, are where the site's are.
+
+    Raises:
+        PlanFileError: one is not.
+    """
+    ends_m = ground.network.ends_m
+    for segment in plan.segments:
+        place = f"{source}: {segment.called}"
+        if not 0 <= segment.id < len(ends_m):
+            raise PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
+        off_m = np.abs(ends_m[segment.id] - np.array([segment.a_enu_m[:2], segment.b_enu_m[:2]])).max()
+        if off_m > SAME_PLACE_M:
+            raise PlanFileError(
+                f"{place}: expected where the site's {ground.network.segment_name(segment.id)} is, got {off_m:.1f} m "
+                "beside it"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """What a loss makes of a plan."""
+
+    left: Remainder
+    plan: PlanFile
+    feasible: bool
+
+
+def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int) -> WhatIf:
+    """Re-plan a plan file for the loss of one vehicle at a time.
+
+    Raises:
+        PlanFileError: the plan has no such vehicle.
+        planner.PlanError: nobody is left.
+    """
+    names = [vehicle.name for vehicle in plan.vehicles]
+    if lost not in names:
+        raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
+    task = plan.task()
+    left = remaining(task.instance, plan.plan, names.index(lost), at_s)
+    result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
+    reduced = Task(left.instance, left.open_segments)
+    solved = Solved(solver=Solver.SEARCH.value, seed=seed, seconds=result.seconds)
+    content = make_plan_file(
+        plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
+    )
+    return WhatIf(left, content, result.feasible)
+
+
+def left_out(plan: PlanFile) -> list[str]:
+    """Return the names of the segments that a plan leaves out."""
+    return [plan.segments[number].called for number in plan.plan.uncovered]

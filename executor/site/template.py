@@ -1,0 +1,106 @@
+"""A site file to begin with: every table with what holds if nothing is said, and what it means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import tomli_w
+
+from executor.site.config import DepotTable, EnergyTable, InspectionTable, VehicleTable
+from planner import PRESETS
+
+COMMENT_AT = 40
+FIRST_PORT = 14551
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a site file is to begin with."""
+
+    file: str
+    """The network, as seen from the site file's folder; or 'default'."""
+    has_heights: bool
+    """Whether the network knows the heights of its pylons."""
+    depot: DepotTable | None
+    """Where the vehicles stand; None where the network's file says it."""
+    radius_m: float | None
+    vehicles: int
+    autopilot: Literal["ardupilot", "px4"]
+
+
+def starter(wish: Wish) -> str:
+    """Return the text of a site file."""
+    return "\n".join(_lines(wish)) + "\n"
+
+
+def _lines(wish: Wish) -> Iterator[str]:
+    if wish.depot is None:
+        yield "# [depot] with lat_deg, lon_deg and alt_m is where the vehicles stand; this network's file has it"
+    else:
+        yield _noted("[depot]", "where the vehicles stand; alt_m is the ground's, above mean sea level")
+        yield from (_row(key, value) for key, value in wish.depot.model_dump().items())
+    radius = "# radius_m = 1500" if wish.radius_m is None else _row("radius_m", wish.radius_m)
+    yield from (
+        "",
+        "[network]",
+        _row("file", wish.file, "GeoJSON, or a graph file of pylon offsets; 'default' is faultline's own"),
+        _noted(radius, "only segments whose two pylons are nearer to the depot than this"),
+        "",
+        *_inspection(has_heights=wish.has_heights),
+        "",
+        "[energy]",
+        _row("drone", EnergyTable().drone, f"{', '.join(PRESETS)};"),
+        _noted("", "mass_kg, capacity_ah and the other figures can be set, too"),
+    )
+    for number in range(1, wish.vehicles + 1):
+        yield ""
+        yield from _vehicle(number, wish.autopilot, commented=number == 1)
+
+
+def _inspection(*, has_heights: bool) -> Iterator[str]:
+    table = InspectionTable()
+    yield "[inspection]"
+    yield _row("height_m", table.height_m, "over the pylon tops where they are known, else over the depot's ground")
+    if not has_heights:
+        yield _noted('# heights = "flat"', "say so if it is: this network does not know all of its heights")
+    yield _row("standoff_m", table.standoff_m, "beside the line")
+    yield _row("speed_m_s", table.speed_m_s, "along the line")
+    yield _row("transit_speed_m_s", table.transit_speed_m_s, "on the way")
+    yield _row(
+        "wind_m_s", list(table.wind_m_s), "where the air moves to, east and north: one way is dearer than the other"
+    )
+    yield _row("layer_m", table.layer_m, "any two vehicles keep this distance")
+
+
+def _vehicle(number: int, autopilot: Literal["ardupilot", "px4"], *, commented: bool) -> Iterator[str]:
+    table = VehicleTable(
+        name=f"uav{number}", connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}", sysid=number, autopilot=autopilot
+    )  # fmt: skip
+    comments = {
+        "connection": "or udpout://, tcpin://, tcpout://HOST:PORT, serial:///dev/ttyUSB0:57600",
+        "autopilot": "ardupilot or px4",
+        "backend": "or mavsdk: MAVSDK 4 in this process carries the messages",
+        "budget_pct": "what a route may use",
+        "reserve_pct": "never planned with",
+    }
+    yield "[[vehicle]]"
+    for key in ("name", "connection", "sysid", "autopilot", "backend", "budget_pct", "reserve_pct"):
+        if commented or key != "backend":
+            yield _row(key, getattr(table, key), comments.get(key, "") if commented else "")
+
+
+def _row(key: str, value: object, comment: str = "") -> str:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if isinstance(value, list):
+        value = [int(one) if one.is_integer() else one for one in value]
+        text = f"{key} = {value}"
+    else:
+        text = tomli_w.dumps({key: value}).strip()
+    return _noted(text, comment) if comment else text
+
+
+def _noted(text: str, comment: str) -> str:
+    return f"{text:{COMMENT_AT - 1}} # {comment}"

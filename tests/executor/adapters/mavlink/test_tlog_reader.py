@@ -1,0 +1,235 @@
+"""The fast reader of telemetry logs says what the codec says, and uses what can be used of damaged files."""
+
+from __future__ import annotations
+
+import random
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as mav
+from pymavlink.generator.mavcrc import x25crc
+
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.tlog_reader import CHUNK, KINDS, ORDERS, STATUSTEXT, TelemetryFile, checksum
+from executor.core.messages import Battery, Heartbeat, OrderSeen, Position, Radio, StatusText, Traffic
+from tests.recorded import BEGAN_USEC, Writer, battery, flight, heartbeat, position, station, text
+
+
+def read(path: Path) -> tuple[list[tuple[int, int, Any]], TelemetryFile]:
+    file = TelemetryFile(path)
+    return list(file.records()), file
+
+
+def written(tmp_path: Path, *messages: Any, system: int = 7) -> Path:
+    """Return a log of a vehicle's messages, a second apart."""
+    writer = Writer()
+    for second, message in enumerate(messages):
+        writer.say(float(10 * second), system, message)
+    return writer.write(tmp_path / "a.tlog")
+
+
+@given(st.binary(max_size=280))
+def test_the_checksum_is_mavlinks(data: bytes) -> None:
+    assert checksum(data) == x25crc(data).crc
+
+
+@pytest.mark.parametrize("number", KINDS)
+def test_the_numbers_are_mavlinks(number: int) -> None:
+    known = mav.mavlink_map[number]
+    assert KINDS[number].extra == known.crc_extra
+    # What is read is all that is always there, or the fields before the first that is not needed.
+    assert KINDS[number].layout.size <= known.unpacker.size + 54
+
+
+SAID = [
+    heartbeat(armed=True, mode=6, status=5),
+    position(3.0, 40.0),
+    battery(87, 11.95, 29.4, 1200, 2),
+    mav.MAVLink_battery_status_message(1, 0, 0, 32767, [4010, 4000, 3990, *[65535] * 7], -1, -1, -1, -1, 0, 1),
+    mav.MAVLink_sys_status_message(1 << 28, 3, 1, 0, 11800, 100, 55, 0, 0, 0, 0, 0, 0),
+    mav.MAVLink_mission_current_message(5, 11),
+    mav.MAVLink_mission_item_reached_message(4),
+    mav.MAVLink_extended_sys_state_message(0, 2),
+    text("Battery Failsafe"),
+]
+
+
+@pytest.mark.parametrize("message", SAID, ids=lambda one: str(one.get_type()))
+def test_it_reads_what_the_codec_reads(message: Any, tmp_path: Path) -> None:
+    records, _ = read(written(tmp_path, heartbeat(), message))
+    codec = Codec()
+    [received] = codec.decode(Writer().frame(7, message))
+    assert received.message in [said for _, system, said in records if system == 7]
+
+
+def test_a_long_text_is_put_together(tmp_path: Path) -> None:
+    first, rest = "x" * 50, "the end"
+    parts = [mav.MAVLink_statustext_message(4, part.encode(), 9, number) for number, part in enumerate((first, rest))]
+    records, _ = read(written(tmp_path, heartbeat(), *parts))
+    assert [said.text for _, _, said in records if isinstance(said, StatusText)] == [first + rest]
+
+
+def test_unknown_is_never_zero(tmp_path: Path) -> None:
+    nothing = mav.MAVLink_battery_status_message(0, 0, 0, 32767, [65535] * 10, -100, -7, -1, -100, 0, 0)
+    records, file = read(written(tmp_path, heartbeat(), nothing, mav.MAVLink_global_position_int_message(*[0] * 9)))
+    [said] = [said for _, _, said in records if isinstance(said, Battery)]
+    assert (said.remaining_pct, said.voltage_v, said.current_a, said.consumed_ah) == (None, None, None, None)
+    assert not any(isinstance(said, Position) for _, _, said in records)
+    assert file.skipped.impossible == 1
+
+
+def test_cells_are_told_apart_where_the_vehicle_does(tmp_path: Path) -> None:
+    cells = mav.MAVLink_battery_status_message(0, 0, 0, 32767, [4000, 3900, 3800, *[65535] * 7], 0, 0, -1, 50, 0, 1)
+    records, _ = read(written(tmp_path, heartbeat(), cells, battery(50, 11.7)))
+    first, second = (said for _, _, said in records if isinstance(said, Battery))
+    assert (first.cells_v, second.cells_v) == ((4.0, 3.9, 3.8), ())
+
+
+def test_both_directions_and_several_vehicles(tmp_path: Path) -> None:
+    writer = Writer()
+    flight(writer, 3, range(5))
+    flight(writer, 4, range(5))
+    writer.say(1.0, 255, station())
+    order = mav.MAVLink_command_long_message(3, 1, 20, 0, *[0.0] * 7)
+    writer.say(2.0, 255, order)
+    writer.say(2.2, 255, mav.MAVLink_param_request_read_message(3, 1, b"X", -1))
+    radio = mav.MAVLink_radio_status_message(120, 110, 90, 30, 40, 0, 0)
+    writer.say(3.0, 51, radio)
+    records, file = read(writer.write(tmp_path / "a.tlog"))
+    assert file.stations == {255}
+    assert {system for _, system, said in records if isinstance(said, Heartbeat)} == {3, 4}
+    assert [(system, said) for _, system, said in records if isinstance(said, OrderSeen)] == [(3, OrderSeen(20))]
+    assert [(system, said) for _, system, said in records if isinstance(said, Radio)] == [
+        (0, Radio(120, 110, 30, 40, 90))
+    ]
+
+
+def test_only_the_autopilot_speaks_for_a_vehicle(tmp_path: Path) -> None:
+    writer, gimbal = Writer(), mav.MAVLink(None, srcSystem=7, srcComponent=154)
+    for second in range(20):
+        if second < 10:
+            writer.say(float(second), 7, heartbeat())
+        for message in (heartbeat(armed=False, kind=26), text("Crash: Disarming"), battery(1), position(second)):
+            writer.records.append((second + 0.5, bytes(message.pack(gimbal))))
+    records, file = read(writer.write(tmp_path / "a.tlog"))
+    said = [one for _, system, one in records if system == 7 and one is not None and not isinstance(one, Traffic)]
+    assert said == [Heartbeat(3, 3, armed=True, system_status=4, vehicle_type=2)] * 10
+    assert file.heard == {7: BEGAN_USEC + 9_000_000}
+
+
+def test_an_autopilot_with_another_number_speaks_until_the_first_is_heard(tmp_path: Path) -> None:
+    writer, other = Writer(), mav.MAVLink(None, srcSystem=7, srcComponent=2)
+    for second in range(6):
+        writer.records.append((second + 0.5, bytes(heartbeat(mode=second).pack(other))))
+    writer.say(3.0, 7, heartbeat(mode=77))
+    records, _ = read(writer.write(tmp_path / "a.tlog"))
+    assert [one.custom_mode for _, _, one in records if isinstance(one, Heartbeat)] == [0, 1, 2, 77]
+
+
+@pytest.mark.parametrize("lat", [-(2**31), 2**31 - 1])
+def test_what_no_vehicle_can_say_is_passed_over(lat: int, tmp_path: Path) -> None:
+    nowhere = mav.MAVLink_global_position_int_message(1000, lat, 133000000, 300000, 20000, 0, 0, 0, 0)
+    records, file = read(written(tmp_path, heartbeat(), nowhere))
+    assert not any(isinstance(said, Position) for _, _, said in records)
+    assert file.skipped.impossible == 1
+
+
+def test_lost_frames_are_counted_by_their_sequence_numbers(tmp_path: Path) -> None:
+    writer = Writer()
+    for second in range(200):
+        for part in range(3):
+            frame = writer.frame(7, heartbeat() if part == 0 else position(second + part / 3))
+            if (3 * second + part) % 4 or part == 0:
+                writer.records.append((second + part / 3, frame))
+    records, _ = read(writer.write(tmp_path / "a.tlog"))
+    traffic = [said for _, _, said in records if isinstance(said, Traffic)]
+    received, missing = sum(one.received for one in traffic), sum(one.missing for one in traffic)
+    assert missing / (received + missing) == pytest.approx(1 / 6, abs=0.02)
+
+
+def test_a_vehicle_of_which_nothing_is_read_is_heard(tmp_path: Path) -> None:
+    writer = Writer()
+    writer.say(0.0, 7, heartbeat())
+    for tenth in (*range(1, 50), *range(100, 150)):
+        writer.say(tenth / 10, 7, mav.MAVLink_attitude_message(tenth, 0, 0, 0, 0, 0, 0))
+    file, passed = TelemetryFile(writer.write(tmp_path / "a.tlog")), []
+    for usec, _, said in file.records():
+        if said is None:
+            passed.append(((usec - BEGAN_USEC) / 1e6, (file.heard.get(7, usec) - BEGAN_USEC) / 1e6))
+    assert passed[-1] == (10.0, 4.9), "what is heard again is told before it counts as heard"
+    assert (file.heard[7] - BEGAN_USEC) / 1e6 == 14.9
+
+
+def test_an_empty_file_says_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a.tlog").touch()
+    records, file = read(tmp_path / "a.tlog")
+    assert (records, bool(file.skipped)) == ([], False)
+
+
+def test_a_file_that_is_cut_off_is_read_to_its_last_whole_record(tmp_path: Path) -> None:
+    path = written(tmp_path, *(heartbeat() for _ in range(5)))
+    path.write_bytes(path.read_bytes()[:-4])
+    records, file = read(path)
+    assert sum(isinstance(said, Heartbeat) for _, _, said in records) == 4
+    assert (file.skipped.truncated, file.skipped.garbage_runs) == (1, 0)
+
+
+def test_garbage_costs_nothing_behind_it(tmp_path: Path) -> None:
+    noise = random.Random(1).randbytes(500)
+    path = written(tmp_path, *(heartbeat() for _ in range(6)))
+    whole = path.read_bytes()
+    record = len(whole) // 6
+    path.write_bytes(whole[: 3 * record] + noise + whole[3 * record :])
+    records, file = read(path)
+    assert sum(isinstance(said, Heartbeat) for _, _, said in records) == 6
+    assert 1 <= file.skipped.garbage_runs <= 3
+
+
+def test_a_clock_that_leaps_by_years_loses_nothing_for_long(tmp_path: Path) -> None:
+    writer = Writer()
+    flight(writer, 3, range(10))
+    before = [(at_s - BEGAN_USEC / 1e6, frame) for at_s, frame in writer.records]
+    later = Writer()
+    flight(later, 3, range(10, 20))
+    path = tmp_path / "a.tlog"
+    path.write_bytes(Writer(records=before).data() + later.data())
+    records, _ = read(path)
+    assert sum(isinstance(said, Heartbeat) for _, _, said in records) == 20
+
+
+def test_a_wrong_checksum_is_not_believed(tmp_path: Path) -> None:
+    path = written(tmp_path, *(heartbeat() for _ in range(4)))
+    data = bytearray(path.read_bytes())
+    data[2 * (len(data) // 4) + 20] ^= 255
+    path.write_bytes(data)
+    records, file = read(path)
+    assert sum(isinstance(said, Heartbeat) for _, _, said in records) == 3
+    assert file.skipped.bad_checksums == 1
+
+
+def test_a_file_longer_than_a_piece_is_read_the_same(tmp_path: Path) -> None:
+    writer = Writer()
+    flight(writer, 3, range(2000))
+    once = writer.data()
+    copies = 2 * CHUNK // len(once) + 1
+    path = tmp_path / "a.tlog"
+    path.write_bytes(once * copies)
+    file = TelemetryFile(path)
+    assert sum(isinstance(said, Heartbeat) for _, _, said in file.records()) == 2000 * copies
+    assert not file.skipped
+
+
+def test_the_older_version_of_mavlink(tmp_path: Path) -> None:
+    sender = mav.MAVLink(None, srcSystem=9, srcComponent=1)
+    frame = bytes(heartbeat().pack(sender, force_mavlink1=True))
+    (tmp_path / "a.tlog").write_bytes(struct.pack(">Q", BEGAN_USEC) + frame)
+    records, _ = read(tmp_path / "a.tlog")
+    assert [(system, type(said)) for _, system, said in records if said is not None] == [(9, Heartbeat)]
+
+
+def test_what_is_special_is_not_read_by_itself() -> None:
+    assert all(KINDS[number].special for number in (STATUSTEXT, *ORDERS))

@@ -1,0 +1,161 @@
+"""What is published of a flight: states, telemetry, faults, plans and answers, all by their schemas."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from executor.adapters.mqtt.client import Presence
+from executor.adapters.mqtt.intake import Refusal
+from executor.adapters.mqtt.outbox import Letter, Outbox
+from executor.adapters.mqtt.payloads import Topics
+from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
+from executor.adapters.mqtt.schemas import schemas
+from executor.core.commands import Level, Say
+from executor.core.events import IntentReceived, Tick
+from executor.core.intents import Action, Outcome
+from executor.core.view import fleet_view
+from missions import plan_document
+from tests.executor.core.stories import story, under_way
+from tests.executor.flights import first_plan_file
+from tests.fakes.flight import Story
+
+SCHEMA_OF = {
+    "connection": "connection",
+    "event": "event",
+    "fault": "fault",
+    "plan": "plan",
+    "ack": "acknowledgement",
+    "telemetry": "telemetry",
+}
+DOCUMENTED = Path(__file__).parents[4] / "docs" / "mqtt"
+
+
+class Desk:
+    """A publisher over a story, and the messages that it wrote."""
+
+    def __init__(self, flight: Story) -> None:
+        self.flight = flight
+        self.outbox = Outbox(10_000)
+        self.unix_s = 1_790_000_000.0
+        self.publisher = Publisher(Topics("site/north"), self.outbox, "run-7", lambda: self.unix_s)
+
+    def look(self, after_s: float = 1.0) -> list[Letter]:
+        """Publish the present; returns what was written."""
+        self.unix_s += after_s
+        self.publisher.view(fleet_view(self.flight.context, self.flight.state, self.flight.now_s))
+        return self.written()
+
+    def written(self) -> list[Letter]:
+        return [taken.letter for taken in self.outbox.take(10_000)]
+
+
+def content(letter: Letter) -> dict[str, Any]:
+    """Return a message that keeps to its schema."""
+    read: dict[str, Any] = json.loads(letter.payload)
+    last = letter.topic.rsplit("/", 1)[-1]
+    name = SCHEMA_OF.get(last) or ("fleet-state" if "/fleet/" in letter.topic else "vehicle-state")
+    validator(name).validate(read)
+    return read
+
+
+@cache
+def validator(name: str) -> jsonschema.Draft202012Validator:
+    return jsonschema.Draft202012Validator(json.loads(schemas()[f"{name}.schema.json"]))
+
+
+def on(letters: list[Letter], topic: str) -> list[dict[str, Any]]:
+    """Return the messages on a topic; every one of them keeps to its schema."""
+    return [content(letter) for letter in letters if letter.topic == f"site/north/v1/{topic}"]
+
+
+def test_the_schemas_in_the_documents_are_current() -> None:
+    """`./scripts/schemas` writes them anew."""
+    written = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTED.glob("*.json")}
+    assert written == schemas()
+
+
+def test_states_are_retained_and_published_on_change() -> None:
+    desk = Desk(under_way())
+    first = desk.look()
+    kinds = {letter.topic.removeprefix("site/north/v1/"): letter.retain for letter in first}
+    assert kinds == {"fleet/state": True} | {
+        f"vehicle/{name}/{what}": how
+        for name in ("uav1", "uav2", "uav3")
+        for what, how in (("state", True), ("telemetry", False))
+    }
+    [state] = on(first, "vehicle/uav1/state")
+    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.1.0")
+    assert state["timestamp"] == "2026-09-21T14:13:21.000Z"
+    assert state["vehicle"]["state"] == "flying"
+    assert {letter.topic.rsplit("/", 1)[-1] for letter in desk.look()} == {"telemetry"}
+    assert len(on(desk.look(AT_LEAST_EVERY_S), "vehicle/uav1/state")) == 1
+    # The ground station's clock is set back.
+    assert len(on(desk.look(-3600.0), "vehicle/uav1/state")) == 1
+    assert on(desk.look(), "vehicle/uav1/state") == []
+
+
+def test_a_flight_with_a_loss_is_published_whole() -> None:
+    flight = story()
+    desk = Desk(flight)
+    flight.run(lambda: len(flight.state.inspected) == 1)
+    flight.crafts["uav3"].mute = True
+    letters: list[Letter] = []
+    while not flight.over:
+        flight.step()
+        desk.publisher.applied(Tick(), flight.state)
+        letters += desk.look(0.4)
+    [fault] = on(letters, "fleet/fault")
+    assert (fault["vehicle"], fault["kind"]) == ("uav3", "link")
+    states = on(letters, "fleet/state")
+    assert any(state["replan"] is not None for state in states)
+    assert states[-1]["finished"]
+    assert sorted(states[-1]["inspected"]) == [0, 1, 2, 3, 4, 5]
+    assert [state["headerId"] for state in states] == list(range(len(states)))
+    assert len(states) < 60
+    assert "lost" in [one["vehicle"]["state"] for one in on(letters, "vehicle/uav3/state")]
+    assert {one["segment"] for one in on(letters[::5], "vehicle/uav1/telemetry")} > {0, 1}
+
+
+def test_an_intent_is_answered_and_answered_again() -> None:
+    flight = under_way()
+    desk = Desk(flight)
+    record = flight.ask(Action.HOLD, "uav2")
+    asked = IntentReceived(record.intent)
+    desk.publisher.applied(asked, flight.state)
+    [answer] = on(desk.written(), "intent/ack")
+    assert (answer["id"], answer["action"], answer["vehicle"]) == (record.intent.id, "hold", "uav2")
+    assert answer["outcome"] == "accepted"
+    flight.run(lambda: flight.outcome(record).outcome is Outcome.DONE)
+    desk.publisher.applied(Tick(), flight.state)
+    assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["done"]
+    flight.happen(asked)
+    desk.publisher.applied(asked, flight.state)
+    desk.publisher.applied(Tick(), flight.state)
+    assert [one["text"] for one in on(desk.written(), "intent/ack")] == ["it holds"]
+    desk.publisher.refused(Refusal(None, "not JSON"))
+    assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["refused"]
+
+
+@pytest.mark.parametrize("state", list(Presence))
+def test_presence(state: Presence) -> None:
+    letter = Desk(story()).publisher.presence(state)
+    assert (letter.topic, letter.retain) == ("site/north/v1/fleet/connection", True)
+    assert content(letter)["connectionState"] == state.value
+
+
+def test_lines_and_plans() -> None:
+    desk = Desk(story())
+    desk.publisher.said(Say(Level.FAULT, "uav2: lost"), 12.5)
+    desk.publisher.said(Say(Level.INFO, "re-plan 1"), 13.0)
+    document = plan_document(first_plan_file())
+    desk.publisher.plan(0, document)
+    letters = desk.written()
+    assert [(one["level"], one["at_s"]) for one in on(letters, "fleet/event")] == [("fault", 12.5), ("info", 13.0)]
+    [plan] = on(letters, "fleet/plan")
+    assert plan["plan"] == json.loads(json.dumps(document))

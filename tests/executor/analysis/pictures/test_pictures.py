@@ -1,0 +1,293 @@
+"""The pictures' content, and that nothing in them lies on anything else."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Annotation, Text
+from matplotlib.transforms import Bbox, BboxBase
+
+from executor.analysis.flight_record import FlightRecord, SegmentRecord
+from executor.analysis.pictures import (
+    FrontPoint,
+    battery_figure,
+    draw_battery,
+    draw_front,
+    draw_map,
+    draw_plan,
+    draw_window,
+    front_figure,
+    map_figure,
+    plan_figure,
+    window_figure,
+)
+from executor.analysis.pictures.battery import spread
+from executor.analysis.pictures.maps import connected
+from executor.analysis.pictures.placing import Placer, along, calmest
+from executor.analysis.pictures.sheet import round_length_m
+from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
+from executor.analysis.read_run import read_run
+from missions.geo import FloatArray
+from planner import repairs_at, replan_window
+from tests.executor.flights import first_plan_file, write_run
+
+PNG = b"\x89PNG\r\n\x1a\n"
+FLEET = 56
+"""As many vehicles as have a look of their own."""
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
+    """Return the flight in `flights` that finishes."""
+    run = tmp_path_factory.mktemp("finished")
+    write_run(run)
+    return read_run(run)
+
+
+@pytest.fixture(scope="module")
+def unfinished(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
+    """Return the one that does not."""
+    run = tmp_path_factory.mktemp("unfinished")
+    write_run(run, finished=False)
+    return read_run(run)
+
+
+@pytest.fixture(scope="module")
+def drawn(record: FlightRecord, unfinished: FlightRecord) -> list[Figure]:
+    """Return all kinds of figures as they are when they have been drawn."""
+    figures = [map_figure(record), map_figure(unfinished), battery_figure(record), plan_figure(first_plan_file())]
+    for figure in figures:
+        figure.set_dpi(DPI)
+        figure.draw_without_rendering()
+    return figures
+
+
+def test_three_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) -> None:
+    draw_plan(first_plan_file(), tmp_path / "plan.png")
+    draw_map(record, tmp_path / "map.png")
+    draw_battery(record, tmp_path / "battery.png")
+    for name in ("plan.png", "map.png", "battery.png"):
+        content = (tmp_path / name).read_bytes()
+        assert content.startswith(PNG)
+        assert int.from_bytes(content[16:20], "big") == 1800
+
+
+def test_a_picture_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nowhere"):
+        draw_plan(first_plan_file(), tmp_path / "nowhere" / "plan.png")
+
+
+def test_the_map_says_who_was_lost_and_who_took_over(record: FlightRecord) -> None:
+    first, flown = map_figure(record).axes
+    assert (first.get_title(loc="left"), flown.get_title(loc="left")) == ("First plan", "As flown")
+    assert _words(first) == {"uav1", "uav2"}
+    assert _words(flown) == {
+        "uav1", "uav2", "uav3", "uav2 lost: link\nT+0:50", "uav3 took over 1\nfrom uav2",
+        "uav1 took over 1\nfrom uav2",
+    }  # fmt: skip
+    crosses = [line for line in flown.lines if line.get_marker() == "X"]
+    assert [np.ravel(line.get_xydata()).tolist() for line in crosses] == [pytest.approx([250.0, 0.0], abs=1e-3)]
+
+
+def test_on_the_map_plans_are_solid_and_replans_dashed(record: FlightRecord) -> None:
+    first, flown = map_figure(record).axes
+    for axes, solid, dashed in ((first, 4, 0), (flown, 3, 4)):
+        # A route is two lines, its inspections and its transits; a track is one.
+        lines = [line for line in axes.lines if line.get_color() in COLOURS]
+        assert sum(line.get_linestyle() == "-" for line in lines) == solid
+        assert sum(line.get_linestyle() == "--" for line in lines) == dashed
+
+
+def test_the_map_names_what_was_not_inspected(unfinished: FlightRecord) -> None:
+    figure = map_figure(unfinished)
+    assert "not inspected:\n1" in _words(figure.axes[1])
+    assert _legend_words(figure) >= {"lost", "re-planned", "not inspected", "left by a lost vehicle"}
+    red = [line for line in figure.axes[1].lines if line.get_color() == LOSS and len(_x(line)) == 2]
+    assert [_x(line).tolist() for line in red] == [pytest.approx([200.0, 300.0], abs=1e-3)]
+
+
+def test_legends_lie_beside_the_maps(drawn: list[Figure]) -> None:
+    for figure in drawn:
+        (legend,) = figure.legends
+        inside = legend.get_window_extent()
+        assert _contains(figure.bbox, inside)
+        for axes in figure.axes:
+            assert not inside.overlaps(axes.get_window_extent())
+
+
+def test_no_words_lie_on_other_words(drawn: list[Figure]) -> None:
+    for figure in drawn:
+        for axes in figure.axes:
+            boxes = [Text.get_window_extent(text) for text in _texts(axes)]
+            assert all(_contains(figure.bbox, box) for box in boxes)
+            assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+
+
+def test_a_line_due_east_is_drawn_in_panels_above_each_other(record: FlightRecord) -> None:
+    first, flown = (axes.get_position() for axes in map_figure(record).axes)
+    assert flown.y1 < first.y0
+    assert (first.x0, first.x1) == (flown.x0, flown.x1)
+
+
+def test_a_metre_is_as_long_to_the_north_as_to_the_east(record: FlightRecord) -> None:
+    for figure in (map_figure(record), plan_figure(first_plan_file())):
+        for axes in figure.axes:
+            box = axes.get_window_extent()
+            per_m = (box.width / np.ptp(axes.get_xlim()), box.height / np.ptp(axes.get_ylim()))
+            assert per_m[0] == pytest.approx(per_m[1], rel=1e-6)
+
+
+def test_the_battery_figure_has_plans_replans_and_measurements(record: FlightRecord) -> None:
+    limits, axes = sorted(battery_figure(record).axes, key=lambda one: -one.get_position().y0)
+    lines = [line for line in axes.lines if line.get_color() in COLOURS and len(_x(line)) > 1]
+    measured = [line for line in lines if line.get_marker() != "None"]
+    assert [line.get_linestyle() for line in lines if line not in measured] == ["-", "-", "--", "--"]
+    assert len({(line.get_marker(), line.get_color()) for line in measured}) == 3
+    assert np.asarray(measured[0].get_ydata()) == pytest.approx(np.arange(16.0))
+    # Used is at most 15 %: the limits stand in a strip of their own.
+    assert sorted(float(y) for y in limits.get_yticks()) == [75.0, 85.0]
+    assert {text.get_text() for text in limits.texts} >= {"budget, 75 % used", "reserve, 15 % left"}
+
+
+def test_the_battery_figure_marks_the_loss_and_the_longest_route(record: FlightRecord) -> None:
+    for axes in battery_figure(record).axes:
+        upright = {
+            (round(float(_x(line)[0]), 1), line.get_color(), line.get_linestyle())
+            for line in axes.lines
+            if len(_x(line)) == 2 and _x(line)[0] == _x(line)[1]
+        }
+        assert upright == {(40.0, LOSS, "--"), (50.0, LOSS, "-"), (140.0, INK, "-")}
+
+
+def test_the_ends_of_the_lines_say_what_was_planned_and_used(record: FlightRecord) -> None:
+    words = set().union(*map(_words, battery_figure(record).axes))
+    assert words >= {"uav2: planned 11 %, used 4 %", "uav1: planned 15 %, used 15 %", "uav2 lost (link), T+0:50"}
+
+
+def test_every_vehicle_has_a_look_of_its_own_also_in_grey() -> None:
+    looks = [style_of(layer) for layer in range(FLEET)]
+    lightness = [round(_lightness(look.colour)) for look in looks]
+    assert len({(look.dashes, light) for look, light in zip(looks, lightness, strict=True)}) == FLEET
+    assert len({(look.marker, light) for look, light in zip(looks, lightness, strict=True)}) == FLEET
+
+
+def test_the_first_vehicles_differ_in_lightness_alone() -> None:
+    levels = [_lightness(style_of(layer).colour) for layer in range(8)]
+    assert min(abs(one - other) for one, other in itertools.combinations(levels, 2)) >= 5.0
+    assert min(abs(one - other) for one, other in itertools.combinations(levels[:4], 2)) >= 10.0
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=20), st.floats(0.001, 0.2))
+def test_spread_heights_keep_their_order_their_mean_and_their_distance(heights: list[float], least: float) -> None:
+    heights.sort()
+    moved = spread(heights, least)
+    assert len(moved) == len(heights)
+    assert all(upper - lower >= least - 1e-9 for lower, upper in itertools.pairwise(moved))
+    assert sum(moved) == pytest.approx(sum(heights), abs=1e-9)
+
+
+@given(st.floats(0.01, 1e6))
+def test_a_scale_is_round_and_fills_at_least_two_fifths(most_m: float) -> None:
+    length_m = round_length_m(most_m)
+    assert 0.4 * most_m - 1e-9 <= length_m <= most_m
+    assert float(f"{length_m:.0e}"[0]) in {1.0, 2.0, 5.0}
+
+
+def test_labels_find_room_off_the_lines_and_off_each_other() -> None:
+    line = along((0.0, 0.0), (100.0, 0.0), 1.0)
+    placer = Placer(line, (-50.0, -50.0), (150.0, 50.0))
+    boxes = []
+    for _ in range(6):
+        anchor, (east, north) = placer.place(line[::10], (30.0, 8.0))
+        assert math.dist(anchor, (east, north)) < 60.0
+        assert anchor[1] == 0.0
+        boxes.append(Bbox.from_extents(east - 15.0, north - 4.0, east + 15.0, north + 4.0))
+    frame = Bbox.from_extents(-50.0, -50.0, 150.0, 50.0)
+    assert all(_contains(frame, box) for box in boxes)
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    assert not any(box.y0 < 0.0 < box.y1 for box in boxes)
+
+
+def test_the_calmest_place_is_the_farthest_from_the_nearest_other() -> None:
+    places = np.array([(0.0, 0.0), (10.0, 0.0), (20.0, 0.0)])
+    assert calmest(places, np.array([(1.0, 0.0), (21.0, 0.0)])) == 1
+    assert calmest(places, np.zeros((0, 2))) == 0
+
+
+def test_segments_that_share_a_pylon_hang_together() -> None:
+    places = {1: (0, 100), 2: (200, 300), 3: (100, 200), 4: (500, 600)}
+    segments = [SegmentRecord(n, (float(a), 0.0), (float(b), 0.0), None, None) for n, (a, b) in places.items()]
+    assert [[one.id for one in group] for group in connected(segments)] == [[1, 2, 3], [4]]
+
+
+def _texts(axes: Axes) -> list[Annotation]:
+    return [text for text in axes.texts if isinstance(text, Annotation) and text.get_text()]
+
+
+def _words(axes: Axes) -> set[str]:
+    return {text.get_text() for text in _texts(axes)}
+
+
+def _legend_words(figure: Figure) -> set[str]:
+    return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+
+def _contains(outer: BboxBase, inner: BboxBase) -> bool:
+    return bool(outer.x0 <= inner.x0 and inner.x1 <= outer.x1 and outer.y0 <= inner.y0 and inner.y1 <= outer.y1)
+
+
+def _x(line: Line2D) -> FloatArray:
+    return np.asarray(line.get_xdata(), dtype=np.float64)
+
+
+def _lightness(colour: str) -> float:
+    """Return CIE L* of an sRGB colour: what is left of it in grey."""
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in to_rgb(colour)]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return 116.0 * math.cbrt(luminance) - 16.0
+
+
+def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_path: Path) -> None:
+    content = first_plan_file()
+    found = replan_window(content.instance(), content.plan, effort=100)
+    repairs = repairs_at(content.instance(), content.plan, found.earliest_s, effort=100)
+    figure = window_figure(content, found, repairs)
+    (axes,) = figure.axes
+    assert {repair.remainder.lost for repair in repairs} == {0, 1}
+    solid = [line for line in axes.lines if line.get_color() in COLOURS and line.get_linestyle() == "-"]
+    assert [float(_x(line)[-1]) for line in solid] == pytest.approx(list(content.durations_s))
+    assert any(line.get_linestyle() == "--" for line in axes.lines)
+    assert {text.get_text() for text in axes.texts} >= {
+        "budget, 75 %", f"window begins, {found.earliest_s:.0f} s", f"longest route, {found.longest_route_s:.0f} s",
+    }  # fmt: skip
+    assert _legend_words(figure) >= {"plan", "re-plan without uav1", "re-plan without uav2", "re-plan window"}
+    assert f"{found.window_pct:.1f} %" in figure.texts[0].get_text()
+    draw_window(content, found, repairs, tmp_path / "window.png")
+    assert (tmp_path / "window.png").read_bytes().startswith(PNG)
+
+
+def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:
+    front = [FrontPoint(100.0 + 20 * number, 90.0 - 15 * number, 50.0 + number % 3) for number in range(6)]
+    others = {"minmax": FrontPoint(100.0, 95.0, 55.0), "mincomb": FrontPoint(160.0, 80.0, 49.0)}
+    figure = front_figure(front, others)
+    axes, _ = figure.axes
+    assert [text.get_text() for text in axes.texts] == ["1", "2", "3", "4", "5", "6"]
+    assert _legend_words(figure) == {"minmax", "mincomb"}
+    places = {(float(_x(line)[0]), float(np.ravel(line.get_ydata())[0])) for line in axes.lines}
+    assert places == {(point.longest_route_s, point.earliest_s) for point in [*front, *others.values()]}
+    figure.set_dpi(DPI)
+    figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    draw_front(front[:1], {}, tmp_path / "front.png")
+    assert (tmp_path / "front.png").read_bytes().startswith(PNG)

@@ -1,0 +1,191 @@
+"""The page: what it says first, what it holds, and that nothing from outside becomes markup."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executor.analysis.flight_record import Decision, FlightRecord, Revision
+from executor.analysis.read_run import read_run
+from executor.analysis.report_page import outcome, page, said, write_page
+from executor.core.commands import Level
+from tests.executor.flights import write_run
+
+EMPTY = {"meta", "img"}
+"""Elements without an end tag."""
+
+
+class _Reader(HTMLParser):
+    """Collects the tables' cells and the headings, and checks that every element is closed where it should be."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: set[str] = set()
+        self.texts: list[tuple[str, str]] = []
+        self.links: list[str] = []
+        self.classes: dict[str, str] = {}
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.links += [value or "" for name, value in attrs if name in {"src", "href"}]
+        if tag not in EMPTY:
+            self.open.append(tag)
+        kind = dict(attrs).get("class")
+        if tag == "tr" and kind:
+            self.classes[f"row {len(self.texts)}"] = kind
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if data.strip():
+            self.texts.append((self.open[-1], data))
+
+    def of(self, tag: str) -> list[str]:
+        return [text for inside, text in self.texts if inside == tag]
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> tuple[FlightRecord, dict[str, object]]:
+    """Return record and report of the flight in `flights`."""
+    report = write_run(tmp_path)
+    return read_run(tmp_path), report
+
+
+def _read(text: str) -> _Reader:
+    reader = _Reader()
+    reader.feed(text)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def test_the_outcome_comes_first(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    reader = _read(page(record, report, {}))
+    sentence = "All 5 segments were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of them."
+    assert reader.of("title") == [sentence]
+    assert reader.of("h1") == [sentence]
+    assert reader.of("p")[0].startswith("3 vehicles; 1 re-plan; any two vehicles stayed at least 12.5 m apart; ")
+
+
+def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
+    report = write_run(tmp_path, finished=False)
+    record = read_run(tmp_path)
+    assert outcome(record) == "1 of 5 segments was not inspected after uav2 was lost; the flight took 2 min 30 s."
+    assert "not inspected: 1." in _read(page(record, report, {})).of("p")[0]
+
+
+def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    quiet = replace(record, vehicles=tuple(replace(vehicle, fault=None) for vehicle in record.vehicles), duration_s=42)
+    assert outcome(quiet) == "All 5 segments were inspected in 42 s."
+    assert "Faults" not in _read(page(quiet, report, {})).of("h2")
+
+
+def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    reader = _read(page(record, report, {}))
+    assert reader.of("h2") == [
+        "Faults", "Re-plans", "Vehicles", "Before the flight", "How the segments were flown", "Decisions", "Segments"
+    ]  # fmt: skip
+    cells = reader.of("td")
+    rows = [
+        ["uav2", "link", "silent for 10 s", "T+0:40", "T+0:50", "10.0"],
+        ["1", "uav2: link", "yes", "0.10", "9.00", "10.0", "none"],
+        ["uav1", "landed", "yes", "2, 3, 4", "15.0", "85.0", "PX4", "1.17.0"],
+        ["uav3", "warning", "no battery failsafe"],
+        ["3", "uav1", "5.00", "5.30", "0.00", "0.25"],
+        ["T+0:50", "fault", "uav2: lost, silent for 10 s <again>"],
+    ]
+    for row in rows:
+        assert any(cells[at : at + len(row)] == row for at in range(len(cells)))
+    assert list(reader.classes.values()) == ["warning", "fault"]
+    segment = cells.index("0", cells.index("T+2:30"))
+    assert cells[segment : segment + 4] == ["0", "100.0", "uav2", "uav2"]
+
+
+def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    facts = _read(page(record, report, {})).of("p")[0]
+    assert "flown at 5.00 m/s on average (5.00 m/s were asked for), at most 5.40 m/s and at most 0.25 m beside" in facts
+    without = {key: value for key, value in report.items() if key != "inspections"}
+    assert "on average" not in _read(page(record, without, {})).of("p")[0]
+
+
+def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, dict[str, object]], tmp_path: Path) -> None:
+    record, report = flight
+    (tmp_path / "map.png").write_bytes(b"picture")
+    write_page(record, report, tmp_path / "report.html")
+    reader = _read((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert reader.links == ["data:image/png;base64,cGljdHVyZQ=="]
+    assert reader.tags.isdisjoint({"script", "link", "iframe", "object"})
+
+
+def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    evil = """</td><script>alert("1 & 2")</script><img src='http://x/'>"""
+    fault = record.vehicles[1].fault
+    assert fault is not None
+    lost = replace(record.vehicles[1], name=evil, fault=replace(fault, reason=evil))
+    record = replace(record, vehicles=(lost,), decisions=(Decision(1.0, Level.INFO, evil),))
+    report = {"vehicles": [{"name": evil, "segments": [evil]}], "replans": [{"trigger": evil}]}
+    reader = _read(page(record, report, {evil: b""}))
+    assert "script" not in reader.tags
+    assert reader.links == ["data:image/png;base64,"]
+    assert reader.of("td").count(evil) == 6
+    assert evil in reader.of("h1")[0]
+
+
+def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    at = {"lat_deg": 49.6012349, "lon_deg": 15.6, "alt_rel_m": 0.4, "at_s": 83.2}
+    vehicles = [
+        {"name": "uav1", "state": "landed", "landed": True, "last_position": at},
+        {"name": "uav2", "state": "down", "landed": False, "last_position": at},
+        {"name": "uav3", "state": "lost", "landed": False, "last_position": None},
+    ]
+    reader = _read(page(record, {**report, "vehicles": vehicles}, {}))
+    assert "Not at home: where to look" in reader.of("h2")
+    cells = reader.of("td")
+    first = cells.index("49.601235, 15.600000")
+    assert cells[first - 2 : first + 3] == ["uav2", "down: keep away", "49.601235, 15.600000", "0.40", "T+1:23"]
+    assert cells.count("49.601235, 15.600000") == 1
+
+
+def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+    record, report = flight
+    names = {str(segment.id): f"P{segment.id}-P{segment.id + 1}" for segment in record.segments}
+    named = tuple(replace(segment, name=names[str(segment.id)]) for segment in record.segments)
+    cells = _read(page(replace(record, segments=named), {**report, "segment_names": names}, {})).of("td")
+    assert "P2-P3, P3-P4, P4-P5" in cells
+    row = ["P0-P1", "100.0", "uav2", "uav2"]
+    assert any(cells[at : at + 4] == row for at in range(len(cells)))
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (None, "unknown"),
+        (False, "no"),
+        (7, "7"),
+        (9.994, "9.99"),
+        (211.44, "211.4"),
+        ([], "none"),
+        ((3, True), "3, yes"),
+    ],
+)
+def test_values_in_words(value: object, words: str) -> None:
+    assert said(value) == words
+
+
+@given(st.text())
+def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
+    record = FlightRecord((), (), (Revision(0, 0.0, (), ()),), (Decision(0.0, Level.INFO, f"<{text}>"),), 0.0)
+    assert f"<{text}>".split() == "".join(_read(page(record, {}, {})).of("td")[2:]).split()

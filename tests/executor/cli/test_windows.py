@@ -1,0 +1,94 @@
+"""The command line's plans for losses: the window, plans chosen for it, trade-offs, and the other solvers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from missions import read_plan
+from tests.executor.cli.test_main import Place
+
+
+@pytest.fixture
+def place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Place:
+    return Place(tmp_path, capsys)
+
+
+def tight(place: Place) -> None:
+    """Give both vehicles little more than half of the work takes: what one cannot do for both from the start."""
+    needed = max(read_plan(Path(place.planned())).energies_pct)
+    place.site(budget_pct=round(1.3 * needed, 2))
+
+
+def test_a_loose_plan_has_a_full_window(place: Place) -> None:
+    plan = place.planned()
+    code, out, _ = place.run("window", plan, "--json")
+    answer = json.loads(out)
+    assert code == 0
+    assert (answer["window_pct"], answer["earliest_s"], answer["certified_earliest_s"]) == (100.0, 0.0, 0.0)
+    assert answer["breaking"] is None
+    assert answer["longest_route_s"] == pytest.approx(max(read_plan(Path(plan)).durations_s))
+    assert "from 0 s on any one vehicle may be lost" in place.run("window", plan)[1]
+
+
+def test_what_breaks_a_tight_plan_is_named(place: Place) -> None:
+    tight(place)
+    plan = place.path("tight.json")
+    place.run("plan", place.path("site.toml"), "--cost", "minmax", "--all-vehicles", "--seconds", "0.2", "-o", plan)
+    code, out, _ = place.run("window", plan, "--json", "--picture", place.path("window.png"))
+    answer = json.loads(out)
+    assert code == 0
+    assert 0 < answer["earliest_s"] < answer["longest_route_s"]
+    assert answer["breaking"]["vehicle"] in {"uav1", "uav2"}
+    assert answer["breaking"]["to_s"] == answer["earliest_s"]
+    assert answer["breaking"]["from_s"] < answer["breaking"]["to_s"]
+    assert answer["certified_earliest_s"] <= answer["earliest_s"]
+    assert Path(place.path("window.png")).read_bytes().startswith(b"\x89PNG")
+    lost, at_s = answer["breaking"]["vehicle"], str(answer["breaking"]["from_s"])
+    assert place.run("replan", plan, "--lost", lost, "--at", at_s, "--seconds", "0.2")[0] == 1
+
+
+def test_a_plan_chosen_by_its_window_is_no_worse_and_checks(place: Place) -> None:
+    tight(place)
+    site, plan, chosen = place.path("site.toml"), place.path("plan.json"), place.path("chosen.json")
+    place.run("plan", site, "--cost", "minmax", "--all-vehicles", "--seconds", "0.2", "-o", plan)
+    code, out, _ = place.run(
+        "plan", site, "--cost", "window", "--stretch", "20", "--all-vehicles", "--seconds", "1", "--json", "-o", chosen
+    )
+    answer = json.loads(out)
+    assert code == 0
+    assert answer["cost"] == {"name": "window", "value": answer["window"]["earliest_s"]}
+    assert answer["window"]["earliest_s"] <= json.loads(place.run("window", plan, "--json")[1])["earliest_s"]
+    assert answer["window"]["longest_route_s"] <= 1.2 * max(read_plan(Path(plan)).durations_s) + 1e-6
+    assert place.run("check", chosen)[:2] == (0, "every figure is right\n")
+
+
+def test_the_trade_offs_are_plans_that_check(place: Place) -> None:
+    tight(place)
+    folder, picture = Path(place.path("front")), Path(place.path("front.png"))
+    code, out, _ = place.run(
+        "plan", place.path("site.toml"), "--front", "--seconds", "1", "-o", str(folder), "--picture", str(picture)
+    )
+    files = sorted(folder.glob("plan-*.json"))
+    assert code == 0
+    assert len(files) >= 1
+    assert len(out.splitlines()) == 1 + len(files) + 3  # a heading, the plans, one for each of the paper's costs
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    for file in files:
+        assert place.run("check", str(file))[0] == 0
+
+
+@pytest.mark.parametrize("solver", ["grasp", "exact"])
+def test_the_other_solvers_plan_too(place: Place, solver: str) -> None:
+    code, out, _ = place.run(
+        "plan", place.path("site.toml"), "--solver", solver, "--cost", "minsum", "--seconds", "1", "--json"
+    )
+    answer = json.loads(out)
+    assert (code, answer["solver"], answer["uncovered"]) == (0, solver, [])
+
+
+def test_a_window_is_for_the_search_alone(place: Place) -> None:
+    said = place.refused("plan", place.path("site.toml"), "--cost", "window", "--solver", "grasp")
+    assert said == "--solver: expected search for --cost window, got grasp"

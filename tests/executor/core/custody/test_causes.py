@@ -1,0 +1,189 @@
+"""Why a vehicle is in its mode: each cause, and how late it still explains it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from executor.core import carried
+from executor.core.carried import Carried, items_expected
+from executor.core.custody.causes import cause_of, judged, looked_at_again, missed_us, takes_over
+from executor.core.messages import Heartbeat, MissionCurrent
+from executor.core.resume.blackout import taken_up
+from executor.core.state import Absence, FleetState
+from executor.core.vehicle import Before, Cause, Stage, VehicleState
+from tests.executor.builders import fleet_of
+from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack
+
+LOITER, BRAKE, LAND, SMART_RTL = 5, 17, 9, 21
+HELD = Heartbeat(3, BRAKE, True, 4)
+
+
+def went(mode: int, **changes: object) -> VehicleState:
+    """Return a vehicle whose mode has just changed."""
+    return flying(**({"heartbeat": Heartbeat(3, mode, True, 4), "mode_since_s": NOW_S} | changes))
+
+
+ORDERED: dict[str, object] = {"ordered_modes": frozenset({RTL}), "ordered_mode_s": NOW_S - 120.0}
+CAUSES: list[tuple[VehicleState, Cause]] = [
+    (went(RTL), Cause.PERSON),
+    (went(LOITER), Cause.PERSON),
+    (went(AUTO), Cause.OURS),
+    (went(AUTO, stage=Stage.LOST), Cause.OURS),
+    (went(AUTO, stage=Stage.RETURNING), Cause.PERSON),
+    (went(RTL, **ORDERED), Cause.OURS),
+    (went(RTL, **ORDERED | {"ordered_mode_s": NOW_S - 120.1}), Cause.PERSON),
+    (went(BRAKE, **ORDERED), Cause.PERSON),
+    (went(RTL, heartbeat=Heartbeat(3, RTL, True, 5)), Cause.FAILSAFE),
+    (went(BRAKE, heartbeat=Heartbeat(3, BRAKE, True, 5)), Cause.FAILSAFE),
+    (went(LOITER, heartbeat=Heartbeat(3, LOITER, True, 5)), Cause.PERSON),
+    (went(RTL, alarm=("Battery Failsafe", NOW_S - 15.0)), Cause.FAILSAFE),
+    (went(RTL, alarm=("Battery Failsafe", NOW_S - 15.1)), Cause.PERSON),
+    (went(RTL, alarm=("Battery Failsafe", NOW_S + 15.0)), Cause.FAILSAFE),
+    (went(RTL, alarm=("Battery Failsafe", NOW_S + 15.1)), Cause.PERSON),
+    (went(RTL, alarm=("Low battery", NOW_S)), Cause.PERSON),
+    (went(RTL, alarm=("GCS Failsafe Cleared", NOW_S)), Cause.PERSON),
+    (went(RTL, fence_breached=True), Cause.FAILSAFE),
+    (went(RTL, battery=pack(9.0, charge_state=4)), Cause.FAILSAFE),
+    (went(RTL, battery=pack(9.0, charge_state=3)), Cause.PERSON),
+    (went(RTL, unseen_until_s=NOW_S), Cause.FAILSAFE),
+    (went(RTL, unseen_until_s=NOW_S - 1.0), Cause.PERSON),
+    (went(AUTO, stage=Stage.LANDED, fix=at(up_m=0.0)), Cause.PERSON),
+    (went(AUTO, stage=Stage.GROUND), Cause.PERSON),
+]
+
+
+@pytest.mark.parametrize(("state", "cause"), CAUSES, ids=[f"{n}-{row[1].value}" for n, row in enumerate(CAUSES)])
+def test_the_cause_of_a_mode(state: VehicleState, cause: Cause) -> None:
+    assert cause_of(CONTEXT, (), flying(), state, NOW_S) is cause
+
+
+def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> None:
+    told = flying(stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
+    landing = went(LAND, stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
+    away = judged(CONTEXT, (), told, landing, NOW_S)
+    again = replace(away, heartbeat=Heartbeat(3, AUTO, True, 4), mode_since_s=NOW_S + 4.0)
+    assert judged(CONTEXT, (), away, again, NOW_S + 4.0).cause is Cause.PERSON
+    followed_late = replace(landing, heartbeat=Heartbeat(3, AUTO, True, 4))
+    assert judged(CONTEXT, (), flying(heartbeat=HELD), followed_late, NOW_S).cause is Cause.OURS
+
+
+def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
+    for mode in (RTL, SMART_RTL):
+        home = flying(heartbeat=Heartbeat(3, mode, True, 4), cause=Cause.MISSION)
+        assert cause_of(CONTEXT, (), home, went(LAND), NOW_S) is Cause.MISSION
+        assert cause_of(CONTEXT, (), home, went(BRAKE), NOW_S) is Cause.PERSON
+    assert cause_of(CONTEXT, (), flying(cause=Cause.MISSION), went(LAND), NOW_S) is Cause.PERSON
+
+
+@pytest.mark.parametrize(("since_s", "explained"), [(4.0, True), (4.1, False)])
+def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: bool) -> None:
+    state = went(RTL, mode_since_s=NOW_S - since_s, cause=Cause.PERSON, alarm=("Battery Failsafe", NOW_S))
+    assert looked_at_again(CONTEXT, (), state, NOW_S).cause is (Cause.FAILSAFE if explained else Cause.PERSON)
+    ours = replace(state, cause=Cause.OURS)
+    assert looked_at_again(CONTEXT, (), ours, NOW_S) == ours
+
+
+@pytest.mark.parametrize(
+    ("state", "sure"),
+    [
+        (went(LOITER, cause=Cause.PERSON, mode_since_s=NOW_S - 1.0), True),
+        (went(LOITER, cause=Cause.PERSON, mode_since_s=NOW_S - 0.9), False),
+        (went(LOITER, cause=Cause.FAILSAFE, mode_since_s=NOW_S - 9.0), False),
+        (flying(heartbeat=Heartbeat(3, LOITER, False, 4), cause=Cause.PERSON, mode_since_s=NOW_S - 9.0), False),
+    ],
+)
+def test_when_it_is_certain_that_a_person_has_it(state: VehicleState, *, sure: bool) -> None:
+    assert takes_over(state, NOW_S) is sure
+
+
+WITH_FAILSAFE = replace(
+    CONTEXT, vehicles={**CONTEXT.vehicles, "uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=5.0)}
+)
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "ended_ago_s", "mode_ago_s", "acted"),
+    [
+        (4.0, 1.0, 0.0, True),
+        (3.9, 1.0, 0.0, False),
+        (10.0, 30.0, 0.0, True),
+        (10.0, 30.1, 0.0, False),
+        (10.0, 1.0, 11.0, True),
+        (10.0, 1.0, 11.1, False),
+    ],
+)
+def test_a_failsafe_that_waited_for_us(pause_s: float, ended_ago_s: float, mode_ago_s: float, *, acted: bool) -> None:
+    """Our last heartbeat may have been a second old when we stopped, and it takes its time to react."""
+    away = (Absence(NOW_S - ended_ago_s, pause_s, restarted=False),)
+    assert missed_us(WITH_FAILSAFE, away, went(RTL, mode_since_s=NOW_S - mode_ago_s), NOW_S) is acted
+    assert missed_us(WITH_FAILSAFE, (), went(RTL), NOW_S) is False
+
+
+def test_who_did_not_say_whether_it_has_a_failsafe_and_came_out_of_a_silence_has_one() -> None:
+    unknown = fleet_of().context
+    assert unknown.vehicles["uav1"].failsafe_s is None
+    deaf, asleep = (Absence(NOW_S - 1.0, 10.0, restarted=False, deaf=deaf) for deaf in (True, False))
+    back = went(RTL, unseen_until_s=NOW_S)
+    assert missed_us(unknown, (deaf,), back, NOW_S)
+    assert not missed_us(unknown, (asleep,), back, NOW_S)
+    assert not missed_us(unknown, (deaf,), went(RTL), NOW_S)
+
+
+SINCE_S = NOW_S - 60.0
+
+
+def back(regained_ago_s: float = 1.0, **changes: object) -> VehicleState:
+    """Return a vehicle that is heard again, and has said where it is and in which mode, but not on which item."""
+    before = Before(at(age_s=61.0), 2, None, None, 90.0, SINCE_S)
+    told: dict[str, object] = {"before": before, "regained_s": NOW_S - regained_ago_s, "item_s": SINCE_S}
+    return flying(**(told | changes))
+
+
+@pytest.mark.parametrize(
+    ("state", "waits"),
+    [
+        (back(4.9), True),
+        (back(5.0), False),
+        (back(4.9, item_s=SINCE_S + 0.1), False),
+        (back(9.0, stale=True), True),
+        (back(9.0, regained_s=None), True),
+        (back(regained_s=SINCE_S), True),
+        (back(4.9, heartbeat=Heartbeat(3, AUTO, False, 4), took_off=False), False),
+        (back(4.9, heartbeat_s=SINCE_S, item_s=NOW_S), True),
+        (back(4.9, fix=at(age_s=60.0), item_s=NOW_S), True),
+        (back(fix=None), False),
+        (back(heartbeat_s=None), False),
+        (back(board=None), False),
+    ],
+)
+def test_who_is_heard_again_is_waited_for_until_it_has_said_enough(state: VehicleState, *, waits: bool) -> None:
+    stepped = taken_up(CONTEXT, FleetState({"uav1": state}), state, NOW_S)
+    assert (stepped is None) is waits
+    if stepped is not None:
+        assert stepped[0].vehicles["uav1"].before is None, "it is asked no more"
+
+
+def test_a_mission_on_board_is_ours_or_another() -> None:
+    ours = Carried(ours_s=NOW_S, id=7)
+    assert carried.reported(ours, MissionCurrent(1, 9, 7), 9, NOW_S + 9.0) == ours
+    assert carried.reported(ours, MissionCurrent(1, 65535), 9, NOW_S).words == "none at all"
+    other = carried.reported(ours, MissionCurrent(1, 8, 7), 9, NOW_S + 1.0)
+    assert (other.foreign_s, other.words) == (NOW_S + 1.0, "8 items where ours has 9")
+    assert carried.reported(other, MissionCurrent(1, 8, 7), 9, NOW_S + 2.0) == other, "it is as old as it was"
+    assert [other.sure(NOW_S + 1.0 + after_s) for after_s in (0.8, 1.0)] == [False, True]
+    assert carried.reported(other, MissionCurrent(1, 9, 7), 9, NOW_S + 2.0) == ours
+    early = carried.reported(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 4.9)
+    assert (early.id, early.foreign_s) == (8, None), "what it says first may be of before the upload"
+    late = carried.reported(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 5.0)
+    assert (late.id, late.words) == (7, "as many items as ours, and others")
+    text = "Flight plan received"
+    assert carried.texted(ours, text, NOW_S + 4.9) == ours
+    assert carried.texted(ours, text, NOW_S + 5.0).told_s == NOW_S + 5.0
+    assert carried.texted(ours, "flight plan", NOW_S + 5.0) == ours
+
+
+def test_ardupilot_does_not_count_its_home() -> None:
+    assert items_expected(CONTEXT, "uav1", 10) == 9
+    assert items_expected(fleet_of(autopilot="px4").context, "uav1", 10) == 10

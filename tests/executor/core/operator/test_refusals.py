@@ -1,0 +1,259 @@
+"""Why a wish is refused: each reason on both sides of its limit, asked of the rule itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import pytest
+
+from executor.core.intents import Action, Intent
+from executor.core.messages import Heartbeat
+from executor.core.operator.refusals import question, reason
+from executor.core.state import FleetState
+from executor.core.vehicle import Cause, Fault, FaultKind, Fix, Stage, Taken, VehicleState
+from missions import Phase
+from tests.executor.builders import vehicle
+from tests.executor.core.faults.test_watchpoints import (
+    AUTO,
+    CONTEXT,
+    DISARMED,
+    FLEET,
+    NOW_S,
+    RTL,
+    SETUP,
+    at,
+    flying,
+    pack,
+)
+
+PAD_E, PAD_N = SETUP.pad_m
+LINE_N = float(CONTEXT.setup.network.ends_m[0, 0, 1])
+FAULT = Fault(FaultKind.BATTERY, "why", NOW_S)
+
+
+def state_of(one: VehicleState, **changes: object) -> FleetState:
+    others = {name: vehicle(FLEET, name) for name in ("uav2", "uav3")}
+    state = FleetState(MappingProxyType({"uav1": one, **others}), launched_s=NOW_S - 100.0)
+    return replace(state, **changes)  # type: ignore[arg-type]
+
+
+def refused(action: Action, one: VehicleState, **changes: object) -> str:
+    return reason(CONTEXT, state_of(one, **changes), Intent("wish", action, "uav1", "page", False), NOW_S)
+
+
+def leg(phase: Phase) -> VehicleState:
+    board = flying().board
+    assert board is not None
+    return flying(waypoint=next(n for n, point in enumerate(board.path.waypoints) if point.phase is phase))
+
+
+def placed(east_m: float, north_m: float, age_s: float = 0.0) -> Fix:
+    return replace(at(age_s=age_s), place_m=(east_m, north_m))
+
+
+def grounded(**changes: object) -> VehicleState:
+    """Return a vehicle that has landed on its pad and was taken out of the plan."""
+    fix = placed(PAD_E, PAD_N)
+    told: dict[str, object] = {"stage": Stage.LANDED, "heartbeat": DISARMED, "excluded": True, "fix": fix}
+    return flying(**(told | changes))
+
+
+HOLDS = flying(held_s=NOW_S - 9.0)
+AWAY = flying(fix=placed(PAD_E, LINE_N - 300.0))
+OTHER_PAD = CONTEXT.vehicles["uav2"].pad_m
+DOWN = flying(stage=Stage.DOWN)
+ROWS: list[tuple[Action, VehicleState, str]] = [
+    (Action.HOLD, flying(), ""),
+    (Action.HOLD, flying(stage=Stage.PILOT), ""),
+    (Action.HOLD, flying(stage=Stage.RETURNING), "it does not fly its mission, it is returning"),
+    (Action.HOLD, HOLDS, "it holds already"),
+    (Action.HOLD, flying(pending=3), "its new mission is being put on board; ask again in a moment"),
+    (Action.HOLD, flying(heard_s=NOW_S - 2.9), ""),
+    (Action.HOLD, flying(heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.HOLD, flying(heard_s=None), "it was never heard"),
+    (
+        Action.HOLD,
+        leg(Phase.TAKEOFF),
+        "it climbs from its pad; below its layer it would be in the way of others",
+    ),
+    (Action.HOLD, leg(Phase.LAND), "it is landing"),
+    (Action.HOLD, leg(Phase.TRANSIT), ""),
+    (Action.RESUME, HOLDS, ""),
+    (Action.RESUME, flying(), "it does not hold by an order, it is flying"),
+    (
+        Action.RESUME,
+        flying(stage=Stage.RETURNING, held_s=NOW_S),
+        "it does not hold by an order, it is returning",
+    ),
+    (
+        Action.RESUME,
+        flying(stage=Stage.PILOT, held_s=NOW_S),
+        "its pilot has it, and must put it back on its mission; then it can be included",
+    ),
+    (Action.RESUME, replace(HOLDS, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.RETURN, flying(), ""),
+    (Action.RETURN, flying(stage=Stage.RETURNING), ""),
+    (
+        Action.RETURN,
+        flying(stage=Stage.RETURNING, heartbeat=Heartbeat(3, RTL, True, 4)),
+        "it is on its way home already",
+    ),
+    (Action.RETURN, grounded(), "it is on the ground"),
+    (Action.RETURN, DOWN, "it is on the ground"),
+    (Action.RETURN, flying(stage=Stage.LOST), "its link is lost; when it is regained, it is told to return"),
+    (Action.LAND, AWAY, ""),
+    (Action.LAND, replace(AWAY, stage=Stage.LOST), "it does not fly, it is lost"),
+    (Action.LAND, replace(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
+    (Action.LAND, replace(AWAY, lands=True), "it is landing already"),
+    (Action.LAND, replace(AWAY, fix=None), "nobody knows where it is now"),
+    (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.0)), ""),
+    (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.1)), "nobody knows where it is now"),
+    (Action.LAND, flying(fix=placed(250.0, LINE_N + 12.1)), ""),
+    (
+        Action.LAND,
+        flying(fix=placed(250.0, LINE_N + 11.9)),
+        "it is 12 m from the line, where nobody can land safely; let it return",
+    ),
+    (
+        Action.LAND,
+        flying(fix=placed(250.0, LINE_N - 5.0)),
+        "it is 5 m from the line, where nobody can land safely; let it return",
+    ),
+    # The line begins at 100 m and ends at 700 m east of the depot.
+    (Action.LAND, flying(fix=placed(87.9, LINE_N)), ""),
+    (
+        Action.LAND,
+        flying(fix=placed(88.1, LINE_N)),
+        "it is 12 m from the line, where nobody can land safely; let it return",
+    ),
+    (Action.LAND, flying(fix=placed(712.1, LINE_N)), ""),
+    (
+        Action.LAND,
+        flying(fix=placed(711.9, LINE_N)),
+        "it is 12 m from the line, where nobody can land safely; let it return",
+    ),
+    (Action.LAND, flying(fix=placed(OTHER_PAD[0], OTHER_PAD[1] - 4.1)), ""),
+    (
+        Action.LAND,
+        flying(fix=placed(OTHER_PAD[0], OTHER_PAD[1] - 3.9)),
+        "it would land on the pad of uav2",
+    ),
+    (Action.LAND, flying(fix=placed(PAD_E, PAD_N)), ""),
+    (Action.EXCLUDE, flying(), ""),
+    (Action.EXCLUDE, flying(fault=FAULT), "it is out of the plan already: why"),
+    (Action.EXCLUDE, flying(excluded=True), "it is out of the plan already"),
+    (Action.INCLUDE, grounded(), ""),
+    (Action.INCLUDE, grounded(stage=Stage.DOWN), ""),
+    (Action.INCLUDE, flying(), "it is not on the ground with its motors off, it is flying"),
+    (
+        Action.INCLUDE,
+        grounded(heartbeat=Heartbeat(3, AUTO, True, 3)),
+        "it is not on the ground with its motors off, it is landed",
+    ),
+    (Action.INCLUDE, grounded(heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.INCLUDE, grounded(cleared_s=NOW_S), "it is cleared for take-off already"),
+    (Action.INCLUDE, grounded(fix=placed(PAD_E, PAD_N - 15.0)), ""),
+    (
+        Action.INCLUDE,
+        grounded(fix=placed(PAD_E, PAD_N - 15.1)),
+        "it does not stand on its pad; its way up and down is planned from there",
+    ),
+    (
+        Action.INCLUDE,
+        grounded(fix=None),
+        "it does not stand on its pad; its way up and down is planned from there",
+    ),
+    (Action.INCLUDE, grounded(battery=pack(20.0)), ""),
+    (Action.INCLUDE, grounded(battery=pack(19.9)), "its battery is 20 %; expected more than its reserve of 15 %"),
+    (
+        Action.INCLUDE,
+        flying(stage=Stage.PILOT),
+        "its pilot has it, and must put it back on its mission first",
+    ),
+    (
+        Action.INCLUDE,
+        flying(stage=Stage.PILOT, taken=Taken(NOW_S - 9.0)),
+        "its pilot has it, and must put it back on its mission first",
+    ),
+    (Action.INCLUDE, flying(stage=Stage.PILOT, taken=Taken(NOW_S - 9.0, returned_s=NOW_S)), ""),
+    (
+        Action.INCLUDE,
+        flying(stage=Stage.PILOT, taken=Taken(NOW_S - 9.0, returned_s=NOW_S), fault=FAULT),
+        "it is out of the plan: why",
+    ),
+    (Action.DISARM, DOWN, ""),
+    (Action.DISARM, flying(), "it is not down, it is flying"),
+    (Action.DISARM, replace(DOWN, heartbeat=DISARMED), "its motors are off already"),
+    (Action.DISARM, replace(DOWN, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+]
+
+
+@pytest.mark.parametrize(
+    ("action", "one", "why"), ROWS, ids=[f"{n}-{row[0].value}-{row[2] or 'done'}" for n, row in enumerate(ROWS)]
+)
+def test_what_is_refused_and_why(action: Action, one: VehicleState, why: str) -> None:
+    assert refused(action, one) == why
+
+
+@pytest.mark.parametrize(
+    ("action", "one"),
+    [
+        (Action.RESUME, HOLDS),
+        (Action.INCLUDE, grounded()),
+        (Action.INCLUDE, flying(stage=Stage.PILOT, taken=Taken(NOW_S, returned_s=NOW_S))),
+        (Action.REPLAN, flying()),
+    ],
+)
+def test_nobody_is_sent_out_again_once_everybody_was_sent_home(action: Action, one: VehicleState) -> None:
+    intent = Intent("wish", action, None if action is Action.REPLAN else "uav1", "page", False)
+    assert reason(CONTEXT, state_of(one, recalled=True), intent, NOW_S) == "everybody was sent home"
+
+
+def test_what_fits_no_time_is_refused() -> None:
+    assert refused(Action.HOLD, flying(), finished=True) == "the flight is over"
+    assert refused(Action.HOLD, flying(), launched_s=None) == "the flight has not begun"
+    strange = Intent("wish", Action.HOLD, "uav9", "page", False)
+    assert (
+        reason(CONTEXT, state_of(flying()), strange, NOW_S)
+        == "there is no vehicle 'uav9': expected one of uav1, uav2, uav3"
+    )
+    nobody = Intent("wish", Action.HOLD, None, "page", False)
+    assert reason(CONTEXT, state_of(flying()), nobody, NOW_S) == "hold needs a vehicle: one of uav1, uav2, uav3"
+    assert refused(Action.ABORT, flying()) == "abort concerns everybody; expected no vehicle"
+
+
+def test_an_abort_needs_somebody_who_flies_a_mission() -> None:
+    abort = Intent("wish", Action.ABORT, None, "page", False)
+    for stage in Stage:
+        flies = stage in {Stage.STARTING, Stage.FLYING}
+        why = reason(CONTEXT, state_of(flying(stage=stage)), abort, NOW_S)
+        assert why == ("" if flies else "nobody flies a mission"), stage
+
+
+ASKED = [
+    (Action.DISARM, DOWN, "stop its motors by force? If it flies after all, it falls"),
+    (Action.INCLUDE, grounded(), "is its pad clear of people?"),
+    (Action.INCLUDE, flying(stage=Stage.PILOT), ""),
+    (
+        Action.HOLD,
+        flying(stage=Stage.PILOT, cause=Cause.PERSON),
+        "take it out of the pilot's hands? Speak to the pilot first",
+    ),
+    (
+        Action.LAND,
+        flying(stage=Stage.PILOT, cause=Cause.PERSON),
+        "take it out of the pilot's hands? Speak to the pilot first",
+    ),
+    (Action.EXCLUDE, flying(stage=Stage.PILOT), ""),
+    (Action.HOLD, flying(), ""),
+]
+
+
+@pytest.mark.parametrize(("action", "one", "asked"), ASKED)
+def test_what_could_hurt_is_asked_again_until_it_is_confirmed(action: Action, one: VehicleState, asked: str) -> None:
+    wish = Intent("wish", action, "uav1", "page", False)
+    told = question(CONTEXT, state_of(one), wish)
+    assert told.endswith(asked)
+    assert bool(told) is bool(asked)
+    assert question(CONTEXT, state_of(one), replace(wish, confirmed=True)) == ""

@@ -1,0 +1,194 @@
+"""What was flown while nobody listened: it counts where clock, place, mode and battery tell one story."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from executor.core.battery import account
+from executor.core.coverage import Run, Sample, Track, follow, joined
+from executor.core.messages import Heartbeat
+from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
+from executor.core.vehicle import Before, Fix, VehicleState
+from missions import Phase
+from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, RTL, SETUP, at, flying, mission, pack
+
+BOARD = mission()
+WAYPOINTS, LEGS, PLACES_M = BOARD.path.waypoints, BOARD.legs, BOARD.places_m
+VISITS = [index for index, point in enumerate(WAYPOINTS) if point.phase is Phase.INSPECT]
+FIRST, SECOND = VISITS
+LANDING = len(WAYPOINTS) - 1
+BEGAN_S = 5000.0
+RUN = joined(BOARD.tracks[0], Sample(BEGAN_S, PLACES_M[FIRST - 1]), CONTEXT.inspection_speed_m_s)
+
+
+def on_leg(waypoint: int, share: float, boot_s: float = BEGAN_S, beside_m: float = 0.0) -> Fix:
+    """Return a position with so much of a leg behind it, flown to the east."""
+    (east_a, north_a), (east_b, north_b) = PLACES_M[waypoint - 1], PLACES_M[waypoint]
+    place_m = (east_a + share * (east_b - east_a), north_a + share * (north_b - north_a) + beside_m)
+    return replace(at(), boot_s=boot_s, place_m=place_m, alt_rel_m=WAYPOINTS[waypoint].alt_rel_m)
+
+
+def way_s(from_waypoint: int, from_share: float, to_waypoint: int, to_share: float) -> float:
+    """Return how long a way along the mission takes."""
+    between = sum(leg.duration_s for leg in LEGS[from_waypoint:to_waypoint])
+    return between - from_share * LEGS[from_waypoint].duration_s + to_share * LEGS[to_waypoint].duration_s
+
+
+def found(
+    begin: tuple[int, float], end: tuple[int, float], late_s: float = 0.0, *, run: Run | None = RUN, **changes: object
+) -> Inferred:
+    """Return what counts of a way from one leg to another that took so much longer than it should."""
+    run_visit = WAYPOINTS[begin[0]].visit if run is not None else None
+    before = Before(on_leg(*begin), begin[0], run, run_visit, 90.0)
+    fix = on_leg(*end, BEGAN_S + way_s(*begin, *end) + late_s)
+    state = flying(**({"before": before, "fix": fix, "waypoint": end[0]} | changes))
+    return flown_meanwhile(CONTEXT, state, BOARD, state.waypoint)
+
+
+TRANSIT = (FIRST - 1, 0.5)
+HOME = (SECOND + 1, 0.5)
+
+
+def test_a_segment_between_two_places_of_the_mission_counts() -> None:
+    assert found(TRANSIT, HOME) == Inferred((0, 1))
+    assert found((FIRST, 0.3), HOME) == Inferred((0, 1))
+    assert found((SECOND, 0.3), HOME) == Inferred((1,))
+
+
+def test_one_whose_beginning_is_known_not_to_count_does_not() -> None:
+    assert found((FIRST, 0.3), HOME, run=None) == Inferred((1,))
+
+
+def test_the_one_under_way_is_joined_as_if_its_beginning_had_been_seen() -> None:
+    under_way = found(TRANSIT, (SECOND, 0.5))
+    assert (under_way.segments, under_way.joins, under_way.why_not) == ((0,), 1, "")
+    # The rest of it, flown as it should be, makes it whole.
+    track: Track = BOARD.tracks[1]
+    run, flown, now_s = under_way.run, None, BEGAN_S + way_s(*TRANSIT, SECOND, 0.5)
+    for metre in range(51):
+        east_m = track.begin_m[0] + 50.0 + metre
+        sample = Sample(now_s + metre / 3.0, (east_m, track.begin_m[1]), 3.0)
+        told = follow(run, track, sample, corridor_m=CONTEXT.corridor_m, speed_m_s=CONTEXT.inspection_speed_m_s)
+        run, flown = told.run, flown or told.flown
+    assert flown is not None
+    # Its first half is taken to have been flown at the speed that was asked for.
+    assert flown.mean_m_s == pytest.approx(CONTEXT.inspection_speed_m_s, rel=1e-3)
+    assert flown.deviation_max_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_speed_that_it_is_found_at_is_that_over_ground() -> None:
+    north = replace(on_leg(SECOND, 0.5, BEGAN_S + way_s(*TRANSIT, SECOND, 0.5)), velocity_m_s=(3.0, 4.0, 1.0))
+    run = found(TRANSIT, (SECOND, 0.5), fix=north).run
+    assert run is not None
+    assert run.pace.fastest_m_s == 5.0
+
+
+def test_nothing_happened_on_one_leg_of_the_way() -> None:
+    assert found((FIRST, 0.2), (FIRST, 0.6), run=None) == NOTHING
+    assert found((SECOND + 1, 0.2), (SECOND + 1, 0.6)) == NOTHING
+    assert found(TRANSIT, HOME, before=None) == NOTHING
+    assert found(TRANSIT, HOME, fix=None) == NOTHING
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_time_may_be_off_by_less_than_what_flying_a_segment_too_fast_wins(sign: float) -> None:
+    shortest_s = min(LEGS[FIRST].duration_s, LEGS[SECOND].duration_s)
+    tolerance_s = shortest_s * (1.0 - 1.0 / 1.3)
+    assert found(TRANSIT, HOME, sign * (tolerance_s - 0.1)).segments == (0, 1)
+    off = found(TRANSIT, HOME, sign * (tolerance_s + 0.1))
+    way = way_s(*TRANSIT, *HOME)
+    assert off == Inferred(why_not=f"it took {way + sign * (tolerance_s + 0.1):.0f} s where its way takes {way:.0f} s")
+
+
+def test_a_clock_that_began_anew_proves_nothing() -> None:
+    way = way_s(*TRANSIT, *HOME)
+    assert found(TRANSIT, HOME, -way).why_not == "its clock began anew"
+    assert found(TRANSIT, HOME, -way + 0.1).why_not.startswith("it took 0 s")
+
+
+def test_who_is_elsewhere_proves_nothing() -> None:
+    corridor_m, boot_s = CONTEXT.corridor_m, BEGAN_S + way_s(*TRANSIT, SECOND, 0.5)
+    for beside_m in (corridor_m - 0.1, -corridor_m + 0.1):
+        assert found(TRANSIT, (SECOND, 0.5), fix=on_leg(SECOND, 0.5, boot_s, beside_m)).joins == 1
+    for beside_m in (corridor_m + 0.1, -corridor_m - 0.1):
+        told = found(TRANSIT, (SECOND, 0.5), fix=on_leg(SECOND, 0.5, boot_s, beside_m))
+        assert told == Inferred(why_not=f"it is {corridor_m:.0f} m beside its way")
+    # Beyond the end of the leg it is as far away as that end is.
+    beyond = on_leg(SECOND, 1.0 + (corridor_m + 3.0) / math.dist(PLACES_M[SECOND - 1], PLACES_M[SECOND]), boot_s)
+    assert found(TRANSIT, (SECOND, 0.5), fix=beyond).why_not == f"it is {corridor_m + 3.0:.0f} m beside its way"
+
+
+@pytest.mark.parametrize("heartbeat", [None, Heartbeat(3, RTL, True, 4)])
+def test_who_is_not_on_its_mission_any_more_proves_nothing(heartbeat: Heartbeat | None) -> None:
+    told = found(TRANSIT, HOME, heartbeat=heartbeat)
+    assert told.segments == ()
+    assert told.why_not
+
+
+def test_a_mission_that_went_back_proves_nothing() -> None:
+    assert found((SECOND, 0.5), (SECOND, 0.9)).joins == 1
+    back = found((SECOND, 0.5), (SECOND, 0.9), waypoint=FIRST)
+    assert back == Inferred(why_not="its mission went back")
+
+
+DOWN = Heartbeat(3, AUTO, False, 3)
+
+
+def landed(late_s: float = 0.0, used: float = 1.0, extra_pct: float = 0.0, **changes: object) -> Inferred:
+    """Return what counts of a mission that was flown to its end unseen, for so much of what it should have cost."""
+    begin = (FIRST, 0.5)
+    before = Before(on_leg(*begin), FIRST, RUN, WAYPOINTS[FIRST].visit, 90.0)
+    rest_s = way_s(*begin, LANDING, 1.0)
+    rest_pct = 0.5 * LEGS[FIRST].energy_pct + sum(leg.energy_pct for leg in LEGS[FIRST + 1 :])
+    known = pack(90.0 - used * rest_pct - extra_pct)
+    known = replace(known, estimate=None)
+    assert account.factor(known) == 1.0
+    fix = replace(at(), boot_s=BEGAN_S + rest_s + late_s, place_m=SETUP.pad_m, alt_rel_m=0.0)
+    told: dict[str, object] = {"before": before, "fix": fix, "battery": known, "heartbeat": DOWN, "waypoint": 0}
+    state: VehicleState = flying(**(told | changes))
+    return flown_meanwhile(CONTEXT, state, BOARD, state.waypoint)
+
+
+def test_who_is_back_on_its_pad_has_flown_its_mission() -> None:
+    assert landed() == Inferred((0, 1))
+    assert landed(late_s=600.0) == Inferred((0, 1)), "when it landed nobody knows"
+
+
+def test_who_landed_too_soon_has_not() -> None:
+    tolerance_s = min(LEGS[FIRST].duration_s, LEGS[SECOND].duration_s) * (1.0 - 1.0 / 1.3)
+    assert landed(late_s=-tolerance_s + 0.1).segments == (0, 1)
+    assert "too short for its way" in landed(late_s=-tolerance_s - 0.1).why_not
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_what_it_used_tells_how_far_it_flew(sign: float) -> None:
+    assert landed(extra_pct=sign * 1.95).segments == (0, 1)
+    assert " where its way costs " in landed(extra_pct=sign * 2.05).why_not
+    assert landed(before=None) == NOTHING
+
+
+def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
+    pad_e, pad_n = SETUP.pad_m
+    fix = replace(at(), boot_s=BEGAN_S + 900.0, alt_rel_m=0.0)
+    assert landed(fix=replace(fix, place_m=(pad_e + 15.0, pad_n))).segments == (0, 1)
+    assert landed(fix=replace(fix, place_m=(pad_e + 15.1, pad_n))).why_not == "it is not on its pad"
+    assert landed(heartbeat=Heartbeat(3, RTL, False, 3)).why_not == "it came home by itself"
+    assert landed(battery=account.BatteryState()).why_not == "nobody knows what it used"
+
+
+def test_who_was_in_its_climb_has_the_rest_of_that_before_it() -> None:
+    climb_m = WAYPOINTS[0].alt_rel_m
+    assert WAYPOINTS[0].phase is Phase.TAKEOFF
+    for share in (0.0, 0.5, 1.0):
+        low = replace(at(), boot_s=BEGAN_S, place_m=PLACES_M[0], alt_rel_m=share * climb_m)
+        way = (1.0 - share) * LEGS[0].duration_s + way_s(1, 0.0, *HOME)
+        before = Before(low, 0, None, None, 90.0)
+        tolerance_s = min(LEGS[FIRST].duration_s, LEGS[SECOND].duration_s) * (1.0 - 1.0 / 1.3)
+        for late_s, counts in ((tolerance_s - 0.1, True), (tolerance_s + 0.1, False)):
+            for sign in (-1.0, 1.0):
+                fix = on_leg(*HOME, BEGAN_S + way + sign * late_s)
+                told = found(TRANSIT, HOME, before=before, fix=fix)
+                assert (told.segments == (0, 1)) is counts, (share, sign * late_s)

@@ -1,0 +1,54 @@
+"""Thresholds swept over logs with truths."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from executor.cli import main
+from tests.recorded import BEGAN_USEC, Writer, flight
+
+EVENTS = [{"t_usec": BEGAN_USEC + 1_000_000, "boot_ms": 0, "what": "armed"}]
+
+
+def folder_of_logs(tmp_path: Path) -> Path:
+    """Return a healthy flight and one with a silent link, and their truths."""
+    healthy, silent = Writer(), Writer()
+    flight(healthy, 3, range(120))
+    flight(silent, 3, range(120), silent=range(60, 67))
+    healthy.write(tmp_path / "healthy.tlog")
+    silent.write(tmp_path / "silent.tlog")
+    gone = {"from_usec": BEGAN_USEC + 59_500_000, "to_usec": BEGAN_USEC + 67_100_000}
+    truths = {
+        "healthy.tlog": {"kind": "no fault", "events": EVENTS},
+        "silent.tlog": {"kind": "link loss", "events": EVENTS, "vehicle_silent": [gone]},
+    }
+    (tmp_path / "all_truth.json").write_text(json.dumps({"logs": truths}))
+    return tmp_path
+
+
+def test_a_longer_time_out_finds_less(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = folder_of_logs(tmp_path)
+    with pytest.raises(SystemExit) as left:
+        main.main(["replay", str(folder), "--tune", "--json", "-o", str(tmp_path / "out")])
+    assert left.value.code == 0
+    points = json.loads(capsys.readouterr().out)["points"]
+    link = {one["value"]: one for one in points if one["threshold"] == "link_timeout_s"}
+    assert link[4.5]["chosen"]
+    assert (link[4.5]["found"], link[9.0]["found"]) == (1, 0)
+    assert link[2.25]["mean_delay_s"] < link[4.5]["mean_delay_s"] < link[5.4]["mean_delay_s"]
+    assert all(one["false_alarms"] == 0 for one in points)
+    assert points[-1]["threshold"] == "few lines"
+    assert (tmp_path / "out" / "tuning.png").is_file()
+
+
+def test_logs_without_truths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = Writer()
+    flight(writer, 3, range(20))
+    writer.write(tmp_path / "a.tlog")
+    with pytest.raises(SystemExit) as left:
+        main.main(["replay", str(tmp_path), "--tune"])
+    assert left.value.code == 2
+    assert "expected logs whose truths lie beside them" in capsys.readouterr().err
