@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -41,10 +42,32 @@ def functions(path: Path) -> Iterator[tuple[str, int]]:
             yield f"{path.relative_to(ROOT)}:{node.name}", node.end_lineno - node.lineno + 1 - said
 
 
-def test_the_import_contracts_hold() -> None:
+def linted(root: Path) -> subprocess.CompletedProcess[str]:
+    """Hold a tree against the import contracts in its pyproject.toml."""
     linter = Path(sys.executable).with_name("lint-imports")
-    done = subprocess.run([linter, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run([linter, "--no-cache"], cwd=root, capture_output=True, text=True, check=False, timeout=120)
+
+
+def test_the_import_contracts_hold() -> None:
+    done = linted(ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_breach_in_any_folder_is_found(tmp_path: Path) -> None:
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "*.json*"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    folders = [init.parent for package in PACKAGES for init in (tmp_path / package).rglob("__init__.py")]
+    for folder in folders:
+        (folder / "breach.py").write_text("import executor.__main__\n", encoding="utf-8")
+    (tmp_path / "executor" / "core" / "homeless").mkdir()
+    (tmp_path / "executor" / "core" / "homeless" / "__init__.py").write_text("", encoding="utf-8")
+    done = linted(tmp_path)
+    # What lies in a container of its own is not in the list of its floors.
+    assert done.returncode == 1
+    names = {".".join(folder.relative_to(tmp_path).parts) for folder in folders} - {"executor", "executor.core"}
+    assert {name for name in names if f"{name}.breach -> executor.__main__" not in done.stdout} == set()
+    assert "executor.core.homeless" in done.stdout
 
 
 def test_no_file_is_too_long() -> None:
