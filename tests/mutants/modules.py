@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-READERS = ("planner/*.py", "missions/*.py", "executor/*.py", "executor/core/*.py", "executor/protocols/*.py")
+READERS = ("planner/*.py", "missions/**/*.py", "executor/**/*.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Module:
 
 MODULES = {
     "core": Module(
-        ("executor/core/*.py",),
+        ("executor/core/**/*.py", "missions/autopilots/modes.py"),
         (
             "tests/executor/core",
             "tests/executor/site/test_heights.py",
