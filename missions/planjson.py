@@ -14,7 +14,7 @@ from pathlib import Path
 
 from missions.errors import PlanFileError, SafetyError
 from missions.fields import Fields, printable
-from missions.files import NESTED, parse_json, read_text
+from missions.files import NESTED, parse_json, read_text, write_whole
 from missions.geo import LocalFrame
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
 from missions.setup import Inspection
@@ -59,9 +59,7 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
         raise PlanFileError(f"{path}: expected finite figures only: {error}") from error
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    write_whole(path, text.encode())
 
 
 def read_plan(path: Path | str) -> PlanFile:

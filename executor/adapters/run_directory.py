@@ -8,14 +8,89 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 import tomli_w
 
 from executor.errors import LogError
+from missions.files import write_whole
 
-LOCK = ".lock"
+
+@dataclass(frozen=True, slots=True)
+class RunDirectory:
+    """Where each file of one flight lies; which of them are there depends on how far it came."""
+
+    path: Path
+
+    @property
+    def site(self) -> Path:
+        """Return the site file that it was flown with."""
+        return self.path / "site.toml"
+
+    @property
+    def events(self) -> Path:
+        """Return the event log, from which everything else can be had again."""
+        return self.path / "events.jsonl"
+
+    @property
+    def checkpoints(self) -> tuple[Path, Path]:
+        """Return the last two checkpoints: while one is written, the other is whole."""
+        return self.path / "checkpoint-a.jsonl", self.path / "checkpoint-b.jsonl"
+
+    @property
+    def vehicles(self) -> Path:
+        """Return who stood where, and what was on board, before the launch."""
+        return self.path / "vehicles.json"
+
+    @property
+    def parameters(self) -> Path:
+        """Return what was changed on board, and is to be given back."""
+        return self.path / "parameters.json"
+
+    @property
+    def report(self) -> Path:
+        """Return what the flight came to."""
+        return self.path / "report.json"
+
+    @property
+    def page(self) -> Path:
+        """Return the report to be read by people."""
+        return self.path / "report.html"
+
+    @property
+    def map(self) -> Path:
+        """Return the map of the plan and of the flight."""
+        return self.path / "map.png"
+
+    @property
+    def battery(self) -> Path:
+        """Return the picture of the batteries."""
+        return self.path / "battery.png"
+
+    @property
+    def next_sortie(self) -> Path:
+        """Return the plan of what was left over."""
+        return self.path / "next-sortie.json"
+
+    @property
+    def truths(self) -> Path:
+        """Return what a simulated fleet notes: what really happened, and when."""
+        return self.path / "truth.jsonl"
+
+    @property
+    def lock(self) -> Path:
+        """Return the file that whoever flies the directory holds."""
+        return self.path / ".lock"
+
+    def plan(self, revision: int) -> Path:
+        """Return a plan: the first is 0, every re-plan one more."""
+        return self.path / f"plan-{revision:03d}.json"
+
+    def telemetry(self, vehicle: str) -> Path:
+        """Return a vehicle's telemetry log; a long one has further parts beside it."""
+        return self.path / f"{vehicle}.tlog"
 
 
 def new_run_directory(wanted: Path | None) -> Path:
@@ -26,7 +101,7 @@ def new_run_directory(wanted: Path | None) -> Path:
     """
     path = wanted if wanted is not None else Path("runs") / f"{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     try:
-        if (path / "events.jsonl").exists():
+        if RunDirectory(path).events.exists():
             raise LogError(f"{path}: --run: expected a new directory, this one holds a run already")
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -50,27 +125,12 @@ def keep_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, 
         kept = f"{name}{file.suffix}"
         shutil.copyfile(file, path / kept)
         content[name] = {**table, key: kept}
-    write_whole(path / "site.toml", tomli_w.dumps(content).encode())
+    write_whole(RunDirectory(path).site, tomli_w.dumps(content).encode())
 
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write a JSON file whole or not at all."""
     write_whole(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, after a power loss too."""
-    draft = path.with_name(path.name + ".part")
-    with draft.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # the new name
-    finally:
-        os.close(folder)
 
 
 @contextmanager
@@ -82,7 +142,7 @@ def locked(path: Path) -> Iterator[None]:
     Raises:
         LogError: another process holds it.
     """
-    with (path / LOCK).open("a+") as file:
+    with RunDirectory(path).lock.open("a+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:

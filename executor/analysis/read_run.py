@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from executor.adapters.eventlog import read_events
+from executor.adapters.run_directory import RunDirectory
 from executor.analysis.flight_record import (
     Decision,
     FaultRecord,
@@ -112,21 +113,21 @@ def read_run(run: Path) -> FlightRecord:
         SiteError: site.toml cannot be used.
         MissionsError: a plan file cannot be used.
     """
-    report = _read_report(run / "report.json")
-    site = read_site(run / "site.toml")
-    first = read_plan(run / "plan-000.json")
-    log = _read_log(run / "events.jsonl", first.frame, site)
+    report = _read_report(RunDirectory(run).report)
+    site = read_site(RunDirectory(run).site)
+    first = read_plan(RunDirectory(run).plan(0))
+    log = _read_log(RunDirectory(run).events, first.frame, site)
     vehicles = _vehicles(site, report, log)
     by_name = {vehicle.name: vehicle for vehicle in vehicles}
     revisions = [first_plan(first)]
     for row in report.replans:
-        content = read_plan(run / f"plan-{row.revision:03d}.json")
+        content = read_plan(RunDirectory(run).plan(row.revision))
         revisions.append(_replanned(row.revision, content, by_name, log))
     return FlightRecord(
         segments=_segments(first, site, report, log),
         vehicles=vehicles,
         revisions=tuple(revisions),
-        decisions=tuple(_read_decisions(run / "events.jsonl", log.launched_s)),
+        decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
         duration_s=report.duration_s,
     )
 

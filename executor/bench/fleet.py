@@ -26,6 +26,7 @@ from typing import cast
 
 from executor.adapters.eventlog import Head, read_head
 from executor.adapters.mavlink.bare import bare_codec_s
+from executor.adapters.run_directory import RunDirectory
 from executor.bench.browser import browser, oldest_shown_s
 from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
@@ -153,7 +154,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         with simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
             flown = turns.run(_watched(order, watch))
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
-        head, launched_s, events = _launched(run / "events.jsonl")
+        head, launched_s, events = _launched(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
         return Flown(

@@ -22,6 +22,7 @@ from pathlib import Path
 
 from executor.adapters.eventlog import read_events
 from executor.adapters.logend import last_event_s, lines_after
+from executor.adapters.run_directory import RunDirectory
 from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
@@ -102,11 +103,11 @@ def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed
                 )
             per_line_ms = _per_line_ms(run)
             _put_before(run, hours)
-            found = newest(run, run / LOG).checkpoint
+            found = newest(run, RunDirectory(run).events).checkpoint
             if found is None:
                 raise BenchError("resume: expected a checkpoint that fits")
-            size, lines = (run / LOG).stat().st_size, lines_after(run / LOG, None)
-            rest = lines_after(run / LOG, found.place)
+            size, lines = RunDirectory(run).events.stat().st_size, lines_after(RunDirectory(run).events, None)
+            rest = lines_after(RunDirectory(run).events, found.place)
             content, write_ms, late_ms = asyncio.run(_written(found, (run / PLAN).read_bytes()))
             began_s = time.perf_counter()
             with _called(run) as process:
@@ -151,9 +152,9 @@ def _wait_for(happened: Callable[[], bool], patience_s: float, what: str, every_
 
 def _is_old(run: Path, least_s: float) -> bool:
     """Return whether a flight is so long, and its last checkpoint is as old as one gets."""
-    if not (run / LOG).exists():
+    if not RunDirectory(run).events.exists():
         return False
-    last_s, found = last_event_s(run / LOG), newest(run, run / LOG).checkpoint
+    last_s, found = last_event_s(RunDirectory(run).events), newest(run, RunDirectory(run).events).checkpoint
     if last_s is None or found is None or found.state.launched_s is None:
         return False
     return last_s - found.state.launched_s > least_s and last_s - found.place.at_s > 0.9 * EVERY_S
@@ -168,7 +169,7 @@ def _cpu_s(pid: int) -> float:
 
 
 def _follows(run: Path, size: int, words: bytes) -> bool:
-    with (run / LOG).open("rb") as file:
+    with RunDirectory(run).events.open("rb") as file:
         file.seek(size)
         return words in file.read()
 
@@ -185,7 +186,7 @@ def _per_line_ms(run: Path) -> float:
 
 def _put_before(run: Path, hours: float) -> None:
     """Put hours before a flight's log: what was heard in it, again and again; its checkpoints fit behind them."""
-    path = run / LOG
+    path = RunDirectory(run).events
     whole = path.read_bytes()
     head, body = whole.split(b"\n", 1)
     heard = [(at_s, event) for at_s, event in read_events(path) if isinstance(event, Heard)]

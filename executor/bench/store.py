@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.bench.errors import BenchError
+from missions.files import write_whole
 
 Json = dict[str, Any]
 """A JSON object."""
@@ -64,10 +65,8 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         BenchError: it cannot be written.
     """
-    half = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        half.write_text(text, encoding="utf-8")
-        half.replace(path)
+        write_whole(path, text.encode())
     except OSError as error:
         raise BenchError(f"{path}: cannot be written: {error.strerror}") from error

@@ -13,7 +13,7 @@ from typing import Annotated, TextIO, cast
 import typer
 
 from executor.adapters.interrupts import nobody_reads
-from executor.adapters.run_directory import new_run_directory
+from executor.adapters.run_directory import RunDirectory, new_run_directory
 from executor.analysis.report import checked
 from executor.cli.console import TerminalConsole
 from executor.cli.errors import OUR_ERRORS
@@ -258,7 +258,7 @@ def _told(text: str, *, to: TextIO | None = None) -> None:
 
 
 def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool) -> None:
-    path = order.run / "next-sortie.json"
+    path = RunDirectory(order.run).next_sortie
     try:
         plan = next_sortie(order.ground, report, order.plan.solved.seed)
         if plan is None:
@@ -278,8 +278,8 @@ def _show_flight(run: Path, report: Mapping[str, object]) -> None:
 
     try:
         record = read_run(run)
-        draw_map(record, run / "map.png")
-        draw_battery(record, run / "battery.png")
-        write_page(record, report, run / "report.html")
+        draw_map(record, RunDirectory(run).map)
+        draw_battery(record, RunDirectory(run).battery)
+        write_page(record, report, RunDirectory(run).page)
     except (OSError, *OUR_ERRORS) as error:
         _told(f"faultline: the pictures could not be made: {error}", to=sys.stderr)

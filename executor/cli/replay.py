@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
 from executor.cli.planning import writable
 from executor.core.recording import Skipped
@@ -77,7 +78,7 @@ def replay_logs(
 def _logs_in(path: Path) -> list[Path]:
     if not path.exists():
         raise LogError(f"{path}: no such file; expected a log, a run directory or a folder of logs")
-    if not path.is_dir() or (path / "events.jsonl").exists():
+    if not path.is_dir() or RunDirectory(path).events.exists():
         return [path]
     found = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES)
     if not found:

@@ -8,11 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executor.adapters.run_directory import write_json
+from executor.adapters.run_directory import RunDirectory, write_json
 from executor.core.preflight.parameters import Kept, Stage
 from executor.errors import LogError
 
-RECORD = "parameters.json"
 FORMAT = "faultline-parameters/1"
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -46,7 +45,7 @@ def read_kept(run: Path) -> tuple[Kept, ...] | None:
     Raises:
         LogError: the record cannot be read.
     """
-    path = run / RECORD
+    path = RunDirectory(run).parameters
     try:
         content = _File.model_validate_json(path.read_bytes())
     except FileNotFoundError:
@@ -70,7 +69,7 @@ def write_kept(run: Path, kept: Iterable[Kept]) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    write_json(run / RECORD, {"format": FORMAT, "parameters": [_plain(one) for one in kept]})
+    write_json(RunDirectory(run).parameters, {"format": FORMAT, "parameters": [_plain(one) for one in kept]})
 
 
 def _plain(one: Kept) -> dict[str, object]:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from executor.adapters.eventlog import DISK_S, EventLog
 from executor.adapters.logend import Place
+from executor.adapters.run_directory import RunDirectory
 from executor.core.state import FleetState
-from executor.flight.checkpoints import FILES, Checkpoint, write_checkpoint
+from executor.flight.checkpoints import Checkpoint, write_checkpoint
 
 EVERY_S = 30.0
 """Of the flight: what follows a checkpoint is read in less than a second, for six vehicles in a quarter of one."""
@@ -41,11 +42,11 @@ class Checkpointer:
             told: Called with a line for the operator when they cannot be written, and when they can again.
             taken: The file that the flight was taken up from, which is overwritten last.
         """
-        self._run = run
+        self._files = RunDirectory(run).checkpoints
         self._log = log
         self._every_s = max(EVERY_S, EVERY_REAL_S * speedup)
         self._told = told
-        self._next = 1 if taken == FILES[0] else 0
+        self._next = 1 if taken == self._files[0].name else 0
         self._last_s: float | None = None
         self._writing: asyncio.Task[None] | None = None
         self._failing = False
@@ -67,7 +68,7 @@ class Checkpointer:
     async def _write(self, checkpoint: Checkpoint) -> None:
         try:
             await self._log.settle()  # a checkpoint that outlives its log in a power loss is worth nothing
-            await asyncio.to_thread(write_checkpoint, self._run / FILES[self._next], checkpoint)
+            await asyncio.to_thread(write_checkpoint, self._files[self._next], checkpoint)
             self._next = 1 - self._next
             self._say("checkpoints are written again", failing=False)
         except OSError as error:

@@ -22,16 +22,14 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from executor.adapters.logend import Place, holds
-from executor.adapters.run_directory import write_whole
+from executor.adapters.run_directory import RunDirectory
 from executor.core.commands import Solve
 from executor.core.events import SolveEnded
 from executor.core.state import FleetState, Replan
 from executor.core.vehicle import VehicleState
+from missions.files import write_whole
 
 FORMAT = "faultline-checkpoint/1"
-FILES = ("checkpoint-a.jsonl", "checkpoint-b.jsonl")
-"""The last two: while one is written, the other is whole."""
-PLAN = "plan-000.json"
 
 Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
@@ -108,7 +106,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    write_whole(path, encoded(checkpoint, (path.parent / PLAN).read_bytes()))
+    write_whole(path, encoded(checkpoint, RunDirectory(path.parent).plan(0).read_bytes()))
 
 
 def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
@@ -136,9 +134,10 @@ def newest(run: Path, log: Path) -> Found:
     """Return the newest checkpoint that fits a run directory's log."""
     notes: list[str] = []
     files: dict[str, tuple[_Head, bytes]] = {}
-    for name in FILES:
+    for file in RunDirectory(run).checkpoints:
+        name = file.name
         try:
-            files[name] = _opened((run / name).read_bytes())
+            files[name] = _opened(file.read_bytes())
         except FileNotFoundError:
             continue
         except (OSError, ValueError, RecursionError) as error:
@@ -170,7 +169,7 @@ def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
     """
     if head.program != program():
         raise ValueError("another version of the program wrote it")
-    if head.plan != _digest((run / PLAN).read_bytes()):
+    if head.plan != _digest(RunDirectory(run).plan(0).read_bytes()):
         raise ValueError("it is of a flight with another plan")
     if head.body != _digest(body):
         raise ValueError("it is torn or damaged")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.run_directory import keep_site
+from executor.adapters.run_directory import RunDirectory, keep_site
 from executor.analysis.report import Happening
 from executor.core.commands import Level
 from executor.core.context import Context
@@ -78,4 +78,4 @@ def keep(order: Order) -> None:
         # The key stays where it is: a run directory is copied and handed on.
         content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
     keep_site(order.run, content, files)
-    write_plan(order.run / "plan-000.json", order.plan)
+    write_plan(RunDirectory(order.run).plan(0), order.plan)

@@ -12,7 +12,7 @@ from functools import partial
 from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import locked, write_json
+from executor.adapters.run_directory import RunDirectory, locked, write_json
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.report import Said, report_of, vehicles_of
 from executor.core import fleet
@@ -91,13 +91,15 @@ async def _fly(
     console.checks(proposal.checks)
     found += proposal.checks
     state = fleet.initial(boards, tuple(CheckLine(one.severity.value, one.subject, one.text) for one in found))
-    log = EventLog(run / "events.jsonl", began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console))
+    log = EventLog(
+        RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
+    )
     seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
     flown: Flown | None = None
     try:
         flown = await supervise(order, console, seat, Beginning(proposal, boards, found))
     except PreflightFailed:
-        (run / "events.jsonl").unlink(missing_ok=True)  # there is nothing to be taken up again
+        RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
     finally:
         if flown is None:
@@ -135,7 +137,7 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
             raise PreflightFailed("the operator did not say yes; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
     await load_all(context, links, clock, beginning.boards, console)
-    write_json(order.run / "vehicles.json", vehicles_of(context, seat.said))
+    write_json(RunDirectory(order.run).vehicles, vehicles_of(context, seat.said))
     text = f"All missions are on board and read back: {summary(order.plan)}. Take off?"
     if not await _asked(flight, console, Action.TAKE_OFF, text, tuple(route_words(order.plan))):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
@@ -205,7 +207,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Begin
     frames = {name: link.counts for name, link in links.items()}
     report = report_of(context, flight.state, ended_s, order.truths(clock), frames, seat.said, reported(given_back))
     try:
-        write_json(order.run / "report.json", report)
+        write_json(RunDirectory(order.run).report, report)
     except OSError as error:
         console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
     return Flown(report, context, interrupts.left)

@@ -11,6 +11,7 @@ from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import link as mavsdk
+from executor.adapters.run_directory import RunDirectory
 from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.flight.flight_order import Order
 from executor.runtime.flight import keep_heartbeat
@@ -32,7 +33,7 @@ async def open_links(
         for table in order.site.vehicle:
             log = None
             if recorded:
-                log = TelemetryLog(order.run / f"{table.name}.tlog", clock.label_usec)
+                log = TelemetryLog(RunDirectory(order.run).telemetry(table.name), clock.label_usec)
                 stack.callback(log.close)
             wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
         key = signing_key(order.site, order.base)

@@ -9,6 +9,7 @@ from typing import cast
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from executor.adapters.run_directory import RunDirectory
 from executor.errors import LogError
 from executor.site import assembly, planning
 from executor.site.assembly import Ground
@@ -32,7 +33,7 @@ def left_over(run: Path, ground: Ground) -> tuple[int, ...]:
         LogError: there is no report yet, or nothing is left over.
         MissionsError: the flight's network is not the site's.
     """
-    path = run / "report.json"
+    path = RunDirectory(run).report
     try:
         report = _Report.model_validate_json(path.read_bytes())
     except OSError as error:
@@ -45,7 +46,7 @@ def left_over(run: Path, ground: Ground) -> tuple[int, ...]:
         raise LogError(f"{path}: {key}: expected the report of a flight: {first['msg']}") from error
     if not report.segments_uncovered:
         raise LogError(f"{path}: segments_uncovered: nothing is left over")
-    plan = run / "plan-000.json"
+    plan = RunDirectory(run).plan(0)
     planning.same_segments(read_plan(plan), ground, str(plan))
     return report.segments_uncovered
 

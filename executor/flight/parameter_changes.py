@@ -9,13 +9,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from executor.adapters.run_directory import RunDirectory
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.ports import Clock, OpenLink
 from executor.core.preflight.checks import Check
 from executor.core.preflight.parameters import Kept, Present, Proposal, Stage, number, on_record, propose, settled
 from executor.errors import LogError, PreflightFailed
-from executor.flight.changed_parameters import RECORD, read_kept, write_kept
+from executor.flight.changed_parameters import read_kept, write_kept
 from executor.flight.flight_order import Console
 from executor.runtime import parameters
 from executor.runtime.parameters import HEARD_S, GivenBack
@@ -66,7 +67,7 @@ async def apply_changes(
     try:
         record.write()
     except OSError as error:
-        text = f"{run / RECORD}: cannot be written: {error.strerror}; nothing was changed on board"
+        text = f"{RunDirectory(run).parameters}: cannot be written: {error.strerror}; nothing was changed on board"
         raise PreflightFailed(text) from error
     checks: list[Check] = []
     turn = asyncio.Semaphore(AT_ONCE)
@@ -120,7 +121,9 @@ class _Record:
         except OSError as error:
             if not self.told:
                 self.told = True
-                self.console.say(Level.WARNING, f"{self.run / RECORD}: cannot be written: {error.strerror}")
+                self.console.say(
+                    Level.WARNING, f"{RunDirectory(self.run).parameters}: cannot be written: {error.strerror}"
+                )
 
 
 async def give_back(
@@ -204,7 +207,8 @@ def check_run(run: Path, site: Site) -> None:
     systems = {table.name: table.sysid for table in site.vehicle}
     for one in read_kept(run) or ():
         if one.open and systems.get(one.vehicle) != one.sysid:
+            record = RunDirectory(run).parameters
             raise LogError(
-                f"{run / RECORD}: {one.vehicle} (system {one.sysid}) has not been given {one.name} back, and is not in "
-                f"the site file; expected a new directory, or faultline restore {run} before"
+                f"{record}: {one.vehicle} (system {one.sysid}) has not been given {one.name} back, and is not in the "
+                f"site file; expected a new directory, or faultline restore {run} before"
             )

@@ -10,6 +10,7 @@ from pathlib import Path
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.logend import Place
+from executor.adapters.run_directory import RunDirectory
 from executor.adapters.solver import REPLAN_COST
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
@@ -191,7 +192,7 @@ class Keeper:
 
 def plan_path(run: Path, planned: Planned) -> Path:
     """Return where a re-plan is kept."""
-    return run / f"plan-{planned[1].revision:03d}.json"
+    return RunDirectory(run).plan(planned[1].revision)
 
 
 def _plan_file(order: Order, planned: Planned) -> PlanFile:
@@ -223,5 +224,5 @@ def in_force(order: Order, revision: int) -> PlanFile:
     """Return the newest plan that is on record; a flight that is taken up again may have had several."""
     with suppress(OSError, MissionsError):
         if revision > 0:
-            return read_plan(order.run / f"plan-{revision:03d}.json")
+            return read_plan(RunDirectory(order.run).plan(revision))
     return order.plan

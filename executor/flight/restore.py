@@ -6,11 +6,11 @@ from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
-from executor.adapters.run_directory import locked
+from executor.adapters.run_directory import RunDirectory, locked
 from executor.core.ports import Keyring, LinkOrder
 from executor.core.preflight.parameters import Kept
 from executor.errors import LogError
-from executor.flight.changed_parameters import RECORD, read_kept
+from executor.flight.changed_parameters import read_kept
 from executor.flight.flight_order import Console
 from executor.flight.parameter_changes import give_back
 from executor.site.config import Site, read_site, signing_key
@@ -25,8 +25,8 @@ def read_open(run: Path) -> tuple[Site, list[Kept]]:
     """
     kept = read_kept(run)
     if kept is None:
-        raise LogError(f"{run}: expected a run directory with {RECORD}; no parameter was changed from here")
-    return read_site(run / "site.toml"), [one for one in kept if one.open]
+        raise LogError(f"{run}: expected a run directory with parameters.json; no parameter was changed from here")
+    return read_site(RunDirectory(run).site), [one for one in kept if one.open]
 
 
 async def restore(run: Path, console: Console) -> tuple[Kept, ...]:

@@ -15,7 +15,7 @@ from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
 from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
-from executor.adapters.run_directory import locked, write_json
+from executor.adapters.run_directory import RunDirectory, locked, write_json
 from executor.analysis.report import Said, report_of
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
@@ -24,7 +24,7 @@ from executor.core.state import FleetState
 from executor.errors import LogError
 from executor.flight import fly, web
 from executor.flight.changed_parameters import read_kept, reported
-from executor.flight.checkpoints import FILES, Found, Planned, newest
+from executor.flight.checkpoints import Found, Planned, newest
 from executor.flight.flight_order import Console, Order
 from executor.flight.fly import Cockpit, Flown
 from executor.flight.linking import open_links
@@ -36,9 +36,6 @@ from executor.site.assembly import Ground, ground_of
 from executor.site.config import read_site
 from executor.site.planning import belongs
 from missions import PlanFile, read_plan
-
-LOG, PLAN, VEHICLES, REPORT = "events.jsonl", "plan-000.json", "vehicles.json", "report.json"
-
 
 HEAD = b'{"format":"faultline-'
 """What the first line of a log begins with."""
@@ -94,13 +91,13 @@ def outset(run: Path) -> Ready | Outset:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    if not (run / "site.toml").exists() or not (run / PLAN).exists():
-        raise LogError(f"{run}: expected a run directory with site.toml and {PLAN}; nothing was flown from here")
-    path = run / LOG
+    if not RunDirectory(run).site.exists() or not RunDirectory(run).plan(0).exists():
+        raise LogError(f"{run}: expected a run directory with site.toml and plan-000.json; nothing was flown from here")
+    path = RunDirectory(run).events
     found = newest(run, path)
     launched = found.checkpoint is not None or _launched(run)
-    ground, plan = ground_of(read_site(run / "site.toml"), run), read_plan(run / PLAN)
-    belongs(plan, ground, str(run / PLAN))
+    ground, plan = ground_of(read_site(RunDirectory(run).site), run), read_plan(RunDirectory(run).plan(0))
+    belongs(plan, ground, str(RunDirectory(run).plan(0)))
     if not launched:
         return Ready(ground, plan)
     known = found.checkpoint
@@ -132,7 +129,7 @@ def read_rest(run: Path, known: Outset, stopped: Callable[[], bool] = lambda: Fa
     Raises:
         LogError: as `read_left`, or it was stopped.
     """
-    path, begun, checkpoint = run / LOG, beginning(run), known.found.checkpoint
+    path, begun, checkpoint = RunDirectory(run).events, beginning(run), known.found.checkpoint
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
@@ -169,7 +166,7 @@ def ended(run: Path) -> Left | None:
     Raises:
         LogError: as `read_left`.
     """
-    if not (run / LOG).exists() or not says_it_is_over(run / LOG):
+    if not RunDirectory(run).events.exists() or not says_it_is_over(RunDirectory(run).events):
         return None
     left = read_left(run)
     return left if isinstance(left, Left) and left.state.finished else None
@@ -177,7 +174,7 @@ def ended(run: Path) -> Left | None:
 
 def _launched(run: Path) -> bool:
     """Return whether the log holds a launch; without one nothing was told to move."""
-    path = run / LOG
+    path = RunDirectory(run).events
     if not path.exists() or path.stat().st_size == 0:
         return False
     with suppress(LogError):
@@ -211,20 +208,20 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
     if not left.state.finished:
         return None
     with suppress(OSError, ValueError, RecursionError):
-        report = json.loads((run / REPORT).read_text(encoding="utf-8"))
+        report = json.loads(RunDirectory(run).report.read_text(encoding="utf-8"))
         if isinstance(report, dict):
             return report
     # It died between the end of the flight and its report.
     parameters = reported(read_kept(run) or ())
     report = report_of(left.begun.context, left.state, left.last_s, said=_said(run), parameters=parameters)
     with suppress(OSError):  # it is shown all the same
-        write_json(run / REPORT, report)
+        write_json(RunDirectory(run).report, report)
     return report
 
 
 def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
     """Return the order to fly what a run directory describes."""
-    mqtt = settings_of(ground.site.mqtt, run, str(run / "site.toml"))
+    mqtt = settings_of(ground.site.mqtt, run, str(RunDirectory(run).site))
     return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), mqtt)
 
 
@@ -234,8 +231,12 @@ async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
     Raises:
         ExecutorError: as `app.fly`.
     """
-    for name in (LOG, *FILES):  # the log holds its head at most; checkpoints would be another flight's
-        (run / name).unlink(missing_ok=True)
+    kept = RunDirectory(run)
+    for file in (
+        kept.events,
+        *kept.checkpoints,
+    ):  # the log holds its head at most; checkpoints would be another flight's
+        file.unlink(missing_ok=True)
     console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
     return await fly.fly(order_of(run, ready.ground, ready.plan), console)
 
@@ -248,7 +249,7 @@ def beforehand(run: Path, known: Outset) -> list[str]:
     """
     if known.found.checkpoint is not None:
         return words(read_rest(run, known))
-    size_mb = 1e-6 * (run / LOG).stat().st_size
+    size_mb = 1e-6 * RunDirectory(run).events.stat().st_size
     text = f"left at {known.last_s:.0f} s; its log of {size_mb:.0f} MB is read while the vehicles hear our heartbeat"
     return [*known.found.notes, text]
 
@@ -275,7 +276,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flow
         clock = SystemClock.again(known.head.speedup, known.head.began_unix_s, known.last_s, known.set_s)
         async with AsyncExitStack() as stack:
             links = await stack.enter_async_context(open_links(order, clock))
-            console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {run / LOG}")
+            console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
             await asyncio.to_thread(web.check, order.site.web)
             left = await _read(run, known)
             report = over(run, left)
@@ -285,7 +286,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flow
             for line in words(left):
                 if line not in told:
                     console.say(Level.INFO, line)
-            log = EventLog(run / LOG, told=fly.telling(console), lines=left.lines)
+            log = EventLog(RunDirectory(run).events, told=fly.telling(console), lines=left.lines)
             for command in left.undone:
                 _note(log, command, left.last_s)
             away_s = max(0.0, clock.now_s() - left.last_s)
@@ -320,7 +321,7 @@ def _note(log: EventLog, command: Command, at_s: float) -> None:
 def _said(run: Path) -> Said:
     """Return what was known before the flight, as vehicles.json has it."""
     with suppress(OSError, ValueError, RecursionError):
-        kept = json.loads((run / VEHICLES).read_text(encoding="utf-8"))
+        kept = json.loads(RunDirectory(run).vehicles.read_text(encoding="utf-8"))
         if isinstance(kept, dict):
             return Said({}, (), kept)
     return Said({}, ())

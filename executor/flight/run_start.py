@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from executor.adapters.run_directory import RunDirectory
 from executor.core import fleet
 from executor.core.context import Context
 from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
@@ -62,12 +63,12 @@ def beginning(run: Path) -> Beginning:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    site = read_site(run / "site.toml")
+    site = read_site(RunDirectory(run).site)
     ground = assembly.ground_of(site, run)
-    plan = read_plan(run / "plan-000.json")
-    belongs(plan, ground, str(run / "plan-000.json"))
+    plan = read_plan(RunDirectory(run).plan(0))
+    belongs(plan, ground, str(RunDirectory(run).plan(0)))
     task = plan.task()
-    rows = _vehicles(run / "vehicles.json")
+    rows = _vehicles(RunDirectory(run).vehicles)
     pads = _pads(rows, ground.names)
     setup = assembly.setup_of(ground, pads)
     dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}

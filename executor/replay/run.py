@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.adapters.eventlog import read_decisions, read_events, read_head, to_plain
+from executor.adapters.run_directory import RunDirectory
 from executor.core import fleet
 from executor.core.commands import Command, Say
 from executor.core.context import Context
@@ -66,7 +67,7 @@ def rerun(run: Path) -> RunReplay:
     """
     begun = beginning(run)
     context, state = begun.context, begun.state
-    events = run / "events.jsonl"
+    events = RunDirectory(run).events
     head = read_head(events)
     watch = _Watch(context)
     decided: list[Decided] = []

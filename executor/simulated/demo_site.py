@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from executor.adapters.run_directory import RunDirectory
 from executor.simulated.fleet import fleet_of
-from executor.simulated.injected import TRUTHS
 from executor.site.assembly import Ground
 from missions import default_network_path, read_network
 
@@ -82,8 +82,8 @@ def check_faults(ground: Ground, faults: Sequence[str]) -> None:
 @contextmanager
 def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
     """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
-    command = [sys.executable, "-m", "executor", "simulate", str(run / "site.toml"), "--seed", str(seed)]
-    command += ["--truth", str(run / TRUTHS), "--failsafe"]
+    command = [sys.executable, "-m", "executor", "simulate", str(RunDirectory(run).site), "--seed", str(seed)]
+    command += ["--truth", str(RunDirectory(run).truths), "--failsafe"]
     for fault in faults:
         command += ["--fault", fault]
     with (run / "simulator.log").open("wb") as output:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock
+from executor.adapters.run_directory import RunDirectory
 from executor.analysis.report import Happening
 from executor.simulator.truth import read_truths
 
-TRUTHS = "truth.jsonl"
 KINDS = {
     "silent": "link",
     "battery-step": "battery",
@@ -23,7 +23,7 @@ KINDS = {
 
 def happenings(run: Path, clock: SystemClock) -> list[Happening]:
     """Return when the ordered faults really happened, in the ground station's time."""
-    path = run / TRUTHS
+    path = RunDirectory(run).truths
     if not path.exists():
         return []
     found = []

@@ -12,11 +12,13 @@ from typing import Any
 
 import pytest
 
-from executor.flight.checkpoints import FILES
+from executor.adapters.run_directory import RunDirectory
 from executor.replay.run import rerun
 from executor.simulator.truth import read_truths
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import wrongly_counted
+
+FILES = tuple(file.name for file in RunDirectory(Path()).checkpoints)
 
 pytestmark = pytest.mark.asyncio
 

@@ -15,6 +15,7 @@ import pytest
 
 from executor.adapters.eventlog import EventLog, from_plain
 from executor.adapters.logend import Place
+from executor.adapters.run_directory import RunDirectory
 from executor.core import fleet
 from executor.core.commands import Solve
 from executor.core.events import Reopened, SolveEnded, Tick
@@ -23,11 +24,13 @@ from executor.core.messages import StationHeard
 from executor.core.vehicle import Stage
 from executor.flight import checkpoints, resume
 from executor.flight.checkpointing import Checkpointer
-from executor.flight.checkpoints import FILES, Checkpoint, Planned
+from executor.flight.checkpoints import Checkpoint, Planned
 from executor.flight.run_start import beginning
 from tests.executor.flight.test_resume import Diary, launched, left, prepared
 from tests.fakes.disk import room_for
 from tests.fakes.flight import Story
+
+FILES = tuple(file.name for file in RunDirectory(Path()).checkpoints)
 
 LOG = "events.jsonl"
 

@@ -20,7 +20,7 @@ from executor.core.preflight.parameters import Kept, Stage
 from executor.core.state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import parameter_changes
-from executor.flight.changed_parameters import RECORD, read_kept, reported, write_kept
+from executor.flight.changed_parameters import read_kept, reported, write_kept
 from executor.runtime.parameters import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
@@ -130,7 +130,7 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
     checks = await pads.apply()
     assert [check.severity for check in checks] == [Severity.OK, Severity.OK]
     assert not any(parameters == pads.before for parameters in pads.on_board)
-    record = json.loads((tmp_path / RECORD).read_text())
+    record = json.loads((tmp_path / "parameters.json").read_text())
     assert record["format"] == "faultline-parameters/1"
     assert {row["state"] for row in record["parameters"]} == {"set"}
     first = record["parameters"][0]
@@ -187,7 +187,7 @@ async def test_killed_at_every_step(autopilot: str, tmp_path: Path) -> None:
         pads = Pads(run, autopilot, seed=steps)
         if not await died(pads, pads.apply, steps):
             break
-        assert (run / RECORD).exists() or pads.as_before
+        assert (run / "parameters.json").exists() or pads.as_before
         pads.connect(CLEAN)
         await pads.give_back()
         assert pads.as_before, f"killed at step {steps}"
@@ -389,7 +389,7 @@ async def test_a_record_that_cannot_be_kept_up_gives_everything_back_all_the_sam
         await pads.give_back()
     assert pads.as_before
     assert [line for line in pads.console.lines if "cannot be written" in line] == [
-        f"warning {tmp_path / RECORD}: cannot be written: File too large"
+        f"warning {tmp_path / 'parameters.json'}: cannot be written: File too large"
     ]
     assert parameter_changes.still_open(tmp_path), "the record says less than there is"
     sent = len(pads.sets())
@@ -422,7 +422,9 @@ async def test_a_directory_with_the_record_of_other_vehicles_is_not_flown_from(t
 
 
 async def test_a_damaged_record_stops_a_flight_and_hides_no_landing(tmp_path: Path) -> None:
-    (tmp_path / RECORD).write_text('{"format": "faultline-parameters/1", "parameters": [{"vehicle": "uav1"}]}')
+    (tmp_path / "parameters.json").write_text(
+        '{"format": "faultline-parameters/1", "parameters": [{"vehicle": "uav1"}]}'
+    )
     pads = Pads(tmp_path, "px4")
     with pytest.raises(LogError, match=r"parameters.json: parameters\.0\.sysid: expected what was changed on board"):
         await pads.apply()
