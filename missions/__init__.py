@@ -19,7 +19,7 @@ from missions.autopilots.dialect import (
     StartStep,
     dialect_for,
 )
-from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Charge, Geofence, GroundStationFailsafe
+from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
 from missions.clearance import (
     OverGround,
     check_ceiling,
@@ -64,7 +64,6 @@ __all__ = [
     "PX4",
     "BatteryFailsafe",
     "BatteryLevel",
-    "Charge",
     "Command",
     "Dialect",
     "EncodeError",
@@ -103,6 +102,7 @@ __all__ = [
     "Solved",
     "StartStep",
     "Task",
+    "ThresholdUnit",
     "Waypoint",
     "Window",
     "alike",

@@ -25,9 +25,9 @@ from planner import (
     Plan,
     PlanError,
     Route,
+    SteadyWind,
     Travel,
     Vehicle,
-    Wind,
     is_reversed,
     segment_of,
     visit_of,
@@ -298,7 +298,7 @@ def _parsed_travel(fields: Fields) -> Travel:
             None if dynamics is None else Dynamics(
                 dynamics.number("acceleration_m_s2"), dynamics.number("yaw_rate_rad_s")
             ),
-            None if wind is None else Wind(
+            None if wind is None else SteadyWind(
                 wind.number("east_m_s"), wind.number("north_m_s"),
                 wind.numbers("airspeed_m_s"), wind.numbers("pct_per_s"),
             ),

@@ -27,8 +27,8 @@ from planner.front import FrontPlan, front
 from planner.grasp import grasp
 from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
-from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, Travel, Wind, travel_for
-from planner.replan import Remainder, Survivor, remaining, replan, warm_start
+from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, SteadyWind, Travel, travel_for
+from planner.replan import FreeVehicle, Remainder, remaining, replan, warm_start
 from planner.result import Result
 from planner.risk import (
     Blame,
@@ -54,8 +54,8 @@ from planner.stop import (
     Progress,
     Seconds,
     StopRule,
+    StopVerdict,
     Stopwatch,
-    Verdict,
     any_of,
 )
 from planner.synthetic import generated_network
@@ -79,6 +79,7 @@ __all__ = [
     "Dynamics",
     "Evaluation",
     "FirstFeasible",
+    "FreeVehicle",
     "FrontPlan",
     "Instance",
     "InstanceError",
@@ -100,14 +101,13 @@ __all__ = [
     "Risk",
     "Route",
     "Seconds",
+    "SteadyWind",
     "StopRule",
+    "StopVerdict",
     "Stopwatch",
-    "Survivor",
     "Tally",
     "Travel",
     "Vehicle",
-    "Verdict",
-    "Wind",
     "WindowResult",
     "any_of",
     "build_instance",

@@ -13,12 +13,12 @@ import numpy as np
 
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
-from planner.replan import Remainder, Survivor, remaining, replan
+from planner.replan import FreeVehicle, Remainder, remaining, replan
 from planner.stop import FirstFeasible, Iterations, any_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Flown:
+class RouteProgress:
     """What a vehicle has done by when, if nothing happens to it: three ascending columns of the same moments."""
 
     time_s: FloatArray
@@ -41,18 +41,18 @@ class Aftermath:
     """For each vehicle its number in the first plan."""
     launched_s: tuple[float, ...]
     """When the present route of each took off, or will."""
-    before: tuple[Flown | None, ...]
+    before: tuple[RouteProgress | None, ...]
     """What each had done until it landed before that; None for its first route."""
 
-    def flown(self, vehicle: int) -> Flown:
+    def flown(self, vehicle: int) -> RouteProgress:
         """Return what a vehicle will have done by when; between the moments it is taken to grow evenly."""
         since_s, pct = self._legs(vehicle)
         start_s, before = self.launched_s[vehicle], self.before[vehicle]
         time_s, used_pct = np.append(start_s, since_s), np.append(0.0, np.cumsum(pct))
         airborne_s = time_s - start_s
         if before is None:
-            return Flown(time_s, used_pct, airborne_s)
-        return Flown(
+            return RouteProgress(time_s, used_pct, airborne_s)
+        return RouteProgress(
             np.concatenate([before.time_s, time_s]),
             np.concatenate([before.used_pct, before.used_pct[-1] + used_pct]),
             np.concatenate([before.airborne_s, before.airborne_s[-1] + airborne_s]),
@@ -135,11 +135,11 @@ class _Sortie:
     idle_s: float
     idle_pct: float
     launched_s: float
-    before: Flown | None
+    before: RouteProgress | None
 
 
 def _rebuilt(
-    state: Aftermath, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, Survivor]
+    state: Aftermath, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, FreeVehicle]
 ) -> Aftermath:
     """Return the state of some vehicles on new routes; those in ``again`` take off for theirs."""
     instance = state.instance
@@ -180,7 +180,7 @@ def _rebuilt(
     )  # fmt: skip
 
 
-def _sortie(state: Aftermath, vehicle: int, again: Survivor | None) -> _Sortie:
+def _sortie(state: Aftermath, vehicle: int, again: FreeVehicle | None) -> _Sortie:
     instance = state.instance
     if again is None:
         return _Sortie(

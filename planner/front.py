@@ -9,7 +9,7 @@ from planner.costs import Cost
 from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan
-from planner.stop import Iterations, Progress, StopRule, Stopwatch, Verdict, any_of
+from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
 from planner.window import ReplanWindow, replan_window
 
 STRETCHES = (0.0, 0.05, 0.1, 0.2)
@@ -42,7 +42,7 @@ class _Shared:
     """Iterations of the searches that have ended."""
     over: bool = False
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Ask the rule."""
         verdict = self.stop(replace(progress, iterations=self.done + progress.iterations, seconds=self.watch.seconds))
         self.over = self.over or verdict.allowed <= 0

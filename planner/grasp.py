@@ -42,7 +42,7 @@ from planner.solve import solve
 from planner.stop import Progress, StopRule, Stopwatch
 
 if TYPE_CHECKING:
-    from planner.kernels.grasp import Walk
+    from planner.kernels.grasp import GraspWalk
 
 RUNS = 50
 """Runs of the paper, of which the best plan is kept."""
@@ -137,7 +137,7 @@ class _Baseline:
             impossible=self._impossible,
         )
 
-    def _new_walk(self) -> Walk:
+    def _new_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
         from planner.construct import copy_of, empty_state
 
@@ -145,7 +145,7 @@ class _Baseline:
         current = empty_state(self._problem)
         self._kernels.construct(self._problem, self._weights, current, self._rng)
         tabu = max(1, segments // 4)
-        walk = self._kernels.Walk(
+        walk = self._kernels.GraspWalk(
             current=current,
             trial=copy_of(current),
             best=copy_of(current),

@@ -11,7 +11,7 @@ from planner.construct import copy_of, empty_state, problem_of, random_state
 from planner.evaluate import BUDGET_TOLERANCE_PCT, completions_s, route_duration_s, route_energy_pct, spent_pct
 from planner.exact import covers
 from planner.kernels.arrays import FloatArray, Problem, State
-from planner.kernels.loss import SAME_TIME_S, Clock, Loss, Timing, set_clock
+from planner.kernels.loss import SAME_TIME_S, Loss, LossClock, LossTiming, set_clock
 from planner.kernels.repair import Desk
 from planner.kernels.tours import measure
 from planner.kernels.window import Repairs, try_loss
@@ -148,7 +148,7 @@ class Losses:
         return self._energies_pct[vehicle] + flown
 
 
-def timing_of(instance: Instance) -> Timing:
+def timing_of(instance: Instance) -> LossTiming:
     """Return the times and the moves from the landing place as the kernels take them."""
     every = np.arange(2 * instance.segments)
     moves = [
@@ -156,7 +156,7 @@ def timing_of(instance: Instance) -> Timing:
         for profile in range(instance.moves.profiles)
     ]
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
-    return Timing(
+    return LossTiming(
         move_s=np.array(moves, dtype=np.float64, order="C"),
         start_s=_table(instance.start_s),
         home_s=_table(instance.home_s),
@@ -176,9 +176,9 @@ def base_of(problem: Problem, routes: Sequence[Sequence[int]]) -> State:
     return state
 
 
-def clock_of(problem: Problem, timing: Timing, base: State) -> Clock:
+def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
     """Return when the visits of a measured state end."""
-    clock = Clock(np.zeros(base.visits.shape), np.zeros(base.visits.shape), np.zeros(len(base.lengths)))
+    clock = LossClock(np.zeros(base.visits.shape), np.zeros(base.visits.shape), np.zeros(len(base.lengths)))
     for route in range(len(base.lengths)):
         set_clock(problem, timing, base, clock, route)
     return clock

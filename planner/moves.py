@@ -43,7 +43,7 @@ class Dynamics:
 
 
 @dataclass(frozen=True, slots=True)
-class Wind:
+class SteadyWind:
     """Steady wind, and what flying at an air speed uses.
 
     Vehicles hold their ground speed, as multicopter autopilots do in missions: wind changes the energy of a move, not
@@ -88,7 +88,7 @@ class Travel:
     """In still air."""
     inspection_pct_per_s: float
     dynamics: Dynamics | None = None
-    wind: Wind | None = None
+    wind: SteadyWind | None = None
 
     def __post_init__(self) -> None:
         """Check that all figures are positive.
@@ -145,10 +145,10 @@ def travel_for(
     )
 
 
-def _wind_of(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> Wind:
+def _wind_of(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> SteadyWind:
     points = math.ceil((fastest_m_s + math.hypot(*wind_m_s)) / CURVE_STEP_M_S) + 2
     airspeed = tuple(CURVE_STEP_M_S * point for point in range(points))
-    return Wind(wind_m_s[0], wind_m_s[1], airspeed, tuple(pct_per_s(drone, speed) for speed in airspeed))
+    return SteadyWind(wind_m_s[0], wind_m_s[1], airspeed, tuple(pct_per_s(drone, speed) for speed in airspeed))
 
 
 class Moves(Protocol):

@@ -27,7 +27,7 @@ SAME_TIME_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Survivor:
+class FreeVehicle:
     """A vehicle that goes on, with the part of its route that stands."""
 
     vehicle: int
@@ -54,7 +54,7 @@ class Remainder:
     at_s: float
     completed: tuple[int, ...]
     """The lost vehicle's visits that had ended, in the original numbering."""
-    survivors: tuple[Survivor, ...]
+    survivors: tuple[FreeVehicle, ...]
     """In the order of the reduced instance's vehicles."""
     open_segments: tuple[int, ...]
     """The reduced instance's segments, in the original numbering."""
@@ -143,24 +143,24 @@ def _completed(instance: Instance, route: Route, at_s: float) -> tuple[int, ...]
     return tuple(visit for visit, end_s in zip(route.visits, ends, strict=True) if end_s <= at_s + SAME_TIME_S)
 
 
-def _survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> Survivor:
+def _survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> FreeVehicle:
     budget = instance.vehicles[route.vehicle].budget_pct
     completed = _completed(instance, route, at_s)
     done = len(completed)
     if done < len(route.visits):
         spent = spent_pct(instance, route, done + 1)
         free_s = completions_s(instance, route)[done]
-        return Survivor(
+        return FreeVehicle(
             route.vehicle, completed, route.visits[done], route.visits[done + 1 :], free_s, spent,
             max(0.0, budget - spent),
         )  # fmt: skip
     spent = route_energy_pct(instance, route)
     free_s = max(at_s, route_duration_s(instance, route))
     left = max(0.0, budget - spent) if fly_again else 0.0
-    return Survivor(route.vehicle, completed, None, (), free_s, spent, left)
+    return FreeVehicle(route.vehicle, completed, None, (), free_s, spent, left)
 
 
-def _reduced(instance: Instance, survivors: Sequence[Survivor], open_segments: Sequence[int]) -> Instance:
+def _reduced(instance: Instance, survivors: Sequence[FreeVehicle], open_segments: Sequence[int]) -> Instance:
     visits = [visit_of(segment, reverse) for segment in open_segments for reverse in (False, True)]
     fleet = [survivor.vehicle for survivor in survivors]
     starts = [_start(instance, survivor) for survivor in survivors]
@@ -194,7 +194,7 @@ class _Start:
     idle_pct: float
 
 
-def _start(instance: Instance, survivor: Survivor) -> _Start:
+def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
     number, visit = survivor.vehicle, survivor.finishing
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)

@@ -16,13 +16,13 @@ from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
 from planner.kernels.loss import Loss
 from planner.kernels.repair import Desk
-from planner.kernels.robust import Limits, Walk, assess, earliest, set_clocks, take_repairs, walk
+from planner.kernels.robust import RobustWalk, WalkLimits, assess, earliest, set_clocks, take_repairs, walk
 from planner.kernels.tours import measure
 from planner.kernels.window import Repairs
 from planner.losses import base_of, clock_of, desk_of, loss_of, no_repairs, timing_of
 from planner.model import Instance, Plan, Route
 from planner.solve import solve
-from planner.stop import Iterations, Progress, StopRule, Stopwatch, Verdict, any_of
+from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
 from planner.window import WindowResult, replan_window
 
 PROBES = 8
@@ -69,7 +69,7 @@ MOST_FLIPPED = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundPlan:
     """A plan with its window's begin, as far as a look showed."""
 
     routes: tuple[tuple[int, ...], ...]
@@ -80,8 +80,8 @@ class Found:
 class Walker:
     """One walk: its place, its aim, its chance."""
 
-    here: Walk
-    there: Walk
+    here: RobustWalk
+    there: RobustWalk
     loss: Loss
     desk: Desk
     """Work space of repairs."""
@@ -90,9 +90,9 @@ class Walker:
     full: Repairs
     """Work space for whole windows."""
     rng: RandomState
-    best: Found
+    best: FoundPlan
     """What its aim is measured against."""
-    start: Found
+    start: FoundPlan
     """Where its cycles begin."""
     step: float = FIRST_STEP
     probes_s: FloatArray = field(default_factory=lambda: np.full(PROBES, -1.0))
@@ -107,7 +107,7 @@ class Walker:
     """Rounds of steps in vain."""
     waits: bool = False
     """Whether such a round has just ended: it is told where to go on."""
-    found: list[Found] = field(default_factory=list)
+    found: list[FoundPlan] = field(default_factory=list)
     """What it has found since that was last gathered."""
 
 
@@ -124,7 +124,7 @@ class Outer:
     improved_at: int = 0
     reason: str = ""
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Ask the outer rule, with all iterations so far."""
         iterations = self.iterations + progress.iterations
         known = math.isfinite(self.earliest_s)
@@ -144,7 +144,7 @@ class Outer:
             self.reason = verdict.reason
         return verdict
 
-    def inside(self) -> Verdict:
+    def inside(self) -> StopVerdict:
         """Ask it from where nothing else counts."""
         return self(Progress(0, 0, 0.0, 0.0, 1, feasible=False, impossible=False))
 
@@ -167,8 +167,8 @@ class RobustSearch:
         self._longest_s = 0.0
         self._rate = 0.0
         self._others = 0
-        self._looker = self._walker(seed, Found((), math.inf))
-        self.archive: list[Found] = []
+        self._looker = self._walker(seed, FoundPlan((), math.inf))
+        self.archive: list[FoundPlan] = []
         """All complete plans looked at, and those that were the best when a walk found them."""
 
     def run(self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan]) -> WindowResult:
@@ -229,7 +229,7 @@ class RobustSearch:
         found = [self._look_along(routes, dict(zip(used, flipped, strict=False))) for flipped in choices]
         self._enter(min(found, key=lambda one: one.earliest_s))
 
-    def _look_along(self, routes: Sequence[tuple[int, ...]], flipped: Mapping[int, bool]) -> Found:
+    def _look_along(self, routes: Sequence[tuple[int, ...]], flipped: Mapping[int, bool]) -> FoundPlan:
         turned = tuple(
             tuple(visit ^ 1 for visit in reversed(visits)) if flipped.get(vehicle, False) else visits
             for vehicle, visits in enumerate(routes)
@@ -238,10 +238,10 @@ class RobustSearch:
         self._place(looker, turned)
         base, clock = looker.here.base, looker.here.clock
         if (base.loads > self._problem.budget).any() or clock.durations_s.max() > self._cap_s:
-            return Found(turned, math.inf)
-        return Found(turned, self._earliest(looker)[0])
+            return FoundPlan(turned, math.inf)
+        return FoundPlan(turned, self._earliest(looker)[0])
 
-    def _enter(self, found: Found) -> None:
+    def _enter(self, found: FoundPlan) -> None:
         if math.isfinite(found.earliest_s):
             self.archive.append(found)
             if found.earliest_s < self._outer.earliest_s:
@@ -281,7 +281,7 @@ class RobustSearch:
                 walker.best, walker.start = elite[0], elite[walker.rounds % len(elite)]
                 walker.waits, walker.left = False, 0
 
-    def _walker(self, seed: int, best: Found) -> Walker:
+    def _walker(self, seed: int, best: FoundPlan) -> Walker:
         fleet = len(self._instance.vehicles)
         base = base_of(self._problem, [()] * fleet)
         return Walker(
@@ -290,9 +290,9 @@ class RobustSearch:
             rng=random_state(seed), best=best, start=best,
         )  # fmt: skip
 
-    def _room(self, base: State) -> Walk:
+    def _room(self, base: State) -> RobustWalk:
         slots = PROBES * len(base.lengths)
-        return Walk(
+        return RobustWalk(
             base, clock_of(self._problem, self._timing, base), no_repairs(self._problem, slots), np.zeros(slots),
             opened=np.zeros((slots, len(base.route_of)), dtype=np.int64),
             begun=np.zeros((slots, len(base.lengths)), dtype=np.int64),
@@ -355,10 +355,10 @@ class RobustSearch:
             walker.length = min(CYCLE * often * often, LONGEST_CYCLE)
             walker.waits = True
 
-    def _limits(self, walker: Walker) -> Limits:
+    def _limits(self, walker: Walker) -> WalkLimits:
         early, polish = WAYS[walker.cycles % len(WAYS)]
         rise = RISE * float(walker.here.base.loads.sum())
-        return Limits(self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, rise, early, polish)
+        return WalkLimits(self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, rise, early, polish)
 
     def _begin_cycle(self, walker: Walker) -> None:
         self._place(walker, walker.start.routes)
@@ -395,7 +395,7 @@ class RobustSearch:
             routes = tuple(
                 tuple(int(visit) for visit in base.visits[route, :length]) for route, length in enumerate(base.lengths)
             )
-            walker.best = walker.start = Found(routes, earliest_s)
+            walker.best = walker.start = FoundPlan(routes, earliest_s)
             walker.found.append(walker.best)
             walker.step = min(FIRST_STEP, 1.5 * walker.step)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:

@@ -33,7 +33,7 @@ from planner.evaluate import Evaluation, evaluate
 from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan
 from planner.result import Result
-from planner.starts import Start
+from planner.starts import SearchStart
 from planner.stop import Progress, StopRule, Stopwatch
 
 BATCH = 500
@@ -105,7 +105,9 @@ class Search:
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         truth = true_weights(self._problem, cost, all_vehicles=all_vehicles)
         first = self._first(initial)
-        self._starts = [Start(self._problem, truth, first, random_state(seed + number)) for number in range(starts)]
+        self._starts = [
+            SearchStart(self._problem, truth, first, random_state(seed + number)) for number in range(starts)
+        ]
         self._leader = self._starts[0]
         self._iterations = 0
         self._improved_at = 0
@@ -176,7 +178,7 @@ class Search:
 
     def _round(self, iterations: int, threads: Executor | None) -> int:
         """Have each start do its share of ``iterations``, as far as its stage goes; return how many were done."""
-        shares: list[tuple[Start, Weights, int]] = []
+        shares: list[tuple[SearchStart, Weights, int]] = []
         given = 0
         for number, start in enumerate(sorted(self._starts, key=lambda start: start.done)):
             fair = -(-(iterations - given) // (len(self._starts) - number))

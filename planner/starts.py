@@ -10,7 +10,7 @@ from planner.kernels.arrays import Problem, RandomState, State, Weights
 from planner.kernels.tours import copy_route
 
 
-class Start:
+class SearchStart:
     """One of the starts of a search; starts share nothing that changes, so each may run in a thread of its own."""
 
     def __init__(self, problem: Problem, truth: Weights, first: State, rng: RandomState) -> None:
@@ -27,7 +27,7 @@ class Start:
         self._temperature = np.zeros(1)
         self._rng = rng
 
-    def begin(self, leader: Start, temperature: float) -> None:
+    def begin(self, leader: SearchStart, temperature: float) -> None:
         """Begin a cycle from the best plan of ``leader``."""
         for state in (self._current, self._trial, self.best):
             if state is not leader.best:

@@ -30,7 +30,7 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class StopVerdict:
     """A rule's answer."""
 
     allowed: int
@@ -42,7 +42,7 @@ class Verdict:
 class StopRule(Protocol):
     """Decides how long a search goes on."""
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Return how many more iterations may run now."""
         ...
 
@@ -53,9 +53,9 @@ class Seconds:
 
     limit_s: float
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Allow any number of iterations before the time is over."""
-        return Verdict(UNLIMITED if progress.seconds < self.limit_s else 0, "seconds")
+        return StopVerdict(UNLIMITED if progress.seconds < self.limit_s else 0, "seconds")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,9 @@ class Iterations:
 
     limit: int
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Allow what is left of the limit."""
-        return Verdict(max(0, self.limit - progress.iterations), "iterations")
+        return StopVerdict(max(0, self.limit - progress.iterations), "iterations")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +75,20 @@ class NoImprovement:
 
     limit: int
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Allow what is left since the last improvement."""
-        return Verdict(max(0, self.limit - progress.since_improvement), "no improvement")
+        return StopVerdict(max(0, self.limit - progress.since_improvement), "no improvement")
 
 
 @dataclass(frozen=True, slots=True)
 class FirstFeasible:
     """Stop at the first plan that covers everything, or when it is certain that there is none."""
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Allow any number of iterations while the question is open."""
         if progress.impossible:
-            return Verdict(0, "no feasible plan exists")
-        return Verdict(0 if progress.feasible else UNLIMITED, "first feasible")
+            return StopVerdict(0, "no feasible plan exists")
+        return StopVerdict(0 if progress.feasible else UNLIMITED, "first feasible")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +97,9 @@ class Cancelled:
 
     cancelled: Callable[[], bool]
 
-    def __call__(self, progress: Progress) -> Verdict:  # noqa: ARG002 - the answer comes from outside
+    def __call__(self, progress: Progress) -> StopVerdict:  # noqa: ARG002 - the answer comes from outside
         """Allow any number of iterations until cancelled."""
-        return Verdict(0 if self.cancelled() else UNLIMITED, "cancelled")
+        return StopVerdict(0 if self.cancelled() else UNLIMITED, "cancelled")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +108,10 @@ class AnyOf:
 
     rules: tuple[StopRule, ...]
 
-    def __call__(self, progress: Progress) -> Verdict:
+    def __call__(self, progress: Progress) -> StopVerdict:
         """Allow what the strictest rule does."""
         verdicts = (rule(progress) for rule in self.rules)
-        return min(verdicts, key=lambda verdict: verdict.allowed, default=Verdict(UNLIMITED, "never"))
+        return min(verdicts, key=lambda verdict: verdict.allowed, default=StopVerdict(UNLIMITED, "never"))
 
 
 def any_of(*rules: StopRule) -> StopRule:

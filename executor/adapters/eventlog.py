@@ -17,7 +17,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from executor.adapters.logend import Place, digest_of, ends, is_time, whole_bytes
+from executor.adapters.logend import LogPlace, digest_of, ends, is_time, whole_bytes
 from executor.core import events, intents, messages
 from executor.core.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
@@ -183,7 +183,7 @@ class EventLog:
         """Append a line that replay passes over: what was decided, in words."""
         self._write({"t_s": now_s, **fields})
 
-    def place(self) -> Place | None:
+    def place(self) -> LogPlace | None:
         """Return where the log has come to; None while lines wait that the system did not take."""
         if self._fd < 0 or self._waiting:
             return None
@@ -191,7 +191,7 @@ class EventLog:
             size = os.fstat(self._fd).st_size
         except OSError:
             return None
-        return Place(size, self._lines, self._now_s, digest_of(self._first, self._last))
+        return LogPlace(size, self._lines, self._now_s, digest_of(self._first, self._last))
 
     async def settle(self) -> None:
         """Wait until all of it outlives a power loss: no decision reaches a vehicle before.
@@ -303,7 +303,7 @@ def read_head(path: Path) -> Head:
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
 
 
-def clock_set_s(path: Path, since: Place | None = None) -> float:
+def clock_set_s(path: Path, since: LogPlace | None = None) -> float:
     """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
     total_s = 0.0
     with path.open("rb") as file:
@@ -330,7 +330,7 @@ def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
     return dict(head)
 
 
-def read_decisions(path: Path, since: Place | None = None) -> Iterator[tuple[float, object]]:
+def read_decisions(path: Path, since: LogPlace | None = None) -> Iterator[tuple[float, object]]:
     """Yield what the log holds beside events, with its time: lines that were said, and commands as plain data.
 
     A line that cannot be read is passed over; `read_events` says what is wrong with it.
@@ -352,7 +352,7 @@ def read_decisions(path: Path, since: Place | None = None) -> Iterator[tuple[flo
 
 
 def read_events(
-    path: Path, damaged: Callable[[str], None] | None = None, since: Place | None = None
+    path: Path, damaged: Callable[[str], None] | None = None, since: LogPlace | None = None
 ) -> Iterator[tuple[float, Event]]:
     """Yield the events of a log with their times; a torn last line is passed over.
 

@@ -16,7 +16,7 @@ PIECE_BYTES = 64 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LogPlace:
     """The end of a whole line in a log, and how to know that log again."""
 
     size: int
@@ -33,7 +33,7 @@ def digest_of(first: bytes, last: bytes) -> str:
     return hashlib.sha256(first + last).hexdigest()
 
 
-def holds(path: Path, place: Place) -> bool:
+def holds(path: Path, place: LogPlace) -> bool:
     """Return whether a place lies in this log: the same flight has written both."""
     with suppress(OSError):
         if 0 < place.size <= path.stat().st_size:
@@ -69,7 +69,7 @@ def whole_bytes(path: Path) -> int:
     return 0
 
 
-def lines_after(path: Path, place: Place | None) -> int:
+def lines_after(path: Path, place: LogPlace | None) -> int:
     """Return how many whole lines follow a place, or are in the whole log."""
     lines = 0
     with path.open("rb") as file:

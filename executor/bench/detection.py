@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from executor.bench.flightmodel import Flight, Injected, Site, fly, model_site
+from executor.bench.flightmodel import Injected, ModelledFlight, ModelledSite, fly, model_site
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.passive import Declared, Watched
@@ -31,7 +31,7 @@ Z95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Detected:
     """One flight, judged."""
 
     injected: Injected
@@ -97,11 +97,13 @@ def poisson_interval(count: int) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=2)
-def _site(autopilot: str) -> Site:
+def _site(autopilot: str) -> ModelledSite:
     return model_site(autopilot)
 
 
-def judged(site: Site, flight: Flight, limits: Limits | None = None, *, few_lines: bool = False) -> Outcome:
+def judged(
+    site: ModelledSite, flight: ModelledFlight, limits: Limits | None = None, *, few_lines: bool = False
+) -> Detected:
     """Feed a flight to the watchpoints, or to the few lines, and judge what they say."""
     name = site.drones[flight.vehicle]
     context = site.context if limits is None else replace(site.context, limits=limits)
@@ -129,7 +131,7 @@ def judged(site: Site, flight: Flight, limits: Limits | None = None, *, few_line
     return _outcome(site, flight, first)
 
 
-def _outcome(site: Site, flight: Flight, first: tuple[float, FaultKind, str] | None) -> Outcome:
+def _outcome(site: ModelledSite, flight: ModelledFlight, first: tuple[float, FaultKind, str] | None) -> Detected:
     name, fault = site.drones[flight.vehicle], flight.injected
     reserve = site.context.vehicles[name].reserve_pct
     timeout_s = site.context.vehicles[name].link_timeout_s
@@ -145,7 +147,7 @@ def _outcome(site: Site, flight: Flight, first: tuple[float, FaultKind, str] | N
     could = flight.remaining_pct[after] > flight.home_pct[after]
     breaks = fault.kind is FaultKind.BATTERY and fault.what != "cell" and breaks_it and could
     if first is None:
-        return Outcome(fault, flight.autopilot, flight.lasted_s, None, "", None, False, wanted, breaks, False, 0.0)
+        return Detected(fault, flight.autopilot, flight.lasted_s, None, "", None, False, wanted, breaks, False, 0.0)
     at_s, kind, reason = first
     second = min(len(flight.remaining_pct) - 1, int(at_s))
     early = at_s < fault.at_s
@@ -155,7 +157,7 @@ def _outcome(site: Site, flight: Flight, first: tuple[float, FaultKind, str] | N
         right = lands_low and kind is FaultKind.BATTERY
     in_time = flight.remaining_pct[second] > flight.home_pct[second]
     extra = sum(flight.rate_pct_s[onset:second]) * (1 - 1 / fault.size) if fault.what == "drain" and not early else 0.0
-    return Outcome(fault, flight.autopilot, flight.lasted_s, kind, reason, at_s, not right, wanted, breaks,
+    return Detected(fault, flight.autopilot, flight.lasted_s, kind, reason, at_s, not right, wanted, breaks,
                    in_time and right, extra)  # fmt: skip
 
 
@@ -172,8 +174,8 @@ class Job:
 class Pair:
     """One flight, judged by either detector."""
 
-    watchpoints: Outcome
-    few_lines: Outcome
+    watchpoints: Detected
+    few_lines: Detected
 
 
 def fly_job(job: Job) -> list[Pair]:
@@ -211,7 +213,7 @@ def campaign(
     return found
 
 
-def summary(outcomes: Sequence[Outcome]) -> dict[str, object]:
+def summary(outcomes: Sequence[Detected]) -> dict[str, object]:
     """Return the figures of a campaign as JSON has them."""
     hours = sum(one.lasted_s for one in outcomes) / 3600
     false = [one for one in outcomes if one.false]
@@ -236,7 +238,7 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, object]:
     }
 
 
-def _name(outcome: Outcome) -> str:
+def _name(outcome: Detected) -> str:
     """Return the watchpoint without its evidence."""
     return outcome.reason.partition(":")[0]
 
@@ -246,7 +248,7 @@ def _rate(share: Share) -> dict[str, object]:
     return {"rate": round(share.value, 4), "rate_95": [round(low, 4), round(high, 4)]}
 
 
-def _kind(outcomes: Sequence[Outcome]) -> dict[str, object]:
+def _kind(outcomes: Sequence[Detected]) -> dict[str, object]:
     due = [one for one in outcomes if one.wanted]
     found = [one for one in due if one.declared is not None and not one.false and one.at_s is not None]
     delays = [one.at_s - one.injected.at_s for one in found if one.at_s is not None]

@@ -72,7 +72,7 @@ NOTHING = Burden()
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FleetFlight:
     """One flight, measured from the take-off to the moment when supervision ends."""
 
     vehicles: int
@@ -114,7 +114,7 @@ class Flown:
 
 def measure(
     counts: Sequence[int], *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
-) -> list[Flown]:
+) -> list[FleetFlight]:
     """Fly once for each number of vehicles.
 
     A flight that could not begin is said and left out.
@@ -136,7 +136,7 @@ def measure(
     return flights
 
 
-def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING) -> Flown:
+def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING) -> FleetFlight:
     """Fly one fleet; this runs in a process of its own."""
     with tempfile.TemporaryDirectory(prefix="faultline-fleet-") as folder:
         base, run = Path(folder), Path(folder) / "run"
@@ -157,7 +157,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         head, launched_s, events = _launched(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)
         rows = cast("list[dict[str, int]]", flown.report["vehicles"])
-        return Flown(
+        return FleetFlight(
             vehicles=vehicles,
             minutes=watch.taken_s * speedup / 60.0,
             speedup=speedup,
@@ -191,7 +191,7 @@ def _processors() -> tuple[set[int], set[int]]:
     return {every[0]}, set(every[1:]) or {every[0]}
 
 
-async def _watched(order: Order, watch: _Watch) -> flying.Flown:
+async def _watched(order: Order, watch: _Watch) -> flying.FlightResult:
     watching = asyncio.create_task(watch.run())
     try:
         return await flying.fly(order, watch)
@@ -295,7 +295,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def report_of(flights: Sequence[Flown], content: dict[str, object]) -> str:
+def report_of(flights: Sequence[FleetFlight], content: dict[str, object]) -> str:
     """Return the page."""
     rows = [
         (
@@ -351,7 +351,7 @@ def make_fleet(
     return content, text
 
 
-def draw_growth(flights: Sequence[Flown], path: Path) -> None:
+def draw_growth(flights: Sequence[FleetFlight], path: Path) -> None:
     """Draw processor time, the loop's delays and memory over the number of vehicles."""
     from matplotlib.figure import Figure
 

@@ -37,7 +37,7 @@ APART_S = 15.0
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
+class ModelledSite:
     """Missions to fly, and the context of the decisions."""
 
     context: Context
@@ -45,7 +45,7 @@ class Site:
     drones: tuple[str, ...]
 
 
-def model_site(autopilot: str) -> Site:
+def model_site(autopilot: str) -> ModelledSite:
     """Return three missions over the network that comes with faultline."""
     vehicles = [
         {"name": f"uav{n}", "connection": f"udpin://127.0.0.1:{14550 + n}", "sysid": n, "autopilot": autopilot}
@@ -64,7 +64,7 @@ def model_site(autopilot: str) -> Site:
     plan = Plan(tuple(Route(k, routes[name]) for k, name in enumerate(names)), ())
     context = assembly.context_of(ground, setup, task, plan)
     boards = tuple(aboard(context, name, 0, flight_path(setup, name, routes[name]), routes[name]) for name in names)
-    return Site(context, boards, names)
+    return ModelledSite(context, boards, names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Injected:
 
 
 @dataclass(slots=True)
-class Flight:
+class ModelledFlight:
     """What was said, and what was true."""
 
     vehicle: int
@@ -174,13 +174,13 @@ def _rounded(percent: float) -> float:
     return float(np.clip(round(percent), 0, 100))
 
 
-def fly(site: Site, autopilot: str, what: str, rng: np.random.Generator) -> Flight:
+def fly(site: ModelledSite, autopilot: str, what: str, rng: np.random.Generator) -> ModelledFlight:
     """Fly one mission."""
     number = int(rng.integers(len(site.boards)))
     board = site.boards[number]
     mission_s = sum(leg.duration_s for leg in board.legs)
     fault = injected(what, rng, mission_s)
-    flight = Flight(number, autopilot, fault)
+    flight = ModelledFlight(number, autopilot, fault)
     pack = Pack(
         site.context.drone, charge_pct=float(rng.uniform(94.0, 100.0)), health=float(rng.uniform(0.88, 1.0)),
         consumption=float(rng.uniform(0.92, 1.1)),
@@ -260,7 +260,7 @@ def _seconds(board: OnBoard) -> list[Moment]:
 
 
 def _said(
-    site: Site,
+    site: ModelledSite,
     autopilot: str,
     t_s: float,
     item: tuple[int, dict[int, int]],

@@ -22,7 +22,7 @@ AUTHORS_S = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class NamedProblem:
     """An instance, and how its visits are called."""
 
     name: str
@@ -39,7 +39,7 @@ class Problem:
 
 def problem_of(
     path: Path | None, *, radius_m: float | None, vehicles: int, budget: float | None, dynamics: bool
-) -> Problem:
+) -> NamedProblem:
     """Read a problem: a TSPLIB file, a network file, or the project's own network where there is no file.
 
     Raises:
@@ -50,10 +50,10 @@ def problem_of(
         return cities_problem(path, vehicles, budget)
     network = network_of(path, radius_m)
     instance = line_instance(network.ends_m, vehicles, AUTHORS_S if dynamics else PAPER_S, budget)
-    return Problem(Path(network.source).stem, instance, None)
+    return NamedProblem(Path(network.source).stem, instance, None)
 
 
-def cities_problem(path: Path, vehicles: int, budget: float | None = None) -> Problem:
+def cities_problem(path: Path, vehicles: int, budget: float | None = None) -> NamedProblem:
     """Return the cities of a TSPLIB file as segments of no length, the first one as the depot.
 
     Raises:
@@ -62,7 +62,7 @@ def cities_problem(path: Path, vehicles: int, budget: float | None = None) -> Pr
     cities = read_tsplib(path)
     ends = np.repeat(cities.places[1:, np.newaxis, :], 2, axis=1)
     depot = (float(cities.places[0, 0]), float(cities.places[0, 1]))
-    return Problem(cities.name, _instance(ends, depot, vehicles, LENGTHS, budget), cities.numbers[1:])
+    return NamedProblem(cities.name, _instance(ends, depot, vehicles, LENGTHS, budget), cities.numbers[1:])
 
 
 def network_of(path: Path | None, radius_m: float | None) -> Network:

@@ -49,7 +49,7 @@ LOG, PLAN = "events.jsonl", "plan-000.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class ResumedFlight:
     """One flight, taken up again."""
 
     vehicles: int
@@ -80,7 +80,7 @@ class Taken:
         return 1e-3 * self.ms_per_line * self.lines
 
 
-def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed: int) -> Taken:
+def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed: int) -> ResumedFlight:
     """Fly, kill, and take up again.
 
     Raises:
@@ -116,7 +116,7 @@ def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed
                 charge_s, cpu_s = time.perf_counter() - began_s, _cpu_s(process.pid)
                 _wait_for(lambda: _follows(run, size, b'"Resumed"'), PATIENCE_S, "the vehicles' answers")
                 asked_s = time.perf_counter() - began_s
-    return Taken(
+    return ResumedFlight(
         vehicles, hours, 1e-6 * size, lines, rest, 1e-3 * len(content), write_ms, late_ms, heartbeat_s, charge_s,
         cpu_s, asked_s, per_line_ms,
     )  # fmt: skip
@@ -243,7 +243,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def report_of(rows: list[Taken], content: dict[str, object]) -> str:
+def report_of(rows: list[ResumedFlight], content: dict[str, object]) -> str:
     """Return the page."""
     said = (
         "Seconds from the call of `faultline resume DIR --yes` until its heartbeat goes out, until the state is there "

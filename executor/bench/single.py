@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from executor.bench.problems import Problem
+from executor.bench.problems import NamedProblem
 from executor.bench.solvers import run
-from executor.site.planning import Solver
+from executor.site.planning import PlanSolver
 from planner import Cost, Result, Seconds
 
 
@@ -30,7 +30,7 @@ class SingleResult(TypedDict):
 
 
 def solve_single(
-    problem: Problem, solver: Solver, *, cost: Cost, seconds: float, seed: int, starts: int
+    problem: NamedProblem, solver: PlanSolver, *, cost: Cost, seconds: float, seed: int, starts: int
 ) -> SingleResult:
     """Solve one problem; the time does not include loading compiled code.
 
@@ -41,7 +41,7 @@ def solve_single(
     return single_result(problem, solver, result)
 
 
-def single_result(problem: Problem, solver: Solver, result: Result) -> SingleResult:
+def single_result(problem: NamedProblem, solver: PlanSolver, result: Result) -> SingleResult:
     """Return a solver's result as plain data."""
     names = problem.cities
     left = result.plan.uncovered

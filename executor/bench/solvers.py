@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from executor.site.planning import Solver
+from executor.site.planning import PlanSolver
 from planner import Cost, Instance, Result, StopRule, grasp, solve, solve_exact
 
 
 def run(
-    solver: Solver,
+    solver: PlanSolver,
     instance: Instance,
     *,
     cost: Cost,
@@ -22,9 +22,9 @@ def run(
         planner.PlannerError: the solver does not take the instance.
     """
     match solver:
-        case Solver.SEARCH:
+        case PlanSolver.SEARCH:
             return solve(instance, cost=cost, stop=stop, seed=seed, starts=starts, all_vehicles=all_vehicles)
-        case Solver.GRASP:
+        case PlanSolver.GRASP:
             return grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
-        case Solver.EXACT:
+        case PlanSolver.EXACT:
             return solve_exact(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)

@@ -28,7 +28,7 @@ from executor.adapters.mavsdk.library import MOST_AT_ONCE
 from executor.adapters.mavsdk.upload import open_uploader
 from executor.core.connection import Connection, Scheme
 from executor.core.ports import LinkOrder
-from executor.protocols.download import Download
+from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
 from executor.runtime.dialogue import converse
@@ -63,7 +63,7 @@ TAIL = (
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class UploadCase:
     """What is uploaded, and over what."""
 
     autopilot: str
@@ -75,7 +75,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class UploadTiming:
     """The uploads of one program in one cell."""
 
     accepted_s: tuple[float, ...]
@@ -93,11 +93,11 @@ class Timing:
 class Row:
     """One cell, measured."""
 
-    cell: Cell
+    cell: UploadCase
     round_trip_s: float
     """The delay, both ways, and what the fastest of several questions and their answers took without any."""
-    native: Timing
-    mavsdk: Timing
+    native: UploadTiming
+    mavsdk: UploadTiming
 
     @property
     def floor_s(self) -> float:
@@ -124,12 +124,12 @@ class Measured:
     """How long the process, with all the vehicles in it, was at most away from its work: the noise of these figures."""
 
 
-def measure(cells: Sequence[Cell], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
+def measure(cells: Sequence[UploadCase], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
     """Measure every cell; `said` is told how far it is."""
     return asyncio.run(_measure(cells, repeats, seed, said))
 
 
-async def _measure(cells: Sequence[Cell], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
+async def _measure(cells: Sequence[UploadCase], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
     began_s, stalls_s = time.perf_counter(), [0.0]
     watch = asyncio.create_task(_watch(stalls_s))
     try:
@@ -146,10 +146,10 @@ async def _watch(longest_s: list[float]) -> None:
         longest_s[0] = max(longest_s[0], time.perf_counter() - began_s - WATCH_S)
 
 
-async def _rows(cells: Sequence[Cell], repeats: int, seed: int, said: Callable[[str], None]) -> list[Row]:
+async def _rows(cells: Sequence[UploadCase], repeats: int, seed: int, said: Callable[[str], None]) -> list[Row]:
     answers_s = {kind: await _answer_s(kind, seed) for kind in dict.fromkeys(cell.autopilot for cell in cells)}
     room = asyncio.Semaphore(MOST_AT_ONCE)
-    ended: dict[Cell, list[tuple[Attempt, Attempt]]] = {cell: [] for cell in cells}
+    ended: dict[UploadCase, list[tuple[Attempt, Attempt]]] = {cell: [] for cell in cells}
     fast = [cell for cell in cells if not cell.loss and not cell.delay_s]
     slow = sorted((cell for cell in cells if cell not in fast), key=_expected_s, reverse=True)
     for cell in fast:  # the computer's own speed counts here: one at a time
@@ -157,7 +157,7 @@ async def _rows(cells: Sequence[Cell], repeats: int, seed: int, said: Callable[[
             ended[cell].append(await _both(cell, repeat, seed, room))
     gate = asyncio.Semaphore(AT_ONCE)
 
-    async def one(cell: Cell, repeat: int) -> None:
+    async def one(cell: UploadCase, repeat: int) -> None:
         async with gate:
             ended[cell].append(await _both(cell, repeat, seed, room))
         said(f"{sum(map(len, ended.values()))} of {len(cells) * repeats}")
@@ -176,18 +176,18 @@ async def _rows(cells: Sequence[Cell], repeats: int, seed: int, said: Callable[[
     ]
 
 
-def _expected_s(cell: Cell) -> float:
+def _expected_s(cell: UploadCase) -> float:
     return cell.items * (cell.delay_s + cell.loss)
 
 
-def _timing(attempts: Sequence[Attempt]) -> Timing:
-    return Timing(
+def _timing(attempts: Sequence[Attempt]) -> UploadTiming:
+    return UploadTiming(
         tuple(attempt.seconds for attempt in attempts if not attempt.failure),
         tuple(attempt.failure for attempt in attempts if attempt.failure),
     )
 
 
-async def _both(cell: Cell, repeat: int, seed: int, room: asyncio.Semaphore) -> tuple[Attempt, Attempt]:
+async def _both(cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphore) -> tuple[Attempt, Attempt]:
     """Upload by both programs to one vehicle, in turn the one or the other first."""
     dialect = dialect_for(cell.autopilot)
     async with _vehicle(cell.autopilot, cell.loss, cell.delay_s, seed + repeat) as connection:
@@ -213,7 +213,7 @@ async def _by_us(connection: Connection, dialect: Dialect, items: tuple[MissionI
         failure = procedures.reason_of(ended.outcome)
         if failure and ended.furthest == len(items) - 1:
             # As in flight: perhaps only the acknowledgement got lost, so what is on board decides.
-            back = await converse(Download(), links[NAME], clock)
+            back = await converse(DownloadDialogue(), links[NAME], clock)
             failure = failure if differences(items, back.items, dialect) else ""
         return Attempt(time.perf_counter() - began_s, failure)
 
@@ -316,7 +316,7 @@ def _line(row: Row) -> str:
     return f"{case} {_shown(row.native)} | {_shown(row.mavsdk)} | {why} |"
 
 
-def _shown(timing: Timing) -> str:
+def _shown(timing: UploadTiming) -> str:
     times = len(timing.accepted_s) + len(timing.failures)
     median = "-" if timing.median_s is None else f"{timing.median_s:.2f}"
     return f"{median} ({len(timing.accepted_s)}/{times})"
@@ -334,7 +334,7 @@ def measure_uploads(
         repeats: Uploads of each program in each case.
         seed: Of the losses.
     """
-    cells = [Cell(kind.value, *case) for kind in AutopilotKind for case in product(items, losses, delays_s)]
+    cells = [UploadCase(kind.value, *case) for kind in AutopilotKind for case in product(items, losses, delays_s)]
     measured = measure(cells, repeats, seed, lambda text: print(f"\r{text} ", end="", file=sys.stderr, flush=True))
     print(file=sys.stderr)
     content = content_of(measured, repeats, seed)

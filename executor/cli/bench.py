@@ -98,11 +98,11 @@ def solvers(
     from executor.bench.machine import cores
     from executor.bench.problems import problem_of
     from executor.bench.single import solve_single
-    from executor.site.planning import Solver
+    from executor.site.planning import PlanSolver
 
     problem = problem_of(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
     result = solve_single(
-        problem, Solver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
+        problem, PlanSolver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
     )
     if as_json:
         print(json.dumps(result))

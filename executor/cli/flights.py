@@ -229,10 +229,10 @@ def resume(
     for one in still_open(directory):
         text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
         console.say(Level.WARNING, text)
-    _finish_flight(known.order, flying.Flown(report, left.begun.context, left=False), as_json=as_json)
+    _finish_flight(known.order, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
 
 
-def _finish_flight(order: Order, flown: flying.Flown, *, as_json: bool) -> None:
+def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
         _told(json.dumps(report))

@@ -14,7 +14,7 @@ from executor.core.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_sortie import left_over
 from executor.site import assembly, planning
-from executor.site.planning import Solver, Wanted
+from executor.site.planning import PlanSolver, Wanted
 from missions import PlanFile, check_plan, read_plan
 from planner import Cost, Progress
 
@@ -37,7 +37,7 @@ def wanted_of(
         cost=None if cost is PlanCostName.WINDOW else Cost(cost.value),
         seconds=seconds,
         seed=seed,
-        solver=Solver(solver.value),
+        solver=PlanSolver(solver.value),
         all_vehicles=all_vehicles,
         stretch=stretch_pct / 100,
         starts=starts,

@@ -16,9 +16,9 @@ from executor.cli.planning import writable
 from executor.core.recording import Skipped
 from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_truths, truth_for
-from executor.replay.logs import Rules, replay, rules_of
+from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import open_log
-from executor.replay.result import LogReplay, Truth
+from executor.replay.result import LogReplay, RecordedTruth
 from executor.replay.run import Comparison, rerun
 from executor.site.config import read_site
 
@@ -33,7 +33,7 @@ class _Done:
     """One log, replayed."""
 
     replay: LogReplay
-    truth: Truth | None
+    truth: RecordedTruth | None
     comparison: Comparison | None = None
     """Of a run directory: whether it decided the same."""
 
@@ -86,7 +86,7 @@ def _logs_in(path: Path) -> list[Path]:
     return found
 
 
-def _replayed(path: Path, rules: Rules) -> _Done:
+def _replayed(path: Path, rules: ReplayRules) -> _Done:
     if path.is_dir():
         done = rerun(path)
         return _Done(done.log, None, done.comparison)

@@ -61,7 +61,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class SegmentPass:
     """How a segment was flown, by the positions that prove it."""
 
     mean_m_s: float
@@ -95,10 +95,10 @@ class _Pace:
             self.samples + 1,
         )
 
-    def flown(self, ended_s: float, ended_m: float) -> Flown:
+    def flown(self, ended_s: float, ended_m: float) -> SegmentPass:
         took_s = ended_s - self.began_s
         mean_m_s = (ended_m - self.began_m) / took_s if took_s > 0 else 0.0
-        return Flown(mean_m_s, self.fastest_m_s, self.aside_sum_m / self.samples, self.aside_max_m)
+        return SegmentPass(mean_m_s, self.fastest_m_s, self.aside_sum_m / self.samples, self.aside_max_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class Step:
     """What one more position means for a visit."""
 
     run: Run | None
-    flown: Flown | None = None
+    flown: SegmentPass | None = None
     """How it was flown, once the run has come to the other pylon."""
     broken: str = ""
     """Why a run ended before the other pylon."""

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from executor.core.changed import changed
 from executor.core.commands import Level, Solve
-from executor.core.coverage import Flown
+from executor.core.coverage import SegmentPass
 from executor.core.events import NewRoute
 from executor.core.intents import IntentRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
@@ -166,7 +166,7 @@ class FleetState:
     vehicles: Mapping[str, VehicleState]
     inspected: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
     """Segment to the vehicle that inspected it."""
-    flown: Mapping[int, Flown] = field(default_factory=lambda: MappingProxyType({}))
+    flown: Mapping[int, SegmentPass] = field(default_factory=lambda: MappingProxyType({}))
     """Segment to how it was flown then."""
     given_up: frozenset[int] = frozenset()
     """Segments that no survivor can inspect."""

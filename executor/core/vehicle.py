@@ -67,7 +67,7 @@ class Cause(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class TakenOver:
     """A vehicle in other hands."""
 
     since_s: float
@@ -285,7 +285,7 @@ class VehicleState:
     """By its own clock, when it was seen last before that."""
     beat_boot_s: float | None = None
     """By its own clock, about when its last heartbeat came."""
-    taken: Taken | None = None
+    taken: TakenOver | None = None
     errand: Errand | None = None
     cleared_s: float | None = None
     """When the crew said that it may take off again; None if it did not, or it has."""

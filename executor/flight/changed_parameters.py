@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executor.adapters.run_directory import RunDirectory, write_json
-from executor.core.preflight.parameters import Kept, Stage
+from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.errors import LogError
 
 FORMAT = "faultline-parameters/1"
@@ -30,7 +30,7 @@ class _KeptRow(_Row):
     kind: Annotated[int, Field(ge=1, le=10)]
     unit: str
     why: str
-    state: Stage
+    state: ChangeStage
     earlier: tuple[Number, ...] = ()
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from executor.adapters.eventlog import DISK_S, EventLog
-from executor.adapters.logend import Place
+from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
 from executor.core.state import FleetState
 from executor.flight.checkpoints import Checkpoint, write_checkpoint
@@ -57,7 +57,7 @@ class Checkpointer:
             return False
         return self._last_s is None or now_s - self._last_s >= self._every_s
 
-    def begin(self, now_s: float, made: Callable[[Place], Checkpoint]) -> None:
+    def begin(self, now_s: float, made: Callable[[LogPlace], Checkpoint]) -> None:
         """Begin to write one; called between two events, when all that was decided is in the log."""
         place = self._log.place()
         if place is None or self._writing is not None:

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from executor.adapters.logend import Place, holds
+from executor.adapters.logend import LogPlace, holds
 from executor.adapters.run_directory import RunDirectory
 from executor.core.commands import Solve
 from executor.core.events import SolveEnded
@@ -40,7 +40,7 @@ T = TypeVar("T", FleetState, Replan)
 class Checkpoint:
     """All that the log up to one place comes to."""
 
-    place: Place
+    place: LogPlace
     state: FleetState
     solve: Solve | None
     """The last that was to be solved."""
@@ -51,7 +51,7 @@ class Checkpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundCheckpoint:
     """What a run directory has."""
 
     checkpoint: Checkpoint | None
@@ -73,7 +73,7 @@ class _Head(_Part):
     """Which wrote it: another one may know another state, or decide otherwise."""
     plan: str
     """Digest of the first plan."""
-    place: Place
+    place: LogPlace
     body: str
     """Digest of all other lines."""
 
@@ -130,7 +130,7 @@ def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
     return head.model_dump_json().encode() + b"\n" + body
 
 
-def newest(run: Path, log: Path) -> Found:
+def newest(run: Path, log: Path) -> FoundCheckpoint:
     """Return the newest checkpoint that fits a run directory's log."""
     notes: list[str] = []
     files: dict[str, tuple[_Head, bytes]] = {}
@@ -144,12 +144,12 @@ def newest(run: Path, log: Path) -> Found:
             notes.append(f"{name} is not used: {_why(error)}")
     for name in sorted(files, key=lambda name: files[name][0].place.size, reverse=True):
         try:
-            return Found(_fitting(run, log, *files[name]), name, tuple(notes))
+            return FoundCheckpoint(_fitting(run, log, *files[name]), name, tuple(notes))
         except (OSError, ValueError) as error:
             notes.append(f"{name} is not used: {_why(error)}")
     if notes:
         notes.append("without a checkpoint the whole log is read")
-    return Found(None, "", tuple(notes))
+    return FoundCheckpoint(None, "", tuple(notes))
 
 
 def _opened(content: bytes) -> tuple[_Head, bytes]:

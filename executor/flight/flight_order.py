@@ -21,12 +21,16 @@ from executor.site.config import Site
 from missions import PlanFile, write_plan
 
 
-class Console(Protocol):
-    """Where the operator looks."""
+class Teller(Protocol):
+    """What shows the operator a line."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         """Show one line; `at_s` counts from the order to take off."""
         ...
+
+
+class Console(Teller, Protocol):
+    """Where the operator looks."""
 
     def checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""

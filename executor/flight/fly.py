@@ -42,7 +42,7 @@ from executor.site.plan_words import route_words, summary
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FlightResult:
     """What is left after a flight."""
 
     report: Mapping[str, object]
@@ -51,7 +51,7 @@ class Flown:
     """Whether the operator left while the vehicles flew on."""
 
 
-async def fly(order: Order, console: Console) -> Flown:
+async def fly(order: Order, console: Console) -> FlightResult:
     """Connect, check, upload, fly and report.
 
     Raises:
@@ -77,7 +77,7 @@ async def _fly(
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
-) -> Flown:
+) -> FlightResult:
     run = order.run
     facts = await interviews(order, links, clock, console)
     context, boards, found = examined(order, facts)
@@ -95,9 +95,9 @@ async def _fly(
         RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
     )
     seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
-    flown: Flown | None = None
+    flown: FlightResult | None = None
     try:
-        flown = await supervise(order, console, seat, Beginning(proposal, boards, found))
+        flown = await supervise(order, console, seat, Launch(proposal, boards, found))
     except PreflightFailed:
         RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
@@ -115,7 +115,7 @@ def _must_not_stop(found: Sequence[Check]) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Beginning:
+class Launch:
     """What has to be done before a flight that begins."""
 
     proposal: Proposal
@@ -124,7 +124,7 @@ class Beginning:
     """The checklist so far."""
 
 
-async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Beginning) -> None:
+async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Launch) -> None:
     """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
 
     Raises:
@@ -171,7 +171,7 @@ class Cockpit:
     """What the process before this one left."""
 
 
-async def supervise(order: Order, console: Console, seat: Cockpit, begins: Beginning | Reopened) -> Flown:
+async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launch | Reopened) -> FlightResult:
     """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
     Raises:
@@ -186,14 +186,14 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Begin
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     hearing = supervised.hear(lambda text: keeper.told(Say(Level.FAULT, text), clock.now_s()), order.run)
     try:
-        listening = flight.listening() if isinstance(begins, Beginning) else nullcontext()
+        listening = flight.listening() if isinstance(begins, Launch) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
                 web.page(order.site.web, flight, clock, console),
                 _published(publication, flight, keeper, clock),
             ):
                 reopened = begins if isinstance(begins, Reopened) else None
-                if isinstance(begins, Beginning):
+                if isinstance(begins, Launch):
                     await interrupts.unless_pressed(_begun(order, console, seat, flight, begins))
                 with _settled_memory():
                     async with supervised.beside("judging losses", partial(keep_judging, flight, seat.solver)):
@@ -210,7 +210,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Begin
         write_json(RunDirectory(order.run).report, report)
     except OSError as error:
         console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
-    return Flown(report, context, interrupts.left)
+    return FlightResult(report, context, interrupts.left)
 
 
 def _published(

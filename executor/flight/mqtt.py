@@ -13,7 +13,7 @@ from secrets import token_hex
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mqtt.client import FLUSH_S, Broker, Client, Subscriber
-from executor.adapters.mqtt.intake import Intake, Rules
+from executor.adapters.mqtt.intake import Intake, IntakeRules
 from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import Publisher
@@ -36,7 +36,7 @@ class Settings:
 
     topics: Topics
     broker: Broker
-    rules: Rules
+    rules: IntakeRules
     period_s: float
     """Of telemetry, in real seconds."""
     exposed: bool
@@ -151,13 +151,13 @@ def settings_of(
     return Settings(Topics(table.prefix), broker, _rules(table, token), 1.0 / table.telemetry_rate_hz, exposed)
 
 
-def _rules(table: MqttTable, token: str | None) -> Rules:
+def _rules(table: MqttTable, token: str | None) -> IntakeRules:
     closed = ""
     if token is None and table.token_env is not None:
         closed = f"the environment variable {table.token_env} is not set"
     elif token is None and not table.is_here:
         closed = "the broker is not on this computer, and the site names no token_env"
-    return Rules(table.intent_max_age_s, token, closed)
+    return IntakeRules(table.intent_max_age_s, token, closed)
 
 
 def _tls(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:

@@ -14,7 +14,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.ports import Clock, OpenLink
 from executor.core.preflight.checks import Check
-from executor.core.preflight.parameters import Kept, Present, Proposal, Stage, number, on_record, propose, settled
+from executor.core.preflight.parameters import ChangeStage, Kept, Present, Proposal, number, on_record, propose, settled
 from executor.errors import LogError, PreflightFailed
 from executor.flight.changed_parameters import read_kept, write_kept
 from executor.flight.flight_order import Console
@@ -77,7 +77,7 @@ async def apply_changes(
             ends = await parameters.set_changes(links[name], clock, proposal.of(name))
         for parameter, problem in ends.items():
             if not problem:
-                record.stage(name, parameter, Stage.SET)
+                record.stage(name, parameter, ChangeStage.SET)
         record.keep()
         checks.append(settled(context, name, proposal, ends))
         console.checks(checks[-1:])
@@ -97,7 +97,7 @@ class _Record:
     kept: list[Kept]
     told: bool = False
 
-    def stage(self, vehicle: str, name: str, stage: Stage) -> None:
+    def stage(self, vehicle: str, name: str, stage: ChangeStage) -> None:
         """Note how far a change has come."""
         self.take([replace(one, stage=stage) for one in self.kept if one.key == (vehicle, name)])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
-from executor.adapters.logend import Place
+from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
 from executor.adapters.solver import REPLAN_COST
 from executor.core.commands import Command, Level, Say, Solve
@@ -134,7 +134,7 @@ class Keeper:
     def _begin_checkpoint(self, now_s: float) -> None:
         self._checkpoints.begin(now_s, self._checkpoint)
 
-    def _checkpoint(self, place: Place) -> Checkpoint:
+    def _checkpoint(self, place: LogPlace) -> Checkpoint:
         if self._state is None:
             raise RuntimeError("a checkpoint is due after an event")
         return Checkpoint(place, self._state, self._solve, tuple(self._in_no_file), self._noted_set_s)

@@ -24,9 +24,9 @@ from executor.core.state import FleetState
 from executor.errors import LogError
 from executor.flight import fly, web
 from executor.flight.changed_parameters import read_kept, reported
-from executor.flight.checkpoints import Found, Planned, newest
+from executor.flight.checkpoints import FoundCheckpoint, Planned, newest
 from executor.flight.flight_order import Console, Order
-from executor.flight.fly import Cockpit, Flown
+from executor.flight.fly import Cockpit, FlightResult
 from executor.flight.linking import open_links
 from executor.flight.mqtt import settings_of
 from executor.flight.recorder import Legacy, plan_path
@@ -75,7 +75,7 @@ class Outset:
 
     order: Order
     head: Head
-    found: Found
+    found: FoundCheckpoint
     """Its checkpoint, if there is a good one."""
     last_s: float
     """The last time that is on record."""
@@ -225,7 +225,7 @@ def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
     return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), mqtt)
 
 
-async def begin_again(run: Path, ready: Ready, console: Console) -> Flown:
+async def begin_again(run: Path, ready: Ready, console: Console) -> FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
@@ -254,7 +254,7 @@ def beforehand(run: Path, known: Outset) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flown:
+async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> FlightResult:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -282,7 +282,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flow
             report = over(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
-                return Flown(report, left.begun.context, left=False)
+                return FlightResult(report, left.begun.context, left=False)
             for line in words(left):
                 if line not in told:
                     console.say(Level.INFO, line)

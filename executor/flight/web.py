@@ -8,27 +8,19 @@ from collections.abc import AsyncIterator
 from concurrent.futures import Future
 from contextlib import ExitStack, asynccontextmanager
 from functools import partial
-from typing import Protocol
 
 from executor.adapters.clock import SystemClock
 from executor.core.commands import Level
 from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, SiteError
+from executor.flight.flight_order import Teller
 from executor.runtime.flight import Flight
 from executor.site.config import WebTable
 from executor.supervised import hand_over
 
 LEAST_TOKEN = 16
 """Characters: shorter ones can be guessed."""
-
-
-class Console(Protocol):
-    """Where the operator looks."""
-
-    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
-        """Show one line."""
-        ...
 
 
 def check(table: WebTable) -> None:
@@ -60,7 +52,7 @@ def _token(table: WebTable) -> str | None:
 
 
 @asynccontextmanager
-async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Console) -> AsyncIterator[None]:
+async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Teller) -> AsyncIterator[None]:
     """Serve the page; a flight goes on without it where it cannot be served.
 
     It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from executor.core.messages import CommandAck, Message, Outgoing, SendCommand
-from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
 
 PERIOD_S = 1.0
 TRIES = 5
@@ -65,7 +65,7 @@ class CommandDialogue:
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up."""
-        return (self if self.outcome is not None else self._ended(Cancelled())), ()
+        return (self if self.outcome is not None else self._ended(BrokenOff())), ()
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))

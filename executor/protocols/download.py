@@ -19,7 +19,7 @@ from executor.core.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
 from executor.protocols.upload import RESULT_NAMES
 from missions.items import MissionItem
 
@@ -28,7 +28,7 @@ TRIES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Download:
+class DownloadDialogue:
     """The state of one download."""
 
     outcome: Outcome | None = None
@@ -75,13 +75,13 @@ class Download:
         """Give up."""
         if self.outcome is not None:
             return self, ()
-        return self._ended(Cancelled()), (SendMissionAck(15),)
+        return self._ended(BrokenOff()), (SendMissionAck(15),)
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))
 
 
-D = TypeVar("D", bound=Download)
+D = TypeVar("D", bound=DownloadDialogue)
 
 
 def _ask(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:

@@ -32,11 +32,11 @@ class TimedOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Cancelled:
+class BrokenOff:
     """We gave it up ourselves."""
 
 
-Outcome = Accepted | Rejected | TimedOut | Cancelled
+Outcome = Accepted | Rejected | TimedOut | BrokenOff
 
 
 class Machine(Protocol):

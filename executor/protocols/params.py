@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from executor.core.messages import Message, Outgoing, ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
 
 PERIOD_S = 1.0
 TRIES = 4
@@ -53,7 +53,7 @@ class Parameter:
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up."""
-        return (self if self.outcome is not None else self._ended(Cancelled())), ()
+        return (self if self.outcome is not None else self._ended(BrokenOff())), ()
 
     def _question(self) -> Outgoing:
         return self.wanted if self.wanted is not None else SendParamRequest(self.name)

@@ -19,7 +19,7 @@ from executor.core.messages import (
     SendMissionCount,
     SendMissionItem,
 )
-from executor.protocols.machine import Accepted, Cancelled, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
 from missions.items import MissionItem
 
 COUNT_PERIOD_S = 1.5
@@ -42,7 +42,7 @@ RESULT_NAMES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Upload:
+class UploadDialogue:
     """The state of one upload."""
 
     items: tuple[MissionItem, ...]
@@ -107,7 +107,7 @@ class Upload:
         """Give up; PX4 takes the cancellation, ArduPilot notices the silence."""
         if self.outcome is not None:
             return self, ()
-        return self._ended(Cancelled()), (SendMissionAck(RESULT_CANCELLED),)
+        return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         state = replace(

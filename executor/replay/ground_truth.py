@@ -10,7 +10,7 @@ from typing import Any
 
 from executor.core.vehicle import FaultKind
 from executor.errors import LogError
-from executor.replay.result import Happened, Truth
+from executor.replay.result import Happened, RecordedTruth
 
 KINDS: Mapping[str, FaultKind] = {
     "battery fault": FaultKind.BATTERY,
@@ -24,13 +24,13 @@ _ROUTINE = re.compile(r"first heartbeat|\barmed|disarmed|\bend(s|ed)?\b|\bover\b
 _ENDS = re.compile(r"\bover\b|\bback\b", re.IGNORECASE)
 
 
-def read_truths(folder: Path) -> dict[str, Truth]:
+def read_truths(folder: Path) -> dict[str, RecordedTruth]:
     """Return the truths of a folder by the names of its telemetry logs; nothing where there are none.
 
     Raises:
         LogError: a truth file cannot be used.
     """
-    found: dict[str, Truth] = {}
+    found: dict[str, RecordedTruth] = {}
     for path in sorted(folder.glob("*_truth.json")):
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -43,12 +43,12 @@ def read_truths(folder: Path) -> dict[str, Truth]:
     return found
 
 
-def truth_for(log: Path, truths: Mapping[str, Truth]) -> Truth | None:
+def truth_for(log: Path, truths: Mapping[str, RecordedTruth]) -> RecordedTruth | None:
     """Return the truth of a log; an autopilot's own log shares that of the telemetry log with its name."""
     return truths.get(log.name) if log.suffix.lower() == ".tlog" else truths.get(log.stem)
 
 
-def _truth(row: Mapping[str, Any], *, on_board: bool) -> Truth:
+def _truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
     """Read one; the autopilots' own logs count from the vehicle's boot."""
     events = tuple(
         Happened(_when(event, on_board=on_board), str(event["what"])) for event in row["events"]
@@ -56,12 +56,12 @@ def _truth(row: Mapping[str, Any], *, on_board: bool) -> Truth:
     kind = KINDS.get(row["kind"])
     if kind is FaultKind.LINK and row.get("vehicle_silent") and not on_board:
         silent = row["vehicle_silent"][0]
-        return Truth(kind, silent["from_usec"], silent["to_usec"], events)
+        return RecordedTruth(kind, silent["from_usec"], silent["to_usec"], events)
     injected = [event for event in events if not _ROUTINE.search(event.what.split("(")[0])]
     over = [event for event in events if _ENDS.search(event.what.split("(")[0])]
     if on_board and kind is FaultKind.LINK:
         kind = None  # the vehicle's own log knows nothing of it
-    return Truth(
+    return RecordedTruth(
         kind,
         injected[0].t_usec if injected and kind is not None else None,
         over[0].t_usec if over else None,

@@ -22,7 +22,7 @@ from executor.core.limits import Limits
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, SystemStatus
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
-from executor.replay.result import Declaration, Impaired, LogReplay, Sample, Trace, VehicleReplay
+from executor.replay.result import Declaration, Impaired, LogReplay, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
 from executor.site.config import Site
 from missions import Dialect, LocalFrame, dialect_for
@@ -60,7 +60,7 @@ SAME, ALIKE = 0.003, 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class ReplayRules:
     """By what a log is judged."""
 
     limits: Limits = field(default_factory=lambda: Limits(link_stale_s=LINK_STALE_S))
@@ -69,12 +69,12 @@ class Rules:
     site: Site | None = None
 
 
-def rules_of(site: Site | None) -> Rules:
+def rules_of(site: Site | None) -> ReplayRules:
     """Return the rules of a site, or those without one."""
-    return Rules() if site is None else Rules(limits=assembly.limits_of(site), site=site)
+    return ReplayRules() if site is None else ReplayRules(limits=assembly.limits_of(site), site=site)
 
 
-def replay(file: RecordedFile, path: Path, rules: Rules, *, on_board: bool = False) -> LogReplay:
+def replay(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool = False) -> LogReplay:
     """Replay one log.
 
     Args:
@@ -95,7 +95,7 @@ _TICK = Tick()
 class _Player:
     """Feeds records and ticks to the passive core; owns the time."""
 
-    def __init__(self, rules: Rules, file: RecordedFile, *, on_board: bool) -> None:
+    def __init__(self, rules: ReplayRules, file: RecordedFile, *, on_board: bool) -> None:
         self._rules, self._file, self._on_board = rules, file, on_board
         self._scene = _empty_scene(rules)
         self._state = passive.begun(())
@@ -311,7 +311,7 @@ def _drains(vehicle: VehicleState) -> bool:
     return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
 
 
-def _empty_scene(rules: Rules) -> Scene:
+def _empty_scene(rules: ReplayRules) -> Scene:
     site = rules.site
     drone = PRESETS["mavic3"] if site is None else assembly.drone_of(site)
     return Scene(
@@ -327,7 +327,7 @@ def _empty_scene(rules: Rules) -> Scene:
     )
 
 
-def _setup(rules: Rules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
+def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
     """Return what is known of a vehicle without its plan."""
     site = rules.site
     table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
@@ -344,11 +344,11 @@ def _setup(rules: Rules, system: int, dialect: Dialect, *, on_board: bool) -> Ve
     )
 
 
-def sampled(scene: Scene, vehicle: VehicleState, at_s: float) -> Sample:
+def sampled(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
     """Return what a picture shows of a vehicle at one moment."""
     estimate = vehicle.battery.estimate
     ahead = projection.at_landing(scene, vehicle, scene.vehicles[vehicle.name])
-    return Sample(
+    return ReplaySample(
         at_s=at_s,
         remaining_pct=vehicle.battery.remaining_pct,
         estimate_pct=None if estimate is None else estimate.remaining_pct,

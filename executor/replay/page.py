@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
-from executor.replay.result import LogReplay, Truth
+from executor.replay.result import LogReplay, RecordedTruth
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -19,7 +19,7 @@ h2 { font-size: 1.15rem; margin-top: 2rem; }
 """
 
 
-def write_replay_page(replay: LogReplay, truth: Truth | None, picture: Path, path: Path) -> None:
+def write_replay_page(replay: LogReplay, truth: RecordedTruth | None, picture: Path, path: Path) -> None:
     """Write the page; the picture goes into it."""
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8>",

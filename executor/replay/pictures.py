@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from executor.analysis.pictures.style import DPI, FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
 from executor.core.vehicle import FaultKind
-from executor.replay.result import LogReplay, Truth, VehicleReplay
+from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 
 ROW_IN = 1.9
 BAND_SD = 2.0
@@ -24,7 +24,7 @@ LEGEND_PCT, DECLARED_PCT = -32.0, -16.0
 HEADROOM = 0.25
 
 
-def draw_replay(replay: LogReplay, truth: Truth | None, path: Path) -> None:
+def draw_replay(replay: LogReplay, truth: RecordedTruth | None, path: Path) -> None:
     """Write the timeline of a log, four rows for each vehicle."""
     count = max(1, len(replay.vehicles))
     figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(ROWS) * count + 1.0), facecolor=PAPER)
@@ -82,7 +82,9 @@ def _vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour
         row.axvspan(since, until, color=KIND_COLOURS[one.kind], alpha=0.12, linewidth=0)
 
 
-def _moments(replay: LogReplay, vehicle: VehicleReplay, truth: Truth | None, axis: Axes, *, named: bool) -> None:
+def _moments(
+    replay: LogReplay, vehicle: VehicleReplay, truth: RecordedTruth | None, axis: Axes, *, named: bool
+) -> None:
     known = () if truth is None else truth.events
     for happened in known:
         at_s = (happened.t_usec - replay.began_usec) / 1e6

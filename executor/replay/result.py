@@ -13,7 +13,7 @@ MOST_SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class ReplaySample:
     """One moment of a vehicle, for pictures."""
 
     at_s: float
@@ -33,10 +33,10 @@ class Sample:
 class Trace:
     """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
 
-    samples: list[Sample] = field(default_factory=list)
+    samples: list[ReplaySample] = field(default_factory=list)
     every_s: float = TRACE_S
 
-    def add(self, sample: Sample) -> None:
+    def add(self, sample: ReplaySample) -> None:
         """Take a sample, unless the last one is young."""
         if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
             return
@@ -78,7 +78,7 @@ class VehicleReplay:
     degraded: tuple[Impaired, ...]
     flown_s: float
     """Armed."""
-    samples: tuple[Sample, ...]
+    samples: tuple[ReplaySample, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Happened:
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class RecordedTruth:
     """What is known of a recorded flight."""
 
     kind: FaultKind | None

@@ -15,9 +15,9 @@ from executor.core.vehicle import FaultKind
 from executor.errors import LogError
 from executor.replay.baseline_detector import PERCENT, FewLines
 from executor.replay.ground_truth import read_truths, truth_for
-from executor.replay.logs import Rules, replay
+from executor.replay.logs import ReplayRules, replay
 from executor.replay.open_log import open_log
-from executor.replay.result import LogReplay, Truth
+from executor.replay.result import LogReplay, RecordedTruth
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -60,7 +60,7 @@ class Score:
     flown_s: float
 
 
-def score(found: LogReplay, truth: Truth) -> Score:
+def score(found: LogReplay, truth: RecordedTruth) -> Score:
     """Hold what was declared in a log against the truth: the first declaration after the fault must be its kind."""
     declared = sorted(
         ((one.t_usec, one.kind) for vehicle in found.vehicles for one in vehicle.declarations),
@@ -69,7 +69,7 @@ def score(found: LogReplay, truth: Truth) -> Score:
     return _scored(declared, truth, sum(vehicle.flown_s for vehicle in found.vehicles))
 
 
-def _scored(declared: Sequence[tuple[int, FaultKind]], truth: Truth, flown_s: float) -> Score:
+def _scored(declared: Sequence[tuple[int, FaultKind]], truth: RecordedTruth, flown_s: float) -> Score:
     if truth.kind is None or truth.fault_usec is None:
         return Score(len(declared), None, 0, flown_s)
     before = sum(usec < truth.fault_usec for usec, _ in declared)
@@ -101,7 +101,7 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     return declared, flown_usec / 1e6
 
 
-def sweep(paths: Sequence[Path], rules: Rules) -> list[Point]:
+def sweep(paths: Sequence[Path], rules: ReplayRules) -> list[Point]:
     """Replay all logs that have a truth with every value of every threshold.
 
     Raises:
@@ -127,12 +127,12 @@ def sweep(paths: Sequence[Path], rules: Rules) -> list[Point]:
     return points
 
 
-def _few(path: Path, truth: Truth) -> tuple[list[tuple[int, FaultKind]], Truth, float]:
+def _few(path: Path, truth: RecordedTruth) -> tuple[list[tuple[int, FaultKind]], RecordedTruth, float]:
     declared, flown_s = few_lines(path)
     return declared, truth, flown_s
 
 
-def _replayed(path: Path, rules: Rules) -> LogReplay:
+def _replayed(path: Path, rules: ReplayRules) -> LogReplay:
     opened = open_log(path)
     return replay(opened.file, path, rules, on_board=opened.on_board)
 
@@ -151,7 +151,7 @@ def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Po
     )
 
 
-def print_tuning(paths: Sequence[Path], rules: Rules, output: Path | None, *, as_json: bool) -> None:
+def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None, *, as_json: bool) -> None:
     """Sweep, print, and draw the picture where a folder for it is given."""
     points = sweep(paths, rules)
     if output is not None:

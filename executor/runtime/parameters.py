@@ -10,7 +10,16 @@ from dataclasses import dataclass, replace
 from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequest
 from executor.core.ports import Clock, Link
 from executor.core.preflight.checks import AUTOPILOT_NUMBERS
-from executor.core.preflight.parameters import Change, Found, Kept, Stage, first_names, found, newer_names, number
+from executor.core.preflight.parameters import (
+    Change,
+    ChangeStage,
+    FoundParameters,
+    Kept,
+    first_names,
+    found,
+    newer_names,
+    number,
+)
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
 from missions import Dialect
@@ -149,12 +158,12 @@ async def _in_rounds(link: Link, clock: Clock, kept: Sequence[Kept], watch: _Wat
         for name, value in said.items():
             one = waiting[name]
             what = found(one, value.value)
-            if what is Found.OTHER:
-                ended[name] = replace(waiting.pop(name), stage=Stage.LEFT)
+            if what is FoundParameters.OTHER:
+                ended[name] = replace(waiting.pop(name), stage=ChangeStage.LEFT)
                 problems.append(f"{name} is {number(value.value)}, which somebody set since: left as it is")
-            elif what is Found.OLD and turn:
-                ended[name] = replace(waiting.pop(name), stage=Stage.RESTORED)
-            elif what is Found.OURS:
+            elif what is FoundParameters.OLD and turn:
+                ended[name] = replace(waiting.pop(name), stage=ChangeStage.RESTORED)
+            elif what is FoundParameters.OURS:
                 if not watch.rests:
                     return _ended(kept, ended, [*problems, "was armed meanwhile"])
                 await procedures.set_parameter(link, clock, name, one.old, value.kind)

@@ -12,10 +12,10 @@ from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet
 from executor.core.ports import Clock, Link
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import Download
+from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, TimedOut
 from executor.protocols.params import Parameter
-from executor.protocols.upload import Upload
+from executor.protocols.upload import UploadDialogue
 from executor.runtime.dialogue import converse
 from missions import Dialect, MissionItem, StartStep, differences
 
@@ -103,7 +103,7 @@ async def put_on_board(
             if not upload.begun or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
-        download = await converse(Download(), link, clock)
+        download = await converse(DownloadDialogue(), link, clock)
         if not isinstance(download.outcome, Accepted):
             reason = reason_of(download.outcome)
             continue
@@ -116,14 +116,14 @@ async def put_on_board(
 
 async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | None:
     """Read the mission on board; None if it does not let it be read."""
-    download = await converse(Download(), link, clock)
+    download = await converse(DownloadDialogue(), link, clock)
     return download.items if isinstance(download.outcome, Accepted) else None
 
 
-async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> Upload:
+async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> UploadDialogue:
     """Upload a mission once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await converse(Upload(items, silence_s, dialect.upload_warnings), link, clock)
+    return await converse(UploadDialogue(items, silence_s, dialect.upload_warnings), link, clock)
 
 
 async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:

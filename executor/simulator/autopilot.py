@@ -14,7 +14,7 @@ from executor.simulator import telemetry
 from executor.simulator.airframe import Airframe, Manners
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.enums import MavCommand, Result, Severity
-from executor.simulator.faults import FaultKind
+from executor.simulator.faults import InjectionKind
 from executor.simulator.guidance import Hover, Leg, stopping_place
 from executor.simulator.messages import (
     Body,
@@ -152,28 +152,28 @@ class Autopilot(ABC):
         there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
         self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
 
-    def befalls(self, kind: FaultKind, word: str) -> None:
+    def befalls(self, kind: InjectionKind, word: str) -> None:
         """Suffer what people, fences, batteries and estimators do."""
         match kind:
-            case FaultKind.PILOT:
+            case InjectionKind.PILOT:
                 self.taken(word)
-            case FaultKind.STICKS:
+            case InjectionKind.STICKS:
                 self._sticks_moved()
-            case FaultKind.KILL:
+            case InjectionKind.KILL:
                 self.frame.happened("kill")
                 self._on_kill()
                 self.frame.kill()
-            case FaultKind.DISARM if self.frame.body.on_ground:
+            case InjectionKind.DISARM if self.frame.body.on_ground:
                 self.frame.happened("pilot DISARM")
                 self.frame.disarm()
-            case FaultKind.WRECK:
+            case InjectionKind.WRECK:
                 self.frame.wreck()
-            case FaultKind.FENCE:
+            case InjectionKind.FENCE:
                 self.frame.happened("failsafe fence")
                 self._on_breach()
-            case FaultKind.EMERGENCY:
+            case InjectionKind.EMERGENCY:
                 self._on_emergency(self.mode_of(word or "LAND"))
-            case FaultKind.EKF:
+            case InjectionKind.EKF:
                 self.frame.happened("failsafe ekf")
                 self._on_lost_estimate()
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.simulator.errors import EndpointError, FaultSpecError, FleetError
-from executor.simulator.faults import ALL_VEHICLES, Fault, check_modes
+from executor.simulator.faults import ALL_VEHICLES, Injection, check_modes
 from planner.energy import PRESETS, Drone
 
 LOOPBACK = "127.0.0.1"
@@ -132,7 +132,7 @@ class SimFleet:
 
     vehicles: tuple[SimVehicle, ...]
     speedup: float = 1.0
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Injection, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that the vehicles can be told apart and the faults find theirs.

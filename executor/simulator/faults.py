@@ -13,7 +13,7 @@ ALL_VEHICLES = "all"
 DOWN = "-down"
 
 
-class FaultKind(Enum):
+class InjectionKind(Enum):
     """What goes wrong."""
 
     SILENT = "silent"
@@ -87,37 +87,37 @@ def _mode(what: str) -> _Rule:
 
 
 _SHARE = _Rule("a share from 0 to 1", high=1.0)
-_RULES: dict[FaultKind, _Rule | None] = {
-    FaultKind.SILENT: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
-    FaultKind.BATTERY_STEP: _Rule("points of charge from 0 to 100", high=100.0),
-    FaultKind.DRAIN: _Rule("a factor of 0 or more"),
-    FaultKind.CRASH: None,
-    FaultKind.REBOOT: _Rule("pad, or nothing", required=False, words=frozenset({"pad"})),
-    FaultKind.REFUSE_UPLOAD: None,
-    FaultKind.HALF_UPLOAD: None,
-    FaultKind.LOSS: _SHARE,
-    FaultKind.DELAY: _Rule("seconds", seconds=True),
-    FaultKind.DUPLICATE: _SHARE,
-    FaultKind.REORDER: _SHARE,
-    FaultKind.PILOT: _mode("a mode"),
-    FaultKind.STATION: _mode("a mode"),
-    FaultKind.STICKS: None,
-    FaultKind.KILL: None,
-    FaultKind.DISARM: None,
-    FaultKind.WRECK: None,
-    FaultKind.FENCE: None,
-    FaultKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
-    FaultKind.EKF: None,
+_RULES: dict[InjectionKind, _Rule | None] = {
+    InjectionKind.SILENT: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
+    InjectionKind.BATTERY_STEP: _Rule("points of charge from 0 to 100", high=100.0),
+    InjectionKind.DRAIN: _Rule("a factor of 0 or more"),
+    InjectionKind.CRASH: None,
+    InjectionKind.REBOOT: _Rule("pad, or nothing", required=False, words=frozenset({"pad"})),
+    InjectionKind.REFUSE_UPLOAD: None,
+    InjectionKind.HALF_UPLOAD: None,
+    InjectionKind.LOSS: _SHARE,
+    InjectionKind.DELAY: _Rule("seconds", seconds=True),
+    InjectionKind.DUPLICATE: _SHARE,
+    InjectionKind.REORDER: _SHARE,
+    InjectionKind.PILOT: _mode("a mode"),
+    InjectionKind.STATION: _mode("a mode"),
+    InjectionKind.STICKS: None,
+    InjectionKind.KILL: None,
+    InjectionKind.DISARM: None,
+    InjectionKind.WRECK: None,
+    InjectionKind.FENCE: None,
+    InjectionKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
+    InjectionKind.EKF: None,
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class Injection:
     """One fault of one vehicle, or of all; exactly one of ``after_s``, ``share`` and ``height_m`` is given."""
 
     vehicle: str
     """A vehicle's name, or ``all``."""
-    kind: FaultKind
+    kind: InjectionKind
     value: float | None = None
     after_s: float | None = None
     """Simulated seconds after the vehicle began its mission; 0 is from the beginning, before any mission."""
@@ -133,7 +133,7 @@ class Fault:
     @property
     def spec(self) -> str:
         """The fault in the grammar that ``parse_fault`` reads."""
-        unit = "s" if self.kind is FaultKind.SILENT else ""
+        unit = "s" if self.kind is InjectionKind.SILENT else ""
         value = f"={self.word}" if self.word else "" if self.value is None else f"={self.value:g}{unit}"
         return f"{self.vehicle}:{self.kind.value}{value}@{self._when}"
 
@@ -146,7 +146,7 @@ class Fault:
         return f"{100 * (self.share or 0.0):g}%"
 
 
-def parse_fault(text: str) -> Fault:
+def parse_fault(text: str) -> Injection:
     """Read ``VEHICLE:KIND[=VALUE]@WHEN``, WHEN being ``300s``, ``40%``, ``2.5m`` on its way up or ``20m-down``.
 
     Raises:
@@ -162,16 +162,16 @@ down=False, word='')
         raise FaultSpecError(f"fault {text!r}: expected VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40%")
     name, equals, raw = what.partition("=")
     try:
-        kind = FaultKind(name.strip())
+        kind = InjectionKind(name.strip())
     except ValueError:
-        kinds = ", ".join(kind.value for kind in FaultKind)
+        kinds = ", ".join(kind.value for kind in InjectionKind)
         raise FaultSpecError(f"fault {text!r}: unknown kind {name.strip()!r}, expected one of {kinds}") from None
     value = _parse_value(text, kind, raw.strip() if equals else None)
     number, word = (None, value) if isinstance(value, str) else (value, "")
-    return _parse_when(text, when.strip(), Fault(vehicle.strip(), kind, number, word=word))
+    return _parse_when(text, when.strip(), Injection(vehicle.strip(), kind, number, word=word))
 
 
-def _parse_value(text: str, kind: FaultKind, raw: str | None) -> float | str | None:
+def _parse_value(text: str, kind: InjectionKind, raw: str | None) -> float | str | None:
     rule = _RULES[kind]
     if rule is None:
         if raw is not None:
@@ -189,7 +189,7 @@ def _parse_value(text: str, kind: FaultKind, raw: str | None) -> float | str | N
     return value
 
 
-def _parse_when(text: str, when: str, fault: Fault) -> Fault:
+def _parse_when(text: str, when: str, fault: Injection) -> Injection:
     """Return the fault at seconds after the mission's start, a share of the route, or a height."""
     value = _number(when.removesuffix(DOWN)[:-1])
     if value is not None and value >= 0:
@@ -213,13 +213,13 @@ def _number(raw: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def check_modes(fault: Fault, vehicle: str, autopilot: str) -> None:
+def check_modes(fault: Injection, vehicle: str, autopilot: str) -> None:
     """Refuse a mode that a vehicle does not have.
 
     Raises:
         FaultSpecError: with the modes that it has.
     """
-    if fault.kind not in {FaultKind.PILOT, FaultKind.STATION} or fault.vehicle not in {vehicle, ALL_VEHICLES}:
+    if fault.kind not in {InjectionKind.PILOT, InjectionKind.STATION} or fault.vehicle not in {vehicle, ALL_VEHICLES}:
         return
     modes = PILOT_MODES[autopilot]
     if fault.word not in modes:
@@ -227,13 +227,13 @@ def check_modes(fault: Fault, vehicle: str, autopilot: str) -> None:
         raise FaultSpecError(f"fault {fault.spec!r}: {vehicle} has no mode {fault.word}, expected one of {known}")
 
 
-def faults_of(faults: Iterable[Fault], vehicle: str) -> tuple[Fault, ...]:
+def faults_of(faults: Iterable[Injection], vehicle: str) -> tuple[Injection, ...]:
     """Return the faults that befall ``vehicle``."""
     return tuple(fault for fault in faults if fault.vehicle in {ALL_VEHICLES, vehicle})
 
 
 def is_due(
-    fault: Fault, mission_s: float | None, flown_share: float | None, up_m: float = 0.0, highest_m: float = 0.0
+    fault: Injection, mission_s: float | None, flown_share: float | None, up_m: float = 0.0, highest_m: float = 0.0
 ) -> bool:
     """Return whether the fault's time has come.
 

@@ -11,7 +11,7 @@ from executor.simulator.ardupilot import ArduPilot
 from executor.simulator.autopilot import STEP_S, Autopilot
 from executor.simulator.channel import Channel, LinkCondition
 from executor.simulator.config import AutopilotKind, SimVehicle
-from executor.simulator.faults import Fault, FaultKind, faults_of, is_due
+from executor.simulator.faults import Injection, InjectionKind, faults_of, is_due
 from executor.simulator.messages import Heartbeat, Peer, Received, out
 from executor.simulator.mission_store import UploadFault
 from executor.simulator.px4 import Px4
@@ -21,10 +21,10 @@ from executor.simulator.wire import Codec
 STATION = Peer(254, 190)
 """Another ground station."""
 LINK_FIELDS = {
-    FaultKind.LOSS: "loss",
-    FaultKind.DELAY: "delay_s",
-    FaultKind.DUPLICATE: "duplicate",
-    FaultKind.REORDER: "reorder",
+    InjectionKind.LOSS: "loss",
+    InjectionKind.DELAY: "delay_s",
+    InjectionKind.DUPLICATE: "duplicate",
+    InjectionKind.REORDER: "reorder",
 }
 
 
@@ -36,7 +36,7 @@ def make_autopilot(vehicle: SimVehicle) -> Autopilot:
 class SimulatedVehicle:
     """An autopilot behind a link that may be bad; all times are simulated seconds."""
 
-    def __init__(self, vehicle: SimVehicle, faults: Iterable[Fault] = ()) -> None:
+    def __init__(self, vehicle: SimVehicle, faults: Iterable[Injection] = ()) -> None:
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
         self._codec = Codec(
@@ -117,29 +117,29 @@ class SimulatedVehicle:
             for fault in due:
                 self.befall(fault)
 
-    def befall(self, fault: Fault) -> None:
+    def befall(self, fault: Injection) -> None:
         """Suffer a fault now, whenever it was ordered for."""
         self.autopilot.frame.happened(f"fault {fault.spec}")
         self._apply(fault.kind, fault.value or 0.0, fault.word)
 
-    def _apply(self, kind: FaultKind, value: float, word: str) -> None:
+    def _apply(self, kind: InjectionKind, value: float, word: str) -> None:
         condition, frame = self._condition, self.autopilot.frame
         match kind:
-            case FaultKind.SILENT:
+            case InjectionKind.SILENT:
                 condition.silent_until_s = self._now_s + (value or math.inf)
-            case FaultKind.BATTERY_STEP:
+            case InjectionKind.BATTERY_STEP:
                 frame.battery.lose(value)
-            case FaultKind.DRAIN:
+            case InjectionKind.DRAIN:
                 frame.battery.drain_factor = value
-            case FaultKind.CRASH:
+            case InjectionKind.CRASH:
                 frame.lose_thrust()
-            case FaultKind.REBOOT:
+            case InjectionKind.REBOOT:
                 self.autopilot.reboot(on_pad=word == "pad")
-            case FaultKind.STATION:
+            case InjectionKind.STATION:
                 self._called(word)
-            case FaultKind.REFUSE_UPLOAD:
+            case InjectionKind.REFUSE_UPLOAD:
                 self.autopilot.store.fault = UploadFault.REFUSE
-            case FaultKind.HALF_UPLOAD:
+            case InjectionKind.HALF_UPLOAD:
                 self.autopilot.store.fault = UploadFault.HALF
             case _ if kind in LINK_FIELDS:
                 setattr(condition, LINK_FIELDS[kind], value)

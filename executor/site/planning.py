@@ -45,7 +45,7 @@ SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
 
-class Solver(Enum):
+class PlanSolver(Enum):
     """Who plans."""
 
     SEARCH = "search"
@@ -62,7 +62,7 @@ class Wanted:
     seconds: float
     """The solver's time."""
     seed: int
-    solver: Solver = Solver.SEARCH
+    solver: PlanSolver = PlanSolver.SEARCH
     all_vehicles: bool = False
     """Keep no vehicle on the ground."""
     stretch: float = 0.1
@@ -76,7 +76,7 @@ class Wanted:
         Raises:
             PlanFileError: the window is asked of a solver that does not know it.
         """
-        if self.cost is None and self.solver is not Solver.SEARCH:
+        if self.cost is None and self.solver is not PlanSolver.SEARCH:
             raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
 
     @property
@@ -154,16 +154,16 @@ def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
 def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callable[[Progress], None] | None) -> Result:
     limit = Seconds(wanted.seconds)
     match wanted.solver:
-        case Solver.GRASP:
+        case PlanSolver.GRASP:
             return grasp(
                 instance, cost=cost, stop=limit, seed=wanted.seed, all_vehicles=wanted.all_vehicles,
                 on_progress=on_progress,
             )  # fmt: skip
-        case Solver.EXACT:
+        case PlanSolver.EXACT:
             return solve_exact(
                 instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, on_progress=on_progress
             )
-        case Solver.SEARCH:
+        case PlanSolver.SEARCH:
             return solve(
                 instance, cost=cost, stop=_settled(wanted.seconds), seed=wanted.seed, starts=wanted.threads,
                 all_vehicles=wanted.all_vehicles, on_progress=on_progress,
@@ -295,7 +295,7 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     left = remaining(task.instance, plan.plan, names.index(lost), at_s)
     result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
     reduced = Task(left.instance, left.open_segments)
-    solved = Solved(solver=Solver.SEARCH.value, seed=seed, seconds=result.seconds)
+    solved = Solved(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
     content = make_plan_file(
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
     )

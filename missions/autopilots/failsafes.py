@@ -40,7 +40,7 @@ class GroundStationFailsafe:
     """Parameter, by its newest name first: whose heartbeats count; empty if anybody's do."""
 
 
-class Charge(Enum):
+class ThresholdUnit(Enum):
     """What a battery threshold counts."""
 
     SHARE = "share"
@@ -59,7 +59,7 @@ class BatteryLevel:
     actions: Words
     threshold: str
     """Parameter: the charge below which it is done; 0 is never."""
-    unit: Charge
+    unit: ThresholdUnit
     voltage: str | None
     """Parameter: volts below which it is done too; None if the autopilot has none, 0 is never."""
 
@@ -120,8 +120,8 @@ ARDUPILOT_LINK = GroundStationFailsafe(
 )
 ARDUPILOT_BATTERY = BatteryFailsafe(
     levels=(
-        BatteryLevel("low", "BATT_FS_LOW_ACT", _ARDUPILOT_LOW, "BATT_LOW_MAH", Charge.MAH, "BATT_LOW_VOLT"),
-        BatteryLevel("critical", "BATT_FS_CRT_ACT", _ARDUPILOT_LOW, "BATT_CRT_MAH", Charge.MAH, "BATT_CRT_VOLT"),
+        BatteryLevel("low", "BATT_FS_LOW_ACT", _ARDUPILOT_LOW, "BATT_LOW_MAH", ThresholdUnit.MAH, "BATT_LOW_VOLT"),
+        BatteryLevel("critical", "BATT_FS_CRT_ACT", _ARDUPILOT_LOW, "BATT_CRT_MAH", ThresholdUnit.MAH, "BATT_CRT_VOLT"),
     ),
     capacity="BATT_CAPACITY",
 )
@@ -149,10 +149,20 @@ _PX4_LOW = "COM_LOW_BAT_ACT"
 PX4_BATTERY = BatteryFailsafe(
     levels=(  # failsafe.cpp: the low level only warns; 3 is 'return, and land in an emergency'
         BatteryLevel(
-            "critical", _PX4_LOW, ((1, "returns"), (2, "lands"), (3, "returns")), "BAT_CRIT_THR", Charge.SHARE, None
+            "critical",
+            _PX4_LOW,
+            ((1, "returns"), (2, "lands"), (3, "returns")),
+            "BAT_CRIT_THR",
+            ThresholdUnit.SHARE,
+            None,
         ),
         BatteryLevel(
-            "emergency", _PX4_LOW, ((1, "returns"), (2, "lands"), (3, "lands")), "BAT_EMERGEN_THR", Charge.SHARE, None
+            "emergency",
+            _PX4_LOW,
+            ((1, "returns"), (2, "lands"), (3, "lands")),
+            "BAT_EMERGEN_THR",
+            ThresholdUnit.SHARE,
+            None,
         ),
     ),
     capacity=None,

@@ -9,7 +9,7 @@ from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Probl
 from planner.kernels.chance import below, uniform
 from planner.kernels.compiled import inner
 from planner.kernels.insertion import cheapest_place
-from planner.kernels.loss import CLOCK, Clock
+from planner.kernels.loss import CLOCK, LossClock
 from planner.kernels.repair import DESK, Desk
 from planner.kernels.ruin import position_of, remove_strings
 from planner.kernels.tours import insert
@@ -78,7 +78,7 @@ def insert_within_budget(problem: Problem, base: State, segment: int, blink: flo
 
 
 @inner(nb.int64(STATE, CLOCK, nb.float64, nb.float64, RANDOM))
-def segment_to_change(base: State, clock: Clock, until_s: float, early: float, rng: RandomState) -> int:
+def segment_to_change(base: State, clock: LossClock, until_s: float, early: float, rng: RandomState) -> int:
     """Return a segment at random, ``early`` of all times one whose visit begins before a time."""
     segment = below(rng, len(base.route_of))
     if uniform(rng) >= early:
@@ -111,7 +111,7 @@ def reinsert(problem: Problem, base: State, desk: Desk, segment: int, rng: Rando
 
 @inner(nb.boolean(PROBLEM, STATE, CLOCK, nb.float64, nb.float64, DESK, RANDOM))
 def change(
-    problem: Problem, base: State, clock: Clock, until_s: float, early: float, desk: Desk, rng: RandomState
+    problem: Problem, base: State, clock: LossClock, until_s: float, early: float, desk: Desk, rng: RandomState
 ) -> bool:
     """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
     touched = desk.touched

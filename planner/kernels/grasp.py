@@ -26,7 +26,7 @@ from planner.kernels.chance import below, uniform
 from planner.kernels.tours import copy_route, insert, measure
 
 
-class Walk(NamedTuple):
+class GraspWalk(NamedTuple):
     """One run of the local search, between two rounds."""
 
     current: State
@@ -47,7 +47,7 @@ class Walk(NamedTuple):
     """(m, k): the lengths of their routes."""
 
 
-WALK = nb.types.NamedTuple((STATE, STATE, STATE, FLOATS, INTS, INTS, INT_TABLE, INT_TABLE), Walk)
+WALK = nb.types.NamedTuple((STATE, STATE, STATE, FLOATS, INTS, INTS, INT_TABLE, INT_TABLE), GraspWalk)
 _PAIR = nb.types.UniTuple(nb.int64, 2)
 
 
@@ -275,7 +275,7 @@ def construct(problem: Problem, weights: Weights, state: State, rng: RandomState
 
 
 @nb.njit(nb.boolean(WALK), cache=True)
-def trial_is_tabu(walk: Walk) -> bool:
+def trial_is_tabu(walk: GraspWalk) -> bool:
     """Return whether ``trial`` is in the tabu list."""
     for entry in range(min(walk.counts[0], len(walk.tabu_visits))):
         same = True
@@ -298,7 +298,7 @@ def trial_is_tabu(walk: Walk) -> bool:
 
 
 @nb.njit(nb.void(WALK), cache=True)
-def forbid_current(walk: Walk) -> None:
+def forbid_current(walk: GraspWalk) -> None:
     """Enter ``current`` in the tabu list, in the place of its oldest entry if it is full."""
     entry = walk.counts[0] % len(walk.tabu_visits)
     place = 0
@@ -322,7 +322,9 @@ def draw(scores: IntArray, rng: RandomState) -> int:
 
 
 @nb.njit(_PAIR(PROBLEM, WEIGHTS, WALK, nb.int64, RANDOM), cache=True)
-def best_of_neighbours(problem: Problem, weights: Weights, walk: Walk, draws: int, rng: RandomState) -> tuple[int, int]:
+def best_of_neighbours(
+    problem: Problem, weights: Weights, walk: GraspWalk, draws: int, rng: RandomState
+) -> tuple[int, int]:
     """Move ``current`` to the first neighbour drawn that is not tabu, then to each that is better than the last.
 
     Returns:
@@ -354,7 +356,7 @@ def best_of_neighbours(problem: Problem, weights: Weights, walk: Walk, draws: in
 
 
 @nb.njit(nb.int64(PROBLEM, WEIGHTS, WALK, nb.int64, nb.int64, RANDOM), cache=True)
-def improve(problem: Problem, weights: Weights, walk: Walk, rounds: int, patience: int, rng: RandomState) -> int:
+def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, patience: int, rng: RandomState) -> int:
     """Run rounds of the local search; return how many, fewer than asked where ``patience`` ended the run.
 
     Args:

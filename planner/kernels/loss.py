@@ -17,7 +17,7 @@ SAME_TIME_S = 1e-9
 """As in replan.py: a visit that ends this little after the loss has ended."""
 
 
-class Timing(NamedTuple):
+class LossTiming(NamedTuple):
     """What a loss needs besides the energies of ``Problem``."""
 
     move_s: FloatArray
@@ -34,7 +34,7 @@ class Timing(NamedTuple):
     """(k,): 1 for vehicles that are in the air when the plan starts."""
 
 
-class Clock(NamedTuple):
+class LossClock(NamedTuple):
     """When and at what expense the visits of a plan end."""
 
     ends_s: FloatArray
@@ -56,13 +56,13 @@ class Loss(NamedTuple):
     """(k,): how many visits of the plan have ended."""
 
 
-TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS), Timing)
-CLOCK = nb.types.NamedTuple((TABLE, TABLE, FLOATS), Clock)
+TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS), LossTiming)
+CLOCK = nb.types.NamedTuple((TABLE, TABLE, FLOATS), LossClock)
 LOSS = nb.types.NamedTuple((PROBLEM, INTS, INTS), Loss)
 
 
 @kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64))
-def set_clock(problem: Problem, timing: Timing, base: State, clock: Clock, route: int) -> None:
+def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossClock, route: int) -> None:
     """Set times and expenses of a route that is measured."""
     length = base.lengths[route]
     if length == 0:
@@ -84,7 +84,14 @@ def set_clock(problem: Problem, timing: Timing, base: State, clock: Clock, route
 
 @inner(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS))
 def begin_loss(
-    problem: Problem, timing: Timing, base: State, clock: Clock, lost: int, at_s: float, fly_again: bool, loss: Loss
+    problem: Problem,
+    timing: LossTiming,
+    base: State,
+    clock: LossClock,
+    lost: int,
+    at_s: float,
+    fly_again: bool,
+    loss: Loss,
 ) -> None:
     """Set ``loss`` to what the loss of a vehicle at a time leaves of the plan ``base``."""
     for segment in range(len(base.route_of)):

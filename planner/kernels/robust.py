@@ -30,7 +30,7 @@ from planner.kernels.arrays import (
 from planner.kernels.chance import below, uniform
 from planner.kernels.change import change
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Clock, Loss, Timing, begin_loss, set_clock
+from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss, set_clock
 from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, copy_owners, energy, repair
 from planner.kernels.tours import copy_route, measure, orient
 from planner.kernels.window import REPAIRS, Repairs, repair_of, scan
@@ -43,11 +43,11 @@ SAME = 2
 """In place of 1, for known: as the repair that it would have followed."""
 
 
-class Walk(NamedTuple):
+class RobustWalk(NamedTuple):
     """Where a search stands: a plan, when its visits end, a repair for each of its losses at each probe."""
 
     base: State
-    clock: Clock
+    clock: LossClock
     repairs: Repairs
     """``k`` for each probe."""
     lacks: FloatArray
@@ -62,7 +62,7 @@ class Walk(NamedTuple):
     """Work space: the repairs in the order in which they are looked at."""
 
 
-class Limits(NamedTuple):
+class WalkLimits(NamedTuple):
     """What plans of a search must keep, and how it goes on."""
 
     longest_s: float
@@ -81,19 +81,19 @@ class Limits(NamedTuple):
     """How often a repair that lacks something is worked on although its loss leaves what it left before."""
 
 
-WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INT_TABLE, INT_TABLE, TABLE, INTS), Walk)
-LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, *[nb.float64] * 3), Limits)
+WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INT_TABLE, INT_TABLE, TABLE, INTS), RobustWalk)
+LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, *[nb.float64] * 3), WalkLimits)
 
 
 @kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK))
-def set_clocks(problem: Problem, timing: Timing, base: State, clock: Clock) -> None:
+def set_clocks(problem: Problem, timing: LossTiming, base: State, clock: LossClock) -> None:
     """Set times and expenses of all routes."""
     for route in range(len(base.lengths)):
         set_clock(problem, timing, base, clock, route)
 
 
 @kernel(FLOATS(STATE, CLOCK), counted=True)
-def events_of(base: State, clock: Clock) -> FloatArray:
+def events_of(base: State, clock: LossClock) -> FloatArray:
     """Return 0 and the times at which a visit ends or a vehicle lands, ascending."""
     times = np.empty(1 + len(base.lengths) + base.lengths.sum())
     times[0] = 0.0
@@ -118,7 +118,7 @@ def events_of(base: State, clock: Clock) -> FloatArray:
     counted=True,
 )
 def earliest(
-    problem: Problem, timing: Timing, base: State, clock: Clock, fly_again: bool, loss: Loss, repairs: Repairs,
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, fly_again: bool, loss: Loss, repairs: Repairs,
     desk: Desk, effort: int, rng: RandomState,
 ) -> tuple[float, float]:  # fmt: skip
     """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
@@ -144,7 +144,7 @@ def order_lacks(lacks: FloatArray, order: IntArray) -> None:
 
 
 @inner(nb.void(LOSS, WALK, nb.int64, nb.int64))
-def describe(loss: Loss, there: Walk, slot: int, lost: int) -> None:
+def describe(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
     """Note what a loss leaves: two repairs of which the same is noted are repairs of the same."""
     for segment in range(len(loss.is_open)):
         there.opened[slot, segment] = loss.is_open[segment]
@@ -160,7 +160,7 @@ def describe(loss: Loss, there: Walk, slot: int, lost: int) -> None:
 
 
 @inner(nb.boolean(WALK, WALK, nb.int64))
-def is_alike(here: Walk, there: Walk, slot: int) -> bool:
+def is_alike(here: RobustWalk, there: RobustWalk, slot: int) -> bool:
     """Return whether a loss leaves the same of both plans."""
     for route in range(len(here.base.lengths)):
         if here.begun[slot, route] != there.begun[slot, route] or here.left[slot, route] != there.left[slot, route]:
@@ -173,8 +173,8 @@ def is_alike(here: Walk, there: Walk, slot: int) -> bool:
 
 @kernel(nb.float64(PROBLEM, TIMING, WALK, WALK, LOSS, DESK, FLOATS, LIMITS, nb.float64, RANDOM))
 def assess(
-    problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, desk: Desk, probes_s: FloatArray,
-    limits: Limits, most: float, rng: RandomState,
+    problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: Desk,
+    probes_s: FloatArray, limits: WalkLimits, most: float, rng: RandomState,
 ) -> float:  # fmt: skip
     """Set the repairs of ``there`` after those of ``here`` and return what all of them lack.
 
@@ -210,7 +210,13 @@ def assess(
 
 @inner(nb.boolean(PROBLEM, TIMING, STATE, CLOCK, INTS, LIMITS, nb.float64))
 def allowed(
-    problem: Problem, timing: Timing, base: State, clock: Clock, touched: IntArray, limits: Limits, most: float
+    problem: Problem,
+    timing: LossTiming,
+    base: State,
+    clock: LossClock,
+    touched: IntArray,
+    limits: WalkLimits,
+    most: float,
 ) -> bool:
     """Measure the touched routes; return whether the plan keeps its limits and uses no more than ``most``."""
     good = True
@@ -226,7 +232,7 @@ def allowed(
 
 
 @inner(nb.void(STATE, CLOCK, STATE, CLOCK, nb.int64))
-def copy_timed(source: State, clock: Clock, target: State, target_clock: Clock, route: int) -> None:
+def copy_timed(source: State, clock: LossClock, target: State, target_clock: LossClock, route: int) -> None:
     """Copy a route with its clock; ``route_of`` is the caller's."""
     copy_route(source, target, route)
     length = source.lengths[route]
@@ -246,7 +252,7 @@ def sum_of(lacks: FloatArray) -> float:
 
 
 @kernel(nb.void(WALK, WALK))
-def take_repairs(there: Walk, here: Walk) -> None:
+def take_repairs(there: RobustWalk, here: RobustWalk) -> None:
     """Copy the repairs that were looked at, and what all lack."""
     for slot in range(len(here.lacks)):
         here.lacks[slot] = there.lacks[slot]
@@ -268,8 +274,9 @@ def take_repairs(there: Walk, here: Walk) -> None:
     )
 )  # fmt: skip
 def walk(
-    problem: Problem, timing: Timing, here: Walk, there: Walk, loss: Loss, desk: Desk, own: Desk,
-    probes_s: FloatArray, limits: Limits, temperature: FloatArray, cooling: float, iterations: int, rng: RandomState,
+    problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: Desk, own: Desk,
+    probes_s: FloatArray, limits: WalkLimits, temperature: FloatArray, cooling: float, iterations: int,
+    rng: RandomState,
 ) -> int:  # fmt: skip
     """Anneal a plan until all its losses at the probes are repaired; return the number of iterations that took.
 

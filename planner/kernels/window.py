@@ -23,7 +23,7 @@ from planner.kernels.arrays import (
     State,
 )
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Clock, Loss, Timing, begin_loss
+from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss
 from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, repair
 
 
@@ -60,8 +60,8 @@ def repair_of(repairs: Repairs, lost: int) -> State:
     nb.float64(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM)
 )
 def try_loss(
-    problem: Problem, timing: Timing, base: State, clock: Clock, lost: int, at_s: float, fly_again: bool, loss: Loss,
-    repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, lost: int, at_s: float, fly_again: bool,
+    loss: Loss, repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
 ) -> float:  # fmt: skip
     """Look for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
 
@@ -93,8 +93,8 @@ def try_loss(
     )
 )
 def scan(
-    problem: Problem, timing: Timing, base: State, clock: Clock, events_s: FloatArray, interval: int, first: int,
-    fly_again: bool, loss: Loss, repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, events_s: FloatArray, interval: int,
+    first: int, fly_again: bool, loss: Loss, repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
 ) -> tuple[int, int]:  # fmt: skip
     """Go through the intervals between events from a late to early ones; stop at the first loss without a repair.
 

@@ -9,7 +9,7 @@ import pytest
 from executor.core.messages import Heartbeat, Position, SendCommand
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import Download
+from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
 from executor.runtime import preflight, procedures
 from executor.runtime.dialogue import converse
@@ -62,7 +62,7 @@ async def test_a_mission_reads_back_as_it_was_sent_and_so_does_the_next(way: Way
             items = route(dialect, legs)
             done = await procedures.put_on_board(ground.links[ONE], ground.clock, dialect, items)
             assert done.accepted, done.reason
-            back = await converse(Download(), ground.links[ONE], ground.clock)
+            back = await converse(DownloadDialogue(), ground.links[ONE], ground.clock)
             assert isinstance(back.outcome, Accepted)
             assert differences(items, back.items, dialect) == ()
 
@@ -145,7 +145,7 @@ async def test_several_vehicles_on_one_port_get_each_its_own_mission(way: Way) -
         done = await asyncio.gather(*(one(sysid) for sysid in SEVERAL))
         assert [one.accepted for one in done] == [True] * len(SEVERAL), done
         for sysid in SEVERAL:
-            back = await converse(Download(), ground.links[sysid], ground.clock)
+            back = await converse(DownloadDialogue(), ground.links[sysid], ground.clock)
             assert len(back.items) == len(missions[sysid])
         assert [ground.links[sysid].counts.foreign for sysid in SEVERAL] == [0, 0, 0]
 

@@ -21,7 +21,7 @@ from executor.adapters.eventlog import from_plain, to_plain
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mqtt.intake import Refusal, Rules, read_intent
+from executor.adapters.mqtt.intake import IntakeRules, RefusedMessage, read_intent
 from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import Publisher
@@ -140,13 +140,13 @@ def site(data: bytes) -> None:
     assert isinstance(read, Site)
 
 
-RULES = Rules(max_age_s=10.0, token="abc")  # noqa: S106 - of nobody
+RULES = IntakeRules(max_age_s=10.0, token="abc")  # noqa: S106 - of nobody
 
 
 def mqtt(data: bytes) -> None:
     """An intent over MQTT."""
     found = read_intent(data, RULES, NOW_UNIX_S, retained=False)
-    if isinstance(found, Refusal):
+    if isinstance(found, RefusedMessage):
         assert found.reason
         assert "\n" not in found.reason
         assert len(found.reason) < 500

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from missions import FlightPath, Motion, Phase, Waypoint, estimate
-from planner import Travel, Wind
+from planner import SteadyWind, Travel
 from tests.missions.builders import FRAME
 
 TRAVEL = Travel(transit_speed_m_s=5.0, inspection_speed_m_s=1.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
@@ -49,7 +49,9 @@ def transit(*places: tuple[float, float]) -> float:
 
 
 def test_wind_costs_what_its_air_speed_does() -> None:
-    wind = Wind(3.0, 0.0, (0.0, 10.0), (0.0 + 1e-9, 1.0))  # a tenth of a percent a second for each m/s of air speed
+    wind = SteadyWind(
+        3.0, 0.0, (0.0, 10.0), (0.0 + 1e-9, 1.0)
+    )  # a tenth of a percent a second for each m/s of air speed
     path = FlightPath(
         "uav1",
         (

@@ -28,7 +28,7 @@ from missions import (
     write_plan,
 )
 from missions.readers import default_network_path
-from planner import Cost, Dynamics, Plan, Route, Travel, Vehicle, Wind
+from planner import Cost, Dynamics, Plan, Route, SteadyWind, Travel, Vehicle
 from tests.missions.builders import line_east
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
@@ -56,7 +56,7 @@ def test_figures_come_from_the_definition() -> None:
 def full(tmp_path: Path) -> tuple[Path, PlanFile]:
     """A file that uses everything: heights, an airborne worn vehicle, dynamics, wind, a window, an inspection."""
     network = read_network(default_network_path(), radius_m=500.0)
-    wind = Wind(3.0, -1.5, (0.0, 5.0, 10.0, 20.0), (0.11, 0.1, 0.13, 0.3))
+    wind = SteadyWind(3.0, -1.5, (0.0, 5.0, 10.0, 20.0), (0.11, 0.1, 0.13, 0.3))
     travel = replace(TRAVEL, dynamics=Dynamics(2.0, 0.5), wind=wind)
     vehicles = [Vehicle("uav1", (120.5, -30.25), 55.5, 1.1, airborne=True), depot_vehicle("uav2", 90.0)]
     task = open_task(network, [3, 7, 8, 20], vehicles, travel)

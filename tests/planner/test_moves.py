@@ -15,9 +15,9 @@ from planner import (
     MoveTables,
     Plan,
     Route,
+    SteadyWind,
     Travel,
     Vehicle,
-    Wind,
     build_instance,
     evaluate,
     pct_per_s,
@@ -98,7 +98,7 @@ def test_the_faster_vehicle_is_given_more() -> None:
 )
 def test_a_wind_needs_a_curve(curve: tuple[tuple[float, ...], tuple[float, ...]], expected: str) -> None:
     with pytest.raises(InstanceError, match=expected):
-        Wind(1.0, 1.0, *curve)
+        SteadyWind(1.0, 1.0, *curve)
 
 
 def test_travels_are_one_for_all_or_one_each() -> None:

@@ -7,7 +7,7 @@ import pytest
 from planner import Cost, Instance, Iterations, Plan, Route, solve
 from planner.evaluate import evaluate
 from planner.replan import remaining
-from planner.robustsearch import Found, Outer, RobustSearch, Walker
+from planner.robustsearch import FoundPlan, Outer, RobustSearch, Walker
 from planner.stop import Stopwatch
 from tests.planner.builders import fleet, random_instance
 
@@ -21,7 +21,7 @@ def walked(instance: Instance, seed: int, iterations: int) -> Walker:
         instance, Outer(Iterations(10**9), None, Stopwatch()), seed=seed, all_vehicles=False, starts=1, fly_again=True
     )
     routes = tuple(route.visits for route in plan.routes)
-    walker = search._walker(seed, Found(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))
+    walker = search._walker(seed, FoundPlan(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))
     search._cap_s = float("inf")
     search._begin_cycle(walker)
     walker.left = walker.length = 10 * iterations  # nothing may begin anew

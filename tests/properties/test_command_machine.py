@@ -19,7 +19,7 @@ from executor.core.messages import (
 )
 from executor.protocols import command, params
 from executor.protocols.command import IN_PROGRESS_S, RESULT_NAMES, CommandDialogue
-from executor.protocols.machine import Accepted, Cancelled, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
 from executor.protocols.params import Parameter
 from tests.properties.machines import Told, play, stories
 
@@ -106,7 +106,7 @@ def test_silence_ends_a_command() -> None:
 def test_a_cancelled_command_sends_nothing() -> None:
     machine, _ = arm().begin(0.0)
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (Cancelled(), ())
+    assert (ended.outcome, said) == (BrokenOff(), ())
 
 
 def test_a_parameter_that_stays_as_it_is() -> None:

@@ -17,8 +17,8 @@ from executor.core.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.download import TRIES, Download
-from executor.protocols.machine import Accepted, Cancelled, Rejected, TimedOut
+from executor.protocols.download import TRIES, DownloadDialogue
+from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
 from executor.protocols.upload import RESULT_NAMES
 from missions import MissionItem
 from tests.properties.machines import Deadline, Told, play, stories
@@ -34,12 +34,12 @@ MESSAGES: st.SearchStrategy[Message] = st.one_of(
 
 @given(story=stories(MESSAGES))
 def test_it_ends_exactly_once_whatever_comes(story: list[Told]) -> None:
-    play(Download(), story)
+    play(DownloadDialogue(), story)
 
 
 @given(story=stories(MESSAGES, cancels=False))
 def test_what_is_accepted_is_whole_and_in_order(story: list[Told]) -> None:
-    machine, sent = play(Download(), story)
+    machine, sent = play(DownloadDialogue(), story)
     if isinstance(machine.outcome, Accepted):
         assert len(machine.items) == machine.count
         assert [item.seq for item in machine.items] == list(range(len(machine.items)))
@@ -47,8 +47,8 @@ def test_what_is_accepted_is_whole_and_in_order(story: list[Told]) -> None:
         assert sent.count(SendMissionAck(0)) == 1
 
 
-def told(*messages: Message) -> tuple[Download, list[Outgoing]]:
-    machine, opening = Download().begin(0.0)
+def told(*messages: Message) -> tuple[DownloadDialogue, list[Outgoing]]:
+    machine, opening = DownloadDialogue().begin(0.0)
     sent = list(opening)
     for message in messages:
         machine, said = machine.on_message(message, 0.1)
@@ -78,13 +78,13 @@ def test_duplicates_and_strays_change_nothing() -> None:
 
 
 def test_silence_ends_it() -> None:
-    machine, sent = play(Download(), [])
+    machine, sent = play(DownloadDialogue(), [])
     assert sent == [SendMissionRequestList()] * TRIES
     assert machine.outcome == TimedOut("no answer when asked for the count")
 
 
 def test_silence_in_the_midst_names_the_item() -> None:
-    machine, _ = play(Download(), [Told(MissionCount(4), 0.1), Told(MissionItemReceived(ITEMS[0]), 0.1)])
+    machine, _ = play(DownloadDialogue(), [Told(MissionCount(4), 0.1), Told(MissionItemReceived(ITEMS[0]), 0.1)])
     assert machine.outcome == TimedOut("no answer when asked for item 1 of 4")
 
 
@@ -103,9 +103,9 @@ def test_a_refusal_is_asked_again_and_then_is_the_reason(result: int) -> None:
 def test_a_cancellation_is_told_to_the_vehicle() -> None:
     machine, _ = told(MissionCount(4))
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (Cancelled(), (SendMissionAck(15),))
+    assert (ended.outcome, said) == (BrokenOff(), (SendMissionAck(15),))
 
 
 def test_a_deadline_asks_the_open_question_again() -> None:
-    _, sent = play(Download(), [Told(MissionCount(4), 0.1), Told(Deadline(), 0.0)])
+    _, sent = play(DownloadDialogue(), [Told(MissionCount(4), 0.1), Told(Deadline(), 0.0)])
     assert sent[:3] == [SendMissionRequestList(), SendMissionRequest(0), SendMissionRequest(0)]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from executor.adapters.mqtt.outbox import Letter, Outbox, Taken
+from executor.adapters.mqtt.outbox import Letter, Outbox, UnderWay
 
 BOUND = 5
 ROWS, CELLS = ("event", "fault"), ("state/a", "state/b", "state/c", "plan")
@@ -23,7 +23,7 @@ class Post(RuleBasedStateMachine):
         self.arrived: dict[str, list[int]] = {topic: [] for topic in (*ROWS, *CELLS)}
         self.newest: dict[str, int] = {}
         self.sent: dict[str, int] = {}
-        self.under_way: list[Taken] = []
+        self.under_way: list[UnderWay] = []
 
     def letter(self, topic: str) -> Letter:
         self.count += 1

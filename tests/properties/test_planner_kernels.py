@@ -16,9 +16,9 @@ from planner import (
     Instance,
     Plan,
     Route,
+    SteadyWind,
     Travel,
     Vehicle,
-    Wind,
     build_instance,
     evaluate,
     route_energy_pct,
@@ -48,7 +48,7 @@ VEHICLES = st.builds(
 TRAVELS = st.sampled_from([
     Travel(5.0, 1.0, 0.05, 0.06),
     Travel(8.0, 2.0, 0.07, 0.05, Dynamics()),
-    Travel(5.0, 1.0, 0.05, 0.06, None, Wind(3.0, -1.0, (0.0, 4.0, 8.0, 12.0), (0.06, 0.05, 0.07, 0.2))),
+    Travel(5.0, 1.0, 0.05, 0.06, None, SteadyWind(3.0, -1.0, (0.0, 4.0, 8.0, 12.0), (0.06, 0.05, 0.07, 0.2))),
 ])  # fmt: skip
 
 

@@ -18,8 +18,8 @@ from executor.core.messages import (
     SendMissionCount,
     SendMissionItem,
 )
-from executor.protocols.machine import Accepted, Cancelled, Rejected, TimedOut
-from executor.protocols.upload import COUNT_PERIOD_S, COUNT_TRIES, REPEAT_S, RESULT_NAMES, Upload
+from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
+from executor.protocols.upload import COUNT_PERIOD_S, COUNT_TRIES, REPEAT_S, RESULT_NAMES, UploadDialogue
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from tests.properties.machines import Cancel, Told, play, stories
 
@@ -38,11 +38,11 @@ MESSAGES: st.SearchStrategy[Message] = st.one_of(
 DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
 
 
-def upload(dialect: Dialect) -> Upload:
-    return Upload(ITEMS, dialect.upload_silence_s + 1.0, dialect.upload_warnings)
+def upload(dialect: Dialect) -> UploadDialogue:
+    return UploadDialogue(ITEMS, dialect.upload_silence_s + 1.0, dialect.upload_warnings)
 
 
-def told(dialect: Dialect, *messages: Message, apart_s: float = 0.2) -> tuple[Upload, list[Outgoing]]:
+def told(dialect: Dialect, *messages: Message, apart_s: float = 0.2) -> tuple[UploadDialogue, list[Outgoing]]:
     """Return an upload that was told messages, and what it sent for them."""
     machine, _ = upload(dialect).begin(0.0)
     sent: list[Outgoing] = []
@@ -178,10 +178,10 @@ def test_the_last_item_is_repeated_while_its_acknowledgement_stays_away() -> Non
 def test_a_cancellation_is_told_to_the_vehicle() -> None:
     machine, _ = told(PX4, MissionRequest(0))
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (Cancelled(), (SendMissionAck(15),))
+    assert (ended.outcome, said) == (BrokenOff(), (SendMissionAck(15),))
 
 
 def test_a_cancelled_story_ends_cancelled() -> None:
     machine, sent = play(upload(ARDUPILOT), [Told(Cancel(), 0.1), Told(MissionRequest(0), 0.1)])
-    assert machine.outcome == Cancelled()
+    assert machine.outcome == BrokenOff()
     assert sent[-1] == SendMissionAck(15)

@@ -16,7 +16,7 @@ from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
 from executor.core.intents import Action, Outcome
 from executor.simulator.autopilot import STEP_S
-from executor.simulator.faults import FaultKind, parse_fault
+from executor.simulator.faults import InjectionKind, parse_fault
 from executor.simulator.truth import Truth
 from tests.stories.story import MISSION
 from tests.stories.world import Flown
@@ -187,9 +187,9 @@ class Judge:
         spans = []
         for one in self.happened(name, "fault "):
             fault = parse_fault(one.what.removeprefix("fault "))
-            if fault.kind is FaultKind.SILENT:
+            if fault.kind is InjectionKind.SILENT:
                 spans.append(Span(one.t_s, one.t_s + (fault.value or math.inf), "silent"))
-            if fault.kind is FaultKind.REBOOT:
+            if fault.kind is InjectionKind.REBOOT:
                 spans.append(Span(one.t_s, one.t_s + 12.0, "reboot"))
         spans += [Span(one.t_s, math.inf, "crash") for one in self.happened(name, "crash")]
         return spans
@@ -387,7 +387,7 @@ class Judge:
     def _below_reserve(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
         faults = [parse_fault(one.what.removeprefix("fault ")).kind for one in self.happened(name, "fault ")]
-        if {FaultKind.BATTERY_STEP, FaultKind.DRAIN, FaultKind.EMERGENCY} & set(faults):
+        if {InjectionKind.BATTERY_STEP, InjectionKind.DRAIN, InjectionKind.EMERGENCY} & set(faults):
             return ""
         least = min((one.charge_pct for one in self._of[name] if one.charge_pct is not None), default=100.0)
         return f"it never had less than {least:.0f} %" if least >= self.flown.reserve_pct else ""

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink import integers
 from executor.adapters.mavlink.cutter import Cutter
-from executor.adapters.mavlink.signing import Refusal, Signing
+from executor.adapters.mavlink.signing import Distrust, Signing
 from executor.adapters.mavlink.texts import Texts
 from executor.core import words
 from executor.core.hearing.plausible import plausible
@@ -85,7 +85,7 @@ class Received:
     """What else this frame brings to an end: a text whose last part never came."""
     own: bool = True
     """Whether the vehicle's autopilot says it, not another component, or a radio on the way."""
-    refused: Refusal | None = None
+    refused: Distrust | None = None
     """Why it is not believed, where frames must be signed."""
 
 
@@ -153,11 +153,11 @@ class Codec:
             first = heard.pop(0) if heard else None
             yield Received(*source, frame.get_seq(), bytes(frame.get_msgbuf()), first, tuple(heard), own)
 
-    def _refused(self, frame: Any, source: Sender) -> Refusal | None:  # noqa: ANN401
+    def _refused(self, frame: Any, source: Sender) -> Distrust | None:  # noqa: ANN401
         if self._signing is None:
             return None
         refusal = self._signing.refused(bytes(frame.get_msgbuf()), *source)
-        if refusal is Refusal.UNSIGNED and frame.get_type() == RADIO and source in (self._radios or ()):
+        if refusal is Distrust.UNSIGNED and frame.get_type() == RADIO and source in (self._radios or ()):
             return None
         return refusal
 

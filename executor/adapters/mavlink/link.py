@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import Codec, Received
-from executor.adapters.mavlink.signing import Refusal
+from executor.adapters.mavlink.signing import Distrust
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.core.messages import DoubleHeard, Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
@@ -90,7 +90,7 @@ class VehicleLink:
             self._told = (self._arrived, self._missing)
             self._hand_on(Traffic(received, max(0, missing)), component)
 
-    def refuse(self, refusal: Refusal) -> None:
+    def refuse(self, refusal: Distrust) -> None:
         """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
         self.counts.refused[refusal.value] = self.counts.refused.get(refusal.value, 0) + 1
 

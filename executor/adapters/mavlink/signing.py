@@ -22,7 +22,7 @@ NEW_STREAM_S = 60
 """A stream that was never heard may be as old as this; an older frame was recorded once and is sent again."""
 
 
-class Refusal(Enum):
+class Distrust(Enum):
     """Why a frame is not believed."""
 
     UNSIGNED = "unsigned"
@@ -56,17 +56,17 @@ class Signing:
         signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
         signing.timestamp = max(signing.timestamp, self.ticks())  # it counts on by itself
 
-    def refused(self, frame: bytes, sysid: int, compid: int) -> Refusal | None:
+    def refused(self, frame: bytes, sysid: int, compid: int) -> Distrust | None:
         """Return why a whole frame with a good checksum is not believed; None if it is."""
         if frame[0] != 0xFD or not frame[2] & SIGNED_FLAG:
-            return Refusal.UNSIGNED
+            return Distrust.UNSIGNED
         expected = hashlib.sha256(self._key + frame[:-6]).digest()[:6]
         if not hmac.compare_digest(expected, frame[-6:]):
-            return Refusal.FORGED
+            return Distrust.FORGED
         stream = (frame[-SIGNATURE_BYTES], sysid, compid)
         ticks = int.from_bytes(frame[-TIMED_BYTES:-6], "little")
         oldest = self._newest.get(stream, self.ticks() - NEW_STREAM_S * TICKS_PER_S)
         if ticks <= oldest:
-            return Refusal.REPLAYED
+            return Distrust.REPLAYED
         self._newest[stream] = ticks
         return None

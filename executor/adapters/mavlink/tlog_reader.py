@@ -76,7 +76,7 @@ def checksum(data: bytes) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class MessageKind:
     """One message that is read."""
 
     extra: int
@@ -168,19 +168,19 @@ def _never(*_: object) -> None:
 
 
 HEARTBEAT, SYSTEM, POSITION, BATTERY, STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET_MODE = 0, 1, 33, 147, 253, 76, 75, 11
-KINDS: dict[int, Kind] = {
-    HEARTBEAT: Kind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
-    SYSTEM: Kind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
-    POSITION: Kind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
-    42: Kind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
-    46: Kind(11, struct.Struct("<H"), MissionReached),
-    109: Kind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
-    BATTERY: Kind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
-    245: Kind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
-    STATUSTEXT: Kind(83, struct.Struct("<B50sHB"), _never, special=True),
-    COMMAND_LONG: Kind(152, struct.Struct("<7fHBB"), _never, special=True),
-    COMMAND_INT: Kind(158, struct.Struct("<4fiifHBB"), _never, special=True),
-    SET_MODE: Kind(89, struct.Struct("<IBB"), _never, special=True),
+KINDS: dict[int, MessageKind] = {
+    HEARTBEAT: MessageKind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
+    SYSTEM: MessageKind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
+    POSITION: MessageKind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
+    42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
+    46: MessageKind(11, struct.Struct("<H"), MissionReached),
+    109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
+    BATTERY: MessageKind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
+    245: MessageKind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
+    STATUSTEXT: MessageKind(83, struct.Struct("<B50sHB"), _never, special=True),
+    COMMAND_LONG: MessageKind(152, struct.Struct("<7fHBB"), _never, special=True),
+    COMMAND_INT: MessageKind(158, struct.Struct("<4fiifHBB"), _never, special=True),
+    SET_MODE: MessageKind(89, struct.Struct("<IBB"), _never, special=True),
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})

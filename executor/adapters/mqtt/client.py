@@ -16,7 +16,7 @@ from enum import Enum
 
 import aiomqtt
 
-from executor.adapters.mqtt.outbox import Letter, Outbox, Taken
+from executor.adapters.mqtt.outbox import Letter, Outbox, UnderWay
 from executor.core.commands import Level
 
 ANSWER_S = 5.0
@@ -185,7 +185,7 @@ class Client:
                 return
             await self._send(client, batch)
 
-    async def _send(self, client: aiomqtt.Client, batch: list[Taken]) -> None:
+    async def _send(self, client: aiomqtt.Client, batch: list[UnderWay]) -> None:
         unsent = dict(enumerate(batch))
         patience_s = ANSWER_S + sum(len(taken.letter.payload) for taken in batch) / LEAST_BYTES_PER_S
 

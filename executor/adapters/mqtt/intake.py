@@ -68,7 +68,7 @@ class _Named(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class RefusedMessage:
     """A message that is not carried out."""
 
     id: str | None
@@ -77,7 +77,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class IntakeRules:
     """What the site demands of an intent."""
 
     max_age_s: float
@@ -86,7 +86,7 @@ class Rules:
     """Why none are taken at all; empty if they are."""
 
 
-def read_intent(payload: bytes, rules: Rules, now_unix_s: float, *, retained: bool) -> Intent | Refusal:
+def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> Intent | RefusedMessage:
     """Return what a message asks for, or why it is refused; never raises.
 
     Args:
@@ -96,18 +96,18 @@ def read_intent(payload: bytes, rules: Rules, now_unix_s: float, *, retained: bo
         retained: Whether the broker had kept it for whoever comes.
     """
     if len(payload) > MOST_BYTES:
-        return Refusal(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}")
+        return RefusedMessage(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}")
     try:
         message = IntentMessage.model_validate_json(payload)
     except ValidationError as error:
-        return Refusal(_id_of(payload), _first_reason(error))
+        return RefusedMessage(_id_of(payload), _first_reason(error))
     why = _objection(message, rules, now_unix_s, retained=retained)
     if why:
-        return Refusal(message.id, why)
+        return RefusedMessage(message.id, why)
     return Intent(message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed)
 
 
-def _objection(message: IntentMessage, rules: Rules, now_unix_s: float, *, retained: bool) -> str:
+def _objection(message: IntentMessage, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> str:
     if rules.closed:
         return rules.closed
     if rules.token is not None and not hmac.compare_digest((message.token or "").encode(), rules.token.encode()):
@@ -159,11 +159,11 @@ class Intake:
 
     def __init__(
         self,
-        rules: Rules,
+        rules: IntakeRules,
         clock: Callable[[], float],
         monotonic_s: Callable[[], float],
         accept: Callable[[Intent], None],
-        refuse: Callable[[Refusal], None],
+        refuse: Callable[[RefusedMessage], None],
         say: Callable[[Level, str], None],
     ) -> None:
         """Begin with nothing.
@@ -195,7 +195,7 @@ class Intake:
         found = read_intent(payload, self._rules, self._clock(), retained=retained)
         now_s = self._monotonic_s()
         if isinstance(found, Intent) and not self._accepting.passes(now_s):
-            found = Refusal(found.id, f"expected at most {MOST_A_SECOND:g} intents a second")
+            found = RefusedMessage(found.id, f"expected at most {MOST_A_SECOND:g} intents a second")
         if isinstance(found, Intent):
             self._accept(found)
             return

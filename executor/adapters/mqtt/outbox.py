@@ -24,7 +24,7 @@ class Letter:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class UnderWay:
     """A message that is under way, and its place in the row; None for one out of a cell."""
 
     letter: Letter
@@ -66,22 +66,22 @@ class Outbox:
         self._shorten(letter.topic)
         self._ready.set()
 
-    def take(self, most: int) -> list[Taken]:
+    def take(self, most: int) -> list[UnderWay]:
         """Return what is to be sent next, at most so many; half of the places are for either kind while both wait."""
         for_cells = min(len(self._cells), max(most // 2, most - (len(self) - len(self._cells))))
-        taken: list[Taken] = []
+        taken: list[UnderWay] = []
         while len(taken) < most - for_cells:
             row = min((row for row in self._rows.values() if row), key=lambda row: row[0][0], default=None)
             if row is None:
                 break
             number, letter = row.popleft()
-            taken.append(Taken(letter, number))
-        taken.extend(Taken(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
+            taken.append(UnderWay(letter, number))
+        taken.extend(UnderWay(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
         if not len(self) and not self._closed:
             self._ready.clear()
         return taken
 
-    def give_back(self, unsent: Iterable[Taken]) -> None:
+    def give_back(self, unsent: Iterable[UnderWay]) -> None:
         """Let messages wait again that could not be sent; a newer one in their cell wins."""
         for one in reversed(list(unsent)):
             if one.number is None:

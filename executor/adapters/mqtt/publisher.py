@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 
 from executor.adapters.mqtt.client import Presence
-from executor.adapters.mqtt.intake import Refusal
+from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.payloads import (
     AcknowledgementMessage,
@@ -97,7 +97,7 @@ class Publisher:
         content = {"revision": revision, "plan": document}
         self._outbox.renew(self._letter(self._topics.fleet("plan"), PlanMessage, content, retain=True))
 
-    def refused(self, refusal: Refusal) -> None:
+    def refused(self, refusal: RefusedMessage) -> None:
         """Say that a message is not carried out."""
         self._acknowledge({"id": refusal.id, "outcome": "refused", "text": refusal.reason})
 

@@ -54,7 +54,7 @@ class Places:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class DoorLimits:
     """How much anybody may take of the server."""
 
     connections: Places = Places(64, 96, 16)
@@ -89,7 +89,7 @@ def origin_of(peer: str, own: str) -> str:
 class Door:
     """Knows all connections."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: DoorLimits) -> None:
         """Open it."""
         self.limits = limits
         self._callers: dict[Caller, str] = {}

@@ -28,7 +28,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from executor.adapters.web.door import Caller, Door, Limits
+from executor.adapters.web.door import Caller, Door, DoorLimits
 from executor.adapters.web.guard import Guard
 from executor.adapters.web.present import Describe, Now, Present
 from executor.adapters.web.stream import EventStream, Newest
@@ -121,14 +121,14 @@ class WebServer:
         submit: Submit,
         describe: Describe = fleet_view,
         mistake: Mistake = lambda *_: None,
-        limits: Limits | None = None,
+        limits: DoorLimits | None = None,
     ) -> None:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
         self._present = Present(context, now, settings.speedup, describe)
         self._submit = submit
         self._mistake = mistake
-        self._limits = limits or Limits()
+        self._limits = limits or DoorLimits()
         self._newest = Newest()
         self._started, self._ended = threading.Event(), threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 
 from starlette.types import Receive, Scope, Send
 
-from executor.adapters.web.door import Limits, origin_of
+from executor.adapters.web.door import DoorLimits, origin_of
 
 SLOW_S = 10.0
 """A browser that takes longer than this for one state is let go; it comes back by itself."""
@@ -57,10 +57,10 @@ class Newest:
 class EventStream:
     """An ASGI answer that lasts until the browser goes, or must make room for another one."""
 
-    def __init__(self, newest: Newest, limits: Limits | None = None) -> None:
+    def __init__(self, newest: Newest, limits: DoorLimits | None = None) -> None:
         """Follow a value."""
         self._newest = newest
-        self._places = (limits or Limits()).streams
+        self._places = (limits or DoorLimits()).streams
         self._replaced = asyncio.Event()
         self.sends_s: float | None = None
         """Since when a value is on its way."""

@@ -27,7 +27,7 @@ from executor.analysis.pictures.battery import (
 from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, style_of
 from missions import PlanFile
 from planner import LossRepair, ReplanWindow
-from planner.aftermath import Flown, underway
+from planner.aftermath import RouteProgress, underway
 
 SHADE = "#f3e3c3"
 LEGEND_COLUMNS = 5
@@ -75,7 +75,7 @@ def window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence[Loss
     return figure
 
 
-def _anew(content: PlanFile, repair: LossRepair) -> list[tuple[int, Flown]]:
+def _anew(content: PlanFile, repair: LossRepair) -> list[tuple[int, RouteProgress]]:
     """Return what each survivor will have done by when, from when it can follow the re-plan."""
     left = repair.remainder
     state = underway(content.instance(), content.plan).after(left, repair.plan)
@@ -85,13 +85,16 @@ def _anew(content: PlanFile, repair: LossRepair) -> list[tuple[int, Flown]]:
             continue
         whole = state.flown(place)
         since = np.flatnonzero(whole.time_s >= survivor.free_s - 1e-6)
-        part = Flown(whole.time_s[since], whole.used_pct[since], whole.airborne_s[since])
+        part = RouteProgress(whole.time_s[since], whole.used_pct[since], whole.airborne_s[since])
         lines.append((survivor.vehicle, part))
     return lines
 
 
 def _draw_lines(
-    axes: Axes, planned: Sequence[Flown], repairs: Sequence[LossRepair], anew: Sequence[list[tuple[int, Flown]]]
+    axes: Axes,
+    planned: Sequence[RouteProgress],
+    repairs: Sequence[LossRepair],
+    anew: Sequence[list[tuple[int, RouteProgress]]],
 ) -> None:
     for vehicle, flown in enumerate(planned):
         axes.plot(flown.time_s, flown.used_pct, color=style_of(vehicle).colour, lw=2.4, zorder=3)
@@ -118,9 +121,9 @@ def _limits(content: PlanFile) -> dict[str, float]:
 
 def _ends(
     content: PlanFile,
-    planned: Sequence[Flown],
+    planned: Sequence[RouteProgress],
     repairs: Sequence[LossRepair],
-    anew: Sequence[list[tuple[int, Flown]]],
+    anew: Sequence[list[tuple[int, RouteProgress]]],
 ) -> list[End]:
     ends = []
     for vehicle, flown in enumerate(planned):

@@ -16,7 +16,7 @@ LEAVES = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PlanFigures:
     """The figures of one plan."""
 
     window_pct: float
@@ -30,7 +30,7 @@ class Found:
     """Whether everything is inspected within the budgets; the window of any other plan is empty."""
 
     @classmethod
-    def of(cls, content: Json) -> Found:
+    def of(cls, content: Json) -> PlanFigures:
         """Read the figures of a result."""
         return cls(**{field.name: content[field.name] for field in fields(cls)})
 
@@ -41,10 +41,10 @@ class Series:
 
     solver: str
     cost: str
-    plans: tuple[Found, ...]
+    plans: tuple[PlanFigures, ...]
 
     @property
-    def best(self) -> Found:
+    def best(self) -> PlanFigures:
         """The plan with the largest window, the earliest one of those alike."""
         return best_by_window(self.plans)
 
@@ -70,7 +70,7 @@ class Stretched:
 
     stretch: float
     """How much longer its longest route may be than that of the best MinMax plan."""
-    plan: Found
+    plan: PlanFigures
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class Against:
     """The best MinComb plan of a solver, and a plan chosen for its window that takes no longer."""
 
     solver: str
-    mincomb: Found
+    mincomb: PlanFigures
     """Best by its window, over all seeds."""
     chosen: Stretched
     """At the stretch that the MinComb plan takes."""
@@ -169,11 +169,11 @@ def summary_of(cells: Sequence[Cell], solver: str) -> Summary:
     )
 
 
-def best_by_window(plans: Sequence[Found]) -> Found:
+def best_by_window(plans: Sequence[PlanFigures]) -> PlanFigures:
     """Return the plan with the largest window, of those alike the one with the earliest t*."""
     return max(plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
 
 
-def best_mincomb(series: Sequence[Series], solver: str) -> Found:
+def best_mincomb(series: Sequence[Series], solver: str) -> PlanFigures:
     """Return a solver's best MinComb plan by its window."""
     return next(one.best for one in series if (one.cost, one.solver) == (Cost.MINCOMB.value, solver))

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 from executor.bench.problems import network_of
 from executor.bench.store import Json, Store
-from executor.bench.table.cells import Against, Cell, Found, Series, Stretched, best_mincomb
+from executor.bench.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb
 from executor.bench.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
-from executor.bench.table.tasks import Kind, Routes, Task, do
-from executor.site.planning import Solver
+from executor.bench.table.tasks import Routes, TableTask, TaskKind, do
+from executor.site.planning import PlanSolver
 from planner import Cost, warm_up
 
-Results = dict[Task, Json]
+Results = dict[TableTask, Json]
 Told = Callable[[str, int, int], None]
 """Called with the stage, and how many of its pieces are done of how many."""
 
@@ -29,7 +29,7 @@ class Maker:
     jobs: int
     told: Told
 
-    def all(self, stage: str, tasks: Sequence[Task]) -> Results:
+    def all(self, stage: str, tasks: Sequence[TableTask]) -> Results:
         """Return the results of all tasks: those that are there, and those that are made now."""
         found = {task: self.store.known(task.key, task.settings(self.table)) for task in tasks}
         results = {task: result for task, result in found.items() if result is not None}
@@ -39,7 +39,7 @@ class Maker:
             self.told(stage, len(results), len(tasks))
         return {task: results[task] for task in tasks}
 
-    def _made(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Json]]:
+    def _made(self, tasks: Sequence[TableTask]) -> Iterator[tuple[TableTask, Json]]:
         if self.jobs == 1 or len(tasks) < 2:
             for task in tasks:
                 yield task, do(task, self.table)
@@ -59,12 +59,12 @@ def make(maker: Maker) -> tuple[Cell, ...]:
     """Return all cells of a table."""
     table = maker.table
     free = maker.all("MinMax without budgets", [
-        Task(Kind.PLAN, radius, solver=solver, cost=Cost.MINMAX, seed=seed)
+        TableTask(TaskKind.PLAN, radius, solver=solver, cost=Cost.MINMAX, seed=seed)
         for radius in table.radii_m for solver in SOLVERS for seed in range(table.seeds)
     ])  # fmt: skip
     frames = [_frame(radius, tightness, free) for radius in table.radii_m for tightness in table.tightness]
     plans = maker.all("plans and their windows", [task for frame in frames for task in _plan_tasks(frame, free, table)])
-    bounds = maker.all("bounds", [frame.task(Kind.BOUND) for frame in frames])
+    bounds = maker.all("bounds", [frame.task(TaskKind.BOUND) for frame in frames])
     series = {frame: _series(frame, plans) for frame in frames}
     chosen = maker.all("plans chosen for their window", [
         *(_robust_task(frame, stretch, frame.best_routes) for frame in frames for stretch in STRETCHES),
@@ -74,7 +74,7 @@ def make(maker: Maker) -> tuple[Cell, ...]:
         ),
     ])  # fmt: skip
     return tuple(
-        _cell(frame, table, series[frame], chosen, bounds[frame.task(Kind.BOUND)]["least_earliest_s"])
+        _cell(frame, table, series[frame], chosen, bounds[frame.task(TaskKind.BOUND)]["least_earliest_s"])
         for frame in frames
     )
 
@@ -90,8 +90,8 @@ class _Frame:
     """Of the best MinMax plan, whoever found it."""
     best_s: float
 
-    def task(self, kind: Kind) -> Task:
-        return Task(kind, self.radius_m, self.tightness, self.budget_pct)
+    def task(self, kind: TaskKind) -> TableTask:
+        return TableTask(kind, self.radius_m, self.tightness, self.budget_pct)
 
 
 def _frame(radius_m: float, tightness: float, free: Results) -> _Frame:
@@ -100,28 +100,28 @@ def _frame(radius_m: float, tightness: float, free: Results) -> _Frame:
     return _Frame(radius_m, tightness, best["longest_pct"] / tightness, _routes(best), best["longest_s"])
 
 
-def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[Task]:
+def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[TableTask]:
     """Yield the plans of a cell; a MinMax plan does not depend on the budget, its window does."""
     radius, tightness, budget = frame.radius_m, frame.tightness, frame.budget_pct
     for task, result in free.items():
         if task.radius_m == radius:
-            yield Task(
-                Kind.WINDOW, radius, tightness, budget, task.solver, task.cost, task.seed, routes=_routes(result)
+            yield TableTask(
+                TaskKind.WINDOW, radius, tightness, budget, task.solver, task.cost, task.seed, routes=_routes(result)
             )
     for solver in SOLVERS:
         for cost in COSTS[1:]:
             for seed in range(table.seeds):
-                yield Task(Kind.PLAN, radius, tightness, budget, solver, cost, seed)
+                yield TableTask(TaskKind.PLAN, radius, tightness, budget, solver, cost, seed)
 
 
-def _robust_task(frame: _Frame, stretch: float, initial: Routes) -> Task:
-    return Task(
-        Kind.ROBUST, frame.radius_m, frame.tightness, frame.budget_pct,
+def _robust_task(frame: _Frame, stretch: float, initial: Routes) -> TableTask:
+    return TableTask(
+        TaskKind.ROBUST, frame.radius_m, frame.tightness, frame.budget_pct,
         stretch=stretch, routes=initial, longest_s=frame.best_s,
     )  # fmt: skip
 
 
-def _mincomb_routes(frame: _Frame, plans: Results, solver: Solver) -> Routes:
+def _mincomb_routes(frame: _Frame, plans: Results, solver: PlanSolver) -> Routes:
     """Return the routes of a solver's best MinComb plan."""
     wanted = (frame.radius_m, frame.tightness, Cost.MINCOMB, solver)
     results = [
@@ -131,10 +131,10 @@ def _mincomb_routes(frame: _Frame, plans: Results, solver: Solver) -> Routes:
 
 
 def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
-    def of(solver: Solver, cost: Cost) -> tuple[Found, ...]:
+    def of(solver: PlanSolver, cost: Cost) -> tuple[PlanFigures, ...]:
         wanted = (frame.radius_m, frame.tightness, solver, cost)
         return tuple(
-            Found.of(result)
+            PlanFigures.of(result)
             for task, result in plans.items()
             if (task.radius_m, task.tightness, task.solver, task.cost) == wanted
         )
@@ -142,7 +142,7 @@ def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
     return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
 
 
-def _taken(frame: _Frame, series: Sequence[Series], solver: Solver) -> float:
+def _taken(frame: _Frame, series: Sequence[Series], solver: PlanSolver) -> float:
     """Return the stretch that a solver's best MinComb plan takes; one that is shorter than MinMax takes none."""
     longest_s = best_mincomb(series, solver.value).longest_s
     return max(0.0, longest_s / frame.best_s - 1.0)
@@ -154,7 +154,7 @@ def _cell(
     def at(stretch: float) -> Stretched:
         # What was found for a shorter longest route is a plan for a longer one too.
         fitting = (
-            Found.of(result)
+            PlanFigures.of(result)
             for task, result in chosen.items()
             if (task.radius_m, task.tightness) == (frame.radius_m, frame.tightness) and (task.stretch or 0.0) <= stretch
         )

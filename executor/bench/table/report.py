@@ -8,7 +8,7 @@ from executor.bench.data import PAPER, PaperRow
 from executor.bench.machine import machine_line
 from executor.bench.markdown import number, page, table
 from executor.bench.store import Json
-from executor.bench.table.cells import LEAVES, Cell, Found, Series, Stretched, summary_of
+from executor.bench.table.cells import LEAVES, Cell, PlanFigures, Series, Stretched, summary_of
 from executor.bench.table.settings import DRONE, INSPECTION_M_S, SOLVERS, TRANSIT_M_S, VEHICLES, TableSettings
 
 COST_NAMES = {"minmax": "MinMax", "minsum": "c-MinSum", "mincomb": "MinComb"}
@@ -135,7 +135,7 @@ def _by_stretch(cells: Sequence[Cell]) -> str:
     return table(["tightness", *fixed, *taken, "bound for any plan s"], rows)
 
 
-def _window(plan: Found) -> str:
+def _window(plan: PlanFigures) -> str:
     return f"{_pct(plan.window_pct)}; {plan.earliest_s:.0f} (>= {plan.certified_earliest_s:.0f})"
 
 

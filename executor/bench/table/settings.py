@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.site.planning import Solver
+from executor.site.planning import PlanSolver
 from planner import Cost, Iterations, Seconds, StopRule
 
 RADII_M = (500.0, 700.0, 1000.0, 1200.0, 2000.0)
@@ -14,7 +14,7 @@ STRETCHES = (0.0, 0.05, 0.10, 0.20)
 DRONE = "mavic2"
 TRANSIT_M_S, INSPECTION_M_S = 5.0, 1.0
 VEHICLES = 4
-SOLVERS = (Solver.GRASP, Solver.SEARCH)
+SOLVERS = (PlanSolver.GRASP, PlanSolver.SEARCH)
 COSTS = (Cost.MINMAX, Cost.MINSUM, Cost.MINCOMB)
 
 

@@ -12,7 +12,7 @@ from executor.bench.problems import line_instance, network_of, with_budget
 from executor.bench.solvers import run
 from executor.bench.store import Json
 from executor.bench.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
-from executor.site.planning import Solver
+from executor.site.planning import PlanSolver
 from planner import (
     PRESETS,
     Cost,
@@ -30,7 +30,7 @@ from planner import (
 Routes = tuple[tuple[int, ...], ...]
 
 
-class Kind(StrEnum):
+class TaskKind(StrEnum):
     """What is done."""
 
     PLAN = "plan"
@@ -44,15 +44,15 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class TableTask:
     """One piece of work."""
 
-    kind: Kind
+    kind: TaskKind
     radius_m: float
     tightness: float | None = None
     """None: without a budget."""
     budget_pct: float | None = None
-    solver: Solver | None = None
+    solver: PlanSolver | None = None
     cost: Cost | None = None
     seed: int = 0
     stretch: float | None = None
@@ -79,30 +79,30 @@ class Task:
             "longest_s": self.longest_s,
             "seed": self.seed,
         }
-        if self.kind is Kind.PLAN:
+        if self.kind is TaskKind.PLAN:
             content |= {"seconds": table.seconds, "iterations": table.iterations}
-        if self.kind is Kind.ROBUST:
+        if self.kind is TaskKind.ROBUST:
             content |= {"window_seconds": table.window_seconds, "iterations": table.iterations}
         return content
 
 
-def do(task: Task, table: TableSettings) -> Json:
+def do(task: TableTask, table: TableSettings) -> Json:
     """Do a piece of work; its figures are recomputed from the definition, whoever made the plan."""
     instance = _instance(table.network, task.radius_m)
     if task.budget_pct is not None:
         instance = with_budget(instance, task.budget_pct)
     match task.kind:
-        case Kind.PLAN:
+        case TaskKind.PLAN:
             return _plan(task, table, instance)
-        case Kind.WINDOW:
+        case TaskKind.WINDOW:
             return _figures(instance, _plan_of(task.routes))
-        case Kind.ROBUST:
+        case TaskKind.ROBUST:
             return _robust(task, table, instance)
-        case Kind.BOUND:
+        case TaskKind.BOUND:
             return {"least_earliest_s": least_earliest_s(instance)}
 
 
-def _plan(task: Task, table: TableSettings, instance: Instance) -> Json:
+def _plan(task: TableTask, table: TableSettings, instance: Instance) -> Json:
     if task.solver is None or task.cost is None:
         raise AssertionError(f"{task.key}: a plan is made by a solver, by a cost")
     result = run(task.solver, instance, cost=task.cost, stop=table.stop(), seed=task.seed, all_vehicles=True)
@@ -115,7 +115,7 @@ def _plan(task: Task, table: TableSettings, instance: Instance) -> Json:
     }
 
 
-def _robust(task: Task, table: TableSettings, instance: Instance) -> Json:
+def _robust(task: TableTask, table: TableSettings, instance: Instance) -> Json:
     result = solve_window(
         instance,
         stretch=task.stretch or 0.0,

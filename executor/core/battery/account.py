@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from executor.core.battery import kalman
 from executor.core.battery.cusum import Drift, followed
-from executor.core.battery.kalman import Estimate, Prior
+from executor.core.battery.kalman import BatteryEstimate, Prior
 from executor.core.changed import changed
 from executor.core.limits import Limits
 
@@ -83,7 +83,7 @@ class BatteryState:
     """The least that was reported since the account began."""
     earlier_pct: float = 0.0
     """Percent given before the account began anew."""
-    estimate: Estimate | None = None
+    estimate: BatteryEstimate | None = None
     """What remains and what is used, with their uncertainty."""
     usual: float | None = None
     """The factor while nothing was wrong."""
@@ -269,7 +269,7 @@ def _unseen_pct(state: BatteryState, elapsed_s: float) -> float:
     return (last.modelled_pct - first.modelled_pct) / span_s * elapsed_s if span_s > 0 else 0.0
 
 
-def _followed_long(state: BatteryState, estimate: Estimate, elapsed_s: float, now_s: float) -> float:
+def _followed_long(state: BatteryState, estimate: BatteryEstimate, elapsed_s: float, now_s: float) -> float:
     """Return the mean factor of the flight so far."""
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
@@ -286,7 +286,9 @@ def _slack(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     return share * (limits.drain_slack + UNSURE_SD * state.estimate.factor_sd / max(0.1, _usual(state)))
 
 
-def _followed_usual(state: BatteryState, estimate: Estimate, drift: Drift, elapsed_s: float, now_s: float) -> float:
+def _followed_usual(
+    state: BatteryState, estimate: BatteryEstimate, drift: Drift, elapsed_s: float, now_s: float
+) -> float:
     """Return what is usual now: it follows the filter, but a drain must not become usual before it is found."""
     calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)

@@ -42,7 +42,7 @@ class Prior:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class BatteryEstimate:
     """State and covariance."""
 
     remaining_pct: float
@@ -73,16 +73,16 @@ class Projection:
         return 0.5 * math.erfc((self.mean_pct - floor_pct) / (self.sd_pct * math.sqrt(2.0)))
 
 
-def begun(reported_pct: float, prior: Prior) -> Estimate:
+def begun(reported_pct: float, prior: Prior) -> BatteryEstimate:
     """Return what the first report says."""
-    return Estimate(reported_pct, prior.factor, QUANTUM_PCT**2 / 12, 0.0, prior.sd**2)
+    return BatteryEstimate(reported_pct, prior.factor, QUANTUM_PCT**2 / 12, 0.0, prior.sd**2)
 
 
-def flown(estimate: Estimate, modelled_pct: float, elapsed_s: float) -> Estimate:
+def flown(estimate: BatteryEstimate, modelled_pct: float, elapsed_s: float) -> BatteryEstimate:
     """Carry the estimate on over a stretch that the model puts at `modelled_pct`."""
     walk = (FACTOR_WALK * estimate.factor) ** 2 * max(0.0, elapsed_s) / WALK_S if modelled_pct > 0 else 0.0
     gusts = GUST_VAR * estimate.factor * modelled_pct
-    return Estimate(
+    return BatteryEstimate(
         estimate.remaining_pct - estimate.factor * modelled_pct,
         estimate.factor,
         estimate.var_remaining
@@ -95,7 +95,9 @@ def flown(estimate: Estimate, modelled_pct: float, elapsed_s: float) -> Estimate
     )
 
 
-def corrected(estimate: Estimate, reported_pct: float, since_s: float, roughness_pct: float = 0.0) -> Estimate:
+def corrected(
+    estimate: BatteryEstimate, reported_pct: float, since_s: float, roughness_pct: float = 0.0
+) -> BatteryEstimate:
     """Take a report of what remains.
 
     Args:
@@ -111,7 +113,7 @@ def corrected(estimate: Estimate, reported_pct: float, since_s: float, roughness
     return _updated(estimate, innovation, single * max(1.0, SAWTOOTH_S / max(since_s, 0.1)))
 
 
-def refined(estimate: Estimate, counted_pct: float) -> Estimate:
+def refined(estimate: BatteryEstimate, counted_pct: float) -> BatteryEstimate:
     """Take what a counter of charge says remains: it is not rounded."""
     innovation = counted_pct - estimate.remaining_pct
     if abs(innovation) > OUTLIER_PCT:
@@ -119,10 +121,10 @@ def refined(estimate: Estimate, counted_pct: float) -> Estimate:
     return _updated(estimate, innovation, COUNTED_VAR)
 
 
-def _updated(estimate: Estimate, innovation: float, noise: float) -> Estimate:
+def _updated(estimate: BatteryEstimate, innovation: float, noise: float) -> BatteryEstimate:
     spread = estimate.var_remaining + noise
     gain, gain_factor = estimate.var_remaining / spread, estimate.covariance / spread
-    return Estimate(
+    return BatteryEstimate(
         estimate.remaining_pct + gain * innovation,
         estimate.factor + gain_factor * innovation,
         max(LEAST_VAR, (1 - gain) * estimate.var_remaining),
@@ -131,12 +133,12 @@ def _updated(estimate: Estimate, innovation: float, noise: float) -> Estimate:
     )
 
 
-def jumped(estimate: Estimate, reported_pct: float) -> Estimate:
+def jumped(estimate: BatteryEstimate, reported_pct: float) -> BatteryEstimate:
     """Take a report that no consumption explains: the charge is another one, the consumption is not."""
     return replace(estimate, remaining_pct=reported_pct, var_remaining=QUANTUM_PCT**2 / 12, covariance=0.0)
 
 
-def projected(estimate: Estimate, modelled_pct: float) -> Projection:
+def projected(estimate: BatteryEstimate, modelled_pct: float) -> Projection:
     """Return what will be left after a stretch that the model puts at `modelled_pct`."""
     ahead = flown(estimate, modelled_pct, 0.0)
     return Projection(ahead.remaining_pct, math.sqrt(max(ahead.var_remaining, LEAST_VAR)))

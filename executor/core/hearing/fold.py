@@ -12,7 +12,7 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.voltage import Report, Thresholds, VoltageState, measured
 from executor.core.changed import changed
 from executor.core.context import Scene
-from executor.core.coverage import Flown, Sample, follow
+from executor.core.coverage import Sample, SegmentPass, follow
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
     Attitude,
@@ -65,7 +65,7 @@ class Folded:
 
     state: VehicleState
     inspected: int | None = None
-    flown: Flown | None = None
+    flown: SegmentPass | None = None
     """How it was flown."""
     text: StatusText | None = None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from missions import BatteryLevel, Charge, Dialect
+from missions import BatteryLevel, Dialect, ThresholdUnit
 
 Parameters = Mapping[str, float]
 """What a vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
@@ -103,7 +103,7 @@ def _battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: f
     threshold = parameters.get(level.threshold, 0.0)
     volts = parameters.get(level.voltage, 0.0) if level.voltage is not None else 0.0
     limits, below_pct = [], None
-    if threshold > 0 and level.unit is Charge.SHARE:
+    if threshold > 0 and level.unit is ThresholdUnit.SHARE:
         below_pct = 100.0 * threshold
     elif threshold > 0 and capacity_mah > 0:
         below_pct = 100.0 * threshold / capacity_mah

@@ -196,7 +196,7 @@ def _beside(vehicle: str, rule: ReturnParameters, said: Present, height_m: float
     return changes
 
 
-class Stage(Enum):
+class ChangeStage(Enum):
     """How far a change has come."""
 
     PLANNED = "planned"
@@ -225,14 +225,14 @@ class Kept:
     """MAV_PARAM_TYPE."""
     unit: str
     why: str
-    stage: Stage = Stage.PLANNED
+    stage: ChangeStage = ChangeStage.PLANNED
     earlier: tuple[float, ...] = ()
     """What earlier attempts at the same flight set, and may have left on board."""
 
     @property
     def open(self) -> bool:
         """Whether it has still to be given back."""
-        return self.stage is not Stage.RESTORED
+        return self.stage is not ChangeStage.RESTORED
 
     @property
     def key(self) -> tuple[str, str]:
@@ -283,7 +283,7 @@ def on_record(changes: Sequence[Change], about: Mapping[str, tuple[int, str]], b
     return list(known.values())
 
 
-class Found(Enum):
+class FoundParameters(Enum):
     """What a parameter's value on board means."""
 
     OLD = "old"
@@ -291,11 +291,11 @@ class Found(Enum):
     OTHER = "other"
 
 
-def found(one: Kept, value: float) -> Found:
+def found(one: Kept, value: float) -> FoundParameters:
     """Return what a value on board means: it is only ours to take back where we set it."""
     if same(value, one.old):
-        return Found.OLD
-    return Found.OURS if one.ours(value) else Found.OTHER
+        return FoundParameters.OLD
+    return FoundParameters.OURS if one.ours(value) else FoundParameters.OTHER
 
 
 def _unit(unit: str) -> str:

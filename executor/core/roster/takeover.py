@@ -15,7 +15,7 @@ from executor.core.homing.homeward import on_mission
 from executor.core.homing.places import over_its_pad, place_words
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Stage, Taken, VehicleState, moved_to
+from executor.core.vehicle import Cause, Stage, TakenOver, VehicleState, moved_to
 from missions.autopilots.modes import mode_name
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -33,7 +33,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
     # Another station's mission is flown in the mode that ours was.
     since_s = max(vehicle.mode_since_s, vehicle.carried.foreign_s or 0.0)
     since_s = since_s if vehicle.taken is None else vehicle.taken.since_s
-    hold = replace(vehicle.taken or Taken(since_s, given_away=not had_work), returned_s=None)
+    hold = replace(vehicle.taken or TakenOver(since_s, given_away=not had_work), returned_s=None)
     if vehicle.fault is not None:
         hold = replace(hold, given_away=True)
     vehicle = replace(
@@ -67,7 +67,7 @@ def _unsolved(state: FleetState, name: str) -> Stepped:
 
 def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that is with its pilot."""
-    hold = vehicle.taken or Taken(now_s)
+    hold = vehicle.taken or TakenOver(now_s)
     if not vehicle.armed:
         return _landed(context, state, vehicle)
     ours = vehicle.carried.foreign_s is None
@@ -80,7 +80,7 @@ def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
 
 
 def _returned(
-    context: Context, state: FleetState, vehicle: VehicleState, hold: Taken, now_s: float, *, returned: bool
+    context: Context, state: FleetState, vehicle: VehicleState, hold: TakenOver, now_s: float, *, returned: bool
 ) -> Stepped:
     state = state.put(changed(vehicle, taken=replace(hold, returned_s=now_s if returned else None)))
     if not returned:
@@ -98,7 +98,7 @@ def _returned(
     return state, (Say(Level.FAULT, text),)
 
 
-def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold: Taken, now_s: float) -> Stepped:
+def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold: TakenOver, now_s: float) -> Stepped:
     state = state.put(changed(vehicle, taken=replace(hold, given_away=True)))
     who = "with its pilot" if vehicle.carried.foreign_s is None else "on another station's mission"
     trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"

@@ -70,15 +70,15 @@ def test_a_place_is_known_again_and_nothing_else_is(path: Path) -> None:
     assert not logend.holds(path, log_place(places[-1]))
 
 
-def log_place(place: logend.Place | None) -> logend.Place:
+def log_place(place: logend.LogPlace | None) -> logend.LogPlace:
     assert place is not None
     return place
 
 
-def log_end(path: Path, at_s: float) -> logend.Place:
+def log_end(path: Path, at_s: float) -> logend.LogPlace:
     """The end of a whole log, reckoned from all of it."""
     lines = path.read_bytes().splitlines(keepends=True)
-    return logend.Place(path.stat().st_size, len(lines), at_s, logend.digest_of(lines[0], lines[-1]))
+    return logend.LogPlace(path.stat().st_size, len(lines), at_s, logend.digest_of(lines[0], lines[-1]))
 
 
 def test_a_log_that_goes_on_tells_the_same_places(path: Path) -> None:

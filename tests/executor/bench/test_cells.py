@@ -6,16 +6,18 @@ import pytest
 
 from executor.bench.machine import machine
 from executor.bench.markdown import number, percent_over, table
-from executor.bench.table.cells import Against, Cell, Found, Series, Stretched, best_mincomb, summary_of
+from executor.bench.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb, summary_of
 from executor.bench.table.report import report
 from executor.bench.table.settings import TableSettings
 
 
-def found(earliest_s: float, longest_s: float = 1000.0, certified_s: float = 0.0) -> Found:
-    return Found(100 * (longest_s - earliest_s) / longest_s, earliest_s, certified_s, longest_s, 80.0, feasible=True)
+def found(earliest_s: float, longest_s: float = 1000.0, certified_s: float = 0.0) -> PlanFigures:
+    return PlanFigures(
+        100 * (longest_s - earliest_s) / longest_s, earliest_s, certified_s, longest_s, 80.0, feasible=True
+    )
 
 
-def cell(theirs: Found, mine: Found, least_s: float = 0.0, radius_m: float = 500.0) -> Cell:
+def cell(theirs: PlanFigures, mine: PlanFigures, least_s: float = 0.0, radius_m: float = 500.0) -> Cell:
     """Return a cell whose best MinComb plan by search and whose plan chosen for its window are these."""
     minmax, worse = found(900, 960), found(950)
     series = (

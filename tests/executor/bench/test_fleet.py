@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from executor.adapters.mavlink.codec import Codec
 from executor.bench.browser import oldest_shown_s
-from executor.bench.fleet import Flown, report_of
+from executor.bench.fleet import FleetFlight, report_of
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import STRANGER, datagrams
 from executor.cli.bench import cli
@@ -44,7 +44,7 @@ def test_a_fleet_is_flown_and_measured(tmp_path: Path) -> None:
 
 def test_growth_is_counted_from_the_first_quarter() -> None:
     memory_mib = (100.0, 110.0, 120.0, 121.0, 121.0, 121.5, 121.5, 122.0)
-    flown = Flown(50, 60.0, 2.0, 9_000, 0, 10_000, 0, 0, 1800.0, 300.0, (1.0, 2.0, 3.0), memory_mib)
+    flown = FleetFlight(50, 60.0, 2.0, 9_000, 0, 10_000, 0, 0, 1800.0, 300.0, (1.0, 2.0, 3.0), memory_mib)
     assert flown.growth_mib == pytest.approx(2.0)
     assert flown.cpu_ms == pytest.approx(10.0)
     row = next(line for line in report_of([flown], {"cores": 2, "processor": "x", "commit": "y"}).splitlines()

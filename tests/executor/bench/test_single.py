@@ -11,7 +11,7 @@ from executor.bench.data import CSUM, MTSP, NECHRANICE, data_directory
 from executor.bench.problems import AUTHORS_S, cities_problem, line_instance, network_of, problem_of
 from executor.bench.single import single_result
 from executor.cli.main import main
-from executor.site.planning import Solver
+from executor.site.planning import PlanSolver
 from missions import MissionsError
 from planner import Cost, Instance, Iterations, Plan, Route, evaluate, solve, visit_of
 from tests.executor.bench.test_tsplib import SQUARE, written
@@ -60,7 +60,7 @@ def test_a_network_gives_its_segments_within_the_budget(capsys: pytest.CaptureFi
 def test_what_the_budget_leaves_out_is_named(tmp_path: Path) -> None:
     problem = cities_problem(written(tmp_path, SQUARE), vehicles=1, budget=25.0)
     found = solve(problem.instance, cost=Cost.MINMAX, stop=Iterations(500))
-    result = single_result(problem, Solver.SEARCH, found)
+    result = single_result(problem, PlanSolver.SEARCH, found)
     assert not result["feasible"]
     assert len(result["uncovered"]) == 2
     assert set(result["uncovered"]) < {1, 3, 9}

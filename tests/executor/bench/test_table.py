@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from executor.bench.store import Store
-from executor.bench.table.cells import Found
+from executor.bench.table.cells import PlanFigures
 from executor.bench.table.make import Maker
 from executor.bench.table.settings import TableSettings
-from executor.bench.table.tasks import Kind, Task, do
+from executor.bench.table.tasks import TableTask, TaskKind, do
 from executor.cli.main import main
-from executor.site.planning import Solver
+from executor.site.planning import PlanSolver
 from planner import Cost
 
 TINY = TableSettings(None, radii_m=(500.0,), tightness=(0.8,), seeds=2, iterations=200)
@@ -60,16 +60,16 @@ def test_a_table_is_made_and_goes_on_where_it_was(tmp_path: Path) -> None:
 def test_the_told_progress_counts_what_is_there(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
     maker = Maker(TINY, Store(tmp_path), 1, lambda *what: told.append(what))
-    task = Task(Kind.BOUND, 500.0, 0.8, 100.0)
+    task = TableTask(TaskKind.BOUND, 500.0, 0.8, 100.0)
     maker.all("bounds", [task])
     maker.all("bounds", [task])
     assert told == [("bounds", 0, 1), ("bounds", 1, 1), ("bounds", 1, 1)]
 
 
 def test_a_plan_beyond_its_budget_has_no_window() -> None:
-    free = do(Task(Kind.PLAN, 500.0, cost=Cost.MINMAX, solver=Solver.GRASP), TINY)
+    free = do(TableTask(TaskKind.PLAN, 500.0, cost=Cost.MINMAX, solver=PlanSolver.GRASP), TINY)
     routes = tuple(tuple(route) for route in free["routes"])
-    task = Task(Kind.WINDOW, 500.0, 0.8, 0.9 * free["longest_pct"], routes=routes)
-    figures = Found.of(do(task, TINY))
+    task = TableTask(TaskKind.WINDOW, 500.0, 0.8, 0.9 * free["longest_pct"], routes=routes)
+    figures = PlanFigures.of(do(task, TINY))
     assert not figures.feasible
     assert figures.window_pct == 0

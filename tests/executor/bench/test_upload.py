@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executor.bench.upload import Cell, Measured, Row, Timing, content_of, markdown_of, measure
+from executor.bench.upload import Measured, Row, UploadCase, UploadTiming, content_of, markdown_of, measure
 from executor.cli.bench import cli
 
 
 def test_both_programs_upload_to_both_autopilots() -> None:
-    cells = [Cell(autopilot, 10, 0.0, delay_s) for autopilot in ("ardupilot", "px4") for delay_s in (0.0, 0.05)]
+    cells = [UploadCase(autopilot, 10, 0.0, delay_s) for autopilot in ("ardupilot", "px4") for delay_s in (0.0, 0.05)]
     rows = measure(cells, repeats=2, seed=1, said=lambda _: None).rows
     assert [row.cell for row in rows] == cells
     assert [len(timing.accepted_s) for row in rows for timing in (row.native, row.mavsdk)] == [2] * 8
@@ -22,7 +22,12 @@ def test_both_programs_upload_to_both_autopilots() -> None:
     assert far.floor_s == 11 * far.round_trip_s
 
 
-ROW = Row(Cell("px4", 40, 0.2, 0.3), 0.6, Timing((20.0, 30.0, 22.0), ()), Timing((), ("timeout", "busy", "timeout")))
+ROW = Row(
+    UploadCase("px4", 40, 0.2, 0.3),
+    0.6,
+    UploadTiming((20.0, 30.0, 22.0), ()),
+    UploadTiming((), ("timeout", "busy", "timeout")),
+)
 
 
 def test_a_row_shows_medians_and_why_the_others_failed() -> None:
@@ -34,7 +39,7 @@ def test_a_row_shows_medians_and_why_the_others_failed() -> None:
 
 
 def test_our_own_failures_are_named() -> None:
-    row = Row(ROW.cell, 0.6, Timing((), ("silence after item 3 of 40",)), ROW.mavsdk)
+    row = Row(ROW.cell, 0.6, UploadTiming((), ("silence after item 3 of 40",)), ROW.mavsdk)
     assert "silence after item 3 of 40" in markdown_of([row], content_of(Measured((row,), 9.0, 0.1), 1, 1))
 
 

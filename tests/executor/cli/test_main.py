@@ -14,7 +14,7 @@ import pytest
 
 from executor.adapters.run_directory import locked
 from executor.cli.main import main
-from executor.core.preflight.parameters import Kept, Stage
+from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.flight.changed_parameters import write_kept
 from missions import parse_qgc_plan, read_plan
 
@@ -397,7 +397,7 @@ def test_a_place_that_cannot_be_written_to(place: Place, option: str) -> None:
     assert reason.startswith(f"{target}: cannot be written: ")
 
 
-def kept(stage: Stage, name: str = "RTL_ALT") -> Kept:
+def kept(stage: ChangeStage, name: str = "RTL_ALT") -> Kept:
     return Kept("uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage)
 
 
@@ -413,13 +413,13 @@ def test_what_cannot_be_restored_is_refused(place: Place) -> None:
     ):
         path.write_text(text)
         assert place.refused("restore", str(place.folder)).startswith(f"{path}: {words}")
-    write_kept(place.folder, [kept(Stage.SET)])
+    write_kept(place.folder, [kept(ChangeStage.SET)])
     (place.folder / "site.toml").unlink()
     assert place.refused("restore", str(place.folder)).startswith(str(place.folder / "site.toml"))
 
 
 def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> None:
-    write_kept(place.folder, [kept(Stage.SET)])
+    write_kept(place.folder, [kept(ChangeStage.SET)])
     with locked(place.folder):
         assert "another faultline flies this directory already" in place.refused(
             "restore", str(place.folder), "--yes", "--quiet"
@@ -427,7 +427,7 @@ def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> No
 
 
 def test_nothing_to_restore_is_done(place: Place) -> None:
-    for rows in ([], [kept(Stage.RESTORED)]):
+    for rows in ([], [kept(ChangeStage.RESTORED)]):
         write_kept(place.folder, rows)
         assert place.run("restore", str(place.folder)) == (0, f"{place.folder}: everything is as it was\n", "")
         assert place.run("restore", str(place.folder), "--quiet") == (0, "", "")
@@ -436,7 +436,7 @@ def test_nothing_to_restore_is_done(place: Place) -> None:
 
 
 def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
-    write_kept(place.folder, [kept(Stage.SET), kept(Stage.RESTORED, "RTL_CONE_SLOPE")])
+    write_kept(place.folder, [kept(ChangeStage.SET), kept(ChangeStage.RESTORED, "RTL_CONE_SLOPE")])
     code, out, err = place.run("restore", str(place.folder))
     assert (code, out) == (1, "")
     assert [line.strip() for line in err.splitlines()] == [
@@ -447,7 +447,7 @@ def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
 
 def test_a_vehicle_that_does_not_answer_stays_as_it_is(place: Place) -> None:
     place.site(extra="[flight]\nconnect_timeout_s = 0.1")
-    write_kept(place.folder, [kept(Stage.SET), replace(kept(Stage.SET), vehicle="uav9", sysid=9)])
+    write_kept(place.folder, [kept(ChangeStage.SET), replace(kept(ChangeStage.SET), vehicle="uav9", sysid=9)])
     code, out, err = place.run("restore", str(place.folder), "--yes")
     assert (code, out) == (1, f"{place.folder}: 2 of 2 stay\n")
     assert "uav1: RTL_ALT (was 1500) not restored: does not answer" in err

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.core.coverage import GAP_S, SPEED_FACTOR, Flown, Run, Sample, Step, Track, follow
+from executor.core.coverage import GAP_S, SPEED_FACTOR, Run, Sample, SegmentPass, Step, Track, follow
 
 SPEED_M_S = 3.0
 CORRIDOR_M = 10.0
@@ -186,9 +186,9 @@ def test_a_place_is_located_along_and_beside() -> None:
     assert track.locate((10.0, 55.0)) == pytest.approx((45.0, 5.0))
 
 
-def shown(samples: Iterable[Sample], track: Track) -> Flown:
+def shown(samples: Iterable[Sample], track: Track) -> SegmentPass:
     """Return how the one run in a flight was flown."""
-    run, found = None, list[Flown]()
+    run, found = None, list[SegmentPass]()
     for sample in samples:
         step = follow(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
         run = step.run

@@ -9,7 +9,7 @@ import pytest
 
 from executor.core import projection
 from executor.core.battery import account
-from executor.core.battery.kalman import Estimate
+from executor.core.battery.kalman import BatteryEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
@@ -58,7 +58,7 @@ def test_who_is_beside_its_leg_has_no_more_than_the_leg_to_fly() -> None:
 
 
 def thirsty(factor: float, remaining_pct: float = 60.0) -> VehicleState:
-    known = replace(pack(remaining_pct, remaining_pct), estimate=Estimate(remaining_pct, factor, 0.1, 0.0, 0.01))
+    known = replace(pack(remaining_pct, remaining_pct), estimate=BatteryEstimate(remaining_pct, factor, 0.1, 0.0, 0.01))
     return flying(battery=known, waypoint=LEVEL[0])
 
 

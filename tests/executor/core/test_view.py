@@ -17,7 +17,7 @@ from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
 from executor.core.replan.replanning import heard_again, survivor
 from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, Taken, VehicleState
+from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver, VehicleState
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
 from tests.executor.builders import vehicle
@@ -155,13 +155,13 @@ def test_when_it_should_be_back() -> None:
 @pytest.mark.parametrize(
     ("taken", "view"),
     [
-        (Taken(NOW_S - 10.0), TakenView(NOW_S - 10.0, 20.0, returned=False)),
-        (Taken(NOW_S - 40.0), TakenView(NOW_S - 40.0, 0.0, returned=False)),
-        (Taken(NOW_S - 10.0, given_away=True), TakenView(NOW_S - 10.0, 0.0, returned=False)),
-        (Taken(NOW_S - 10.0, returned_s=NOW_S), TakenView(NOW_S - 10.0, 20.0, returned=True)),
+        (TakenOver(NOW_S - 10.0), TakenView(NOW_S - 10.0, 20.0, returned=False)),
+        (TakenOver(NOW_S - 40.0), TakenView(NOW_S - 40.0, 0.0, returned=False)),
+        (TakenOver(NOW_S - 10.0, given_away=True), TakenView(NOW_S - 10.0, 0.0, returned=False)),
+        (TakenOver(NOW_S - 10.0, returned_s=NOW_S), TakenView(NOW_S - 10.0, 20.0, returned=True)),
     ],
 )
-def test_who_has_it_and_for_how_long_its_work_is_kept(taken: Taken, view: TakenView) -> None:
+def test_who_has_it_and_for_how_long_its_work_is_kept(taken: TakenOver, view: TakenView) -> None:
     assert shown(stage=Stage.PILOT, taken=taken).taken == view
 
 
@@ -202,7 +202,7 @@ NEAR_PAD = replace(at(east_m=6.0), velocity_m_s=(0.0, 0.0, 0.0))
 ADVICE: list[tuple[VehicleState, Answer]] = [
     (flying(), Answer.RETURN),
     (flying(cause=Cause.PERSON), Answer.LEAVE),
-    (flying(taken=Taken(NOW_S)), Answer.LEAVE),
+    (flying(taken=TakenOver(NOW_S)), Answer.LEAVE),
     (flying(errand=Errand(NOW_S, land=True)), Answer.LAND),
     (flying(heartbeat=Heartbeat(3, RTL, True, 4)), Answer.LEAVE),
     (flying(heartbeat=Heartbeat(3, RTL, True, 4), errand=Errand(NOW_S, force=True)), Answer.RETURN),

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.eventlog import EventLog, from_plain
-from executor.adapters.logend import Place
+from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
 from executor.core import fleet
 from executor.core.commands import Solve
@@ -76,7 +76,7 @@ def every_cut(run: Path) -> list[Checkpoint]:
             if state.launched_s is not None:
                 digest = hashlib.sha256(content[0] + content[number - 1]).hexdigest()
                 solve = solves[max(solves)] if solves else None
-                cuts.append(Checkpoint(Place(size, number, at_s, digest), state, solve, tuple(planned), set_s))
+                cuts.append(Checkpoint(LogPlace(size, number, at_s, digest), state, solve, tuple(planned), set_s))
             event, at_s = from_plain(entry["event"]), entry["t_s"]
             if isinstance(event, SolveEnded) and event.routes is not None:
                 planned.append((solves[event.revision], event))
@@ -276,7 +276,7 @@ def test_damage_behind_it_is_said_with_its_line(logged: Logged, tmp_path: Path) 
     assert alike(found, whole)
 
 
-def checkpoint_of(diary: Diary, flight: Story) -> Callable[[Place], Checkpoint]:
+def checkpoint_of(diary: Diary, flight: Story) -> Callable[[LogPlace], Checkpoint]:
     """What is to be written of a flight as it is now, none of whose plans is in a file."""
     diary.note()
     state, solves = flight.state, {solve.revision: solve for solve in flight.solves()}

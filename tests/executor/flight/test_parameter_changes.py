@@ -16,7 +16,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.messages import Outgoing, SendParamRequest, SendParamSet
 from executor.core.preflight.checks import Check, Severity
-from executor.core.preflight.parameters import Kept, Stage
+from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.core.state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import parameter_changes
@@ -140,7 +140,7 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
     kept = await pads.give_back()
     assert pads.as_before
     assert all(row["restored"] for row in reported(kept))
-    assert {one.stage for one in read_kept(tmp_path) or ()} == {Stage.RESTORED}
+    assert {one.stage for one in read_kept(tmp_path) or ()} == {ChangeStage.RESTORED}
     [said] = [line for line in pads.console.lines if "uav1" in line]
     assert said.startswith("info uav1: RTL_")
     assert said.endswith(" restored")
@@ -261,7 +261,7 @@ async def test_killed_before_the_second_attempt_has_set_anything(tmp_path: Path)
     pads.connect(CLEAN)
     assert await died(pads, pads.apply, 4), "after it has asked for two parameters of two vehicles"
     pads.connect(CLEAN)
-    assert {one.stage for one in read_kept(tmp_path) or () if one.name == "RTL_ALT"} == {Stage.PLANNED}
+    assert {one.stage for one in read_kept(tmp_path) or () if one.name == "RTL_ALT"} == {ChangeStage.PLANNED}
     await pads.give_back()
     assert pads.as_before, pads.console.lines
     pads.close()
@@ -349,7 +349,7 @@ async def test_what_somebody_set_since_is_left(tmp_path: Path) -> None:
     await pads.give_back()
     assert pads.vehicles["uav1"].parameters == {**pads.before, "RTL_ALT": 4000.0}
     assert {one.name: one.stage for one in read_kept(tmp_path) or ()} == {
-        "RTL_ALT": Stage.LEFT, "RTL_CONE_SLOPE": Stage.RESTORED,
+        "RTL_ALT": ChangeStage.LEFT, "RTL_CONE_SLOPE": ChangeStage.RESTORED,
     }  # fmt: skip
     assert pads.console.lines[-2] == (
         "warning uav1: RTL_ALT (was 1217) not restored: RTL_ALT is 4000, which somebody set since: left as it is"
@@ -363,11 +363,11 @@ async def test_a_vehicle_that_takes_nothing_is_said(tmp_path: Path) -> None:
     [check] = await pads.apply()
     assert check.severity is Severity.WARNING
     assert {one.name: one.stage for one in read_kept(tmp_path) or ()} == {
-        "RTL_ALT": Stage.PLANNED, "RTL_CONE_SLOPE": Stage.SET,
+        "RTL_ALT": ChangeStage.PLANNED, "RTL_CONE_SLOPE": ChangeStage.SET,
     }  # fmt: skip
     pads.vehicles["uav1"].stubborn = {"RTL_CONE_SLOPE"}
     kept = await pads.give_back()
-    assert [one.stage for one in kept] == [Stage.RESTORED, Stage.SET]
+    assert [one.stage for one in kept] == [ChangeStage.RESTORED, ChangeStage.SET]
     assert any("not restored: RTL_CONE_SLOPE stays 0" in line for line in pads.console.lines)
     pads.close()
 
@@ -414,7 +414,7 @@ async def test_interrupted_while_it_gives_back_it_says_what_stays(tmp_path: Path
 
 
 async def test_a_directory_with_the_record_of_other_vehicles_is_not_flown_from(tmp_path: Path) -> None:
-    write_kept(tmp_path, [Kept("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", Stage.SET)])
+    write_kept(tmp_path, [Kept("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", ChangeStage.SET)])
     with pytest.raises(LogError, match=r"parameters.json: uav9 \(system 9\) has not been given RTL_RETURN_ALT back"):
         parameter_changes.check_run(tmp_path, site_of(("uav1",)))
     parameter_changes.check_run(tmp_path, site_of(tuple(f"uav{number}" for number in range(1, 10))))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core.messages import ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import Accepted, Cancelled, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
 from executor.protocols.params import Parameter
 
 ASK = SendParamRequest("RTL_ALT")
@@ -71,4 +71,4 @@ def test_a_value_that_stays_is_a_refusal_and_no_answer_is_none() -> None:
 def test_a_question_can_be_given_up() -> None:
     state, _ = Parameter("RTL_ALT").begin(0.0)
     ended, sent = state.cancel()
-    assert (ended.outcome, ended.deadline_s, sent) == (Cancelled(), float("inf"), ())
+    assert (ended.outcome, ended.deadline_s, sent) == (BrokenOff(), float("inf"), ())

@@ -17,9 +17,9 @@ from executor.core.messages import (
     SendMissionRequest,
 )
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import Download
+from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted, Machine, Rejected, TimedOut
-from executor.protocols.upload import Upload
+from executor.protocols.upload import UploadDialogue
 from missions import MissionItem
 
 ORDER = SendCommand(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -39,8 +39,8 @@ def unanswered(machine: Machine, now_s: float = 100.0) -> tuple[list[float], Mac
     return spoken_s, state
 
 
-def uploading() -> Upload:
-    return Upload(ITEMS, SILENCE_S, frozenset({13}))
+def uploading() -> UploadDialogue:
+    return UploadDialogue(ITEMS, SILENCE_S, frozenset({13}))
 
 
 def test_a_command_is_sent_five_times_a_second_apart() -> None:
@@ -50,7 +50,7 @@ def test_a_command_is_sent_five_times_a_second_apart() -> None:
 
 
 def test_a_mission_is_asked_for_eight_times_a_second_apart() -> None:
-    spoken_s, ended = unanswered(Download())
+    spoken_s, ended = unanswered(DownloadDialogue())
     assert spoken_s == [100.0 + second for second in range(8)]
     assert ended.outcome == TimedOut("no answer when asked for the count")
 
@@ -80,7 +80,7 @@ def test_what_a_command_is_answered_in_words(result: int, words: str) -> None:
 
 
 def test_each_answer_of_a_download_gives_the_next_question_its_full_time() -> None:
-    state, _ = Download().begin(100.0)
+    state, _ = DownloadDialogue().begin(100.0)
     state, sent = state.on_message(MissionCount(3), 100.4)
     assert (sent, state.deadline_s, state.tries) == ((SendMissionRequest(0),), 101.4, 1)
     state, _ = state.on_deadline(101.4)
@@ -116,7 +116,7 @@ def test_only_the_last_item_is_repeated_until_the_silence_is_too_long(asked: int
 
 
 def test_a_vehicle_that_waits_less_than_a_second_is_given_up_sooner() -> None:
-    state, _ = Upload(ITEMS, 0.4, frozenset()).begin(100.0)
+    state, _ = UploadDialogue(ITEMS, 0.4, frozenset()).begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 100.0)
     assert state.deadline_s == 100.4
     assert state.on_deadline(100.4)[0].outcome is not None

@@ -10,7 +10,7 @@ from executor.core.vehicle import FaultKind
 from executor.replay.ground_truth import read_truths, truth_for
 from executor.replay.logs import replay, rules_of
 from executor.replay.open_log import open_log
-from executor.replay.result import LogReplay, Truth
+from executor.replay.result import LogReplay, RecordedTruth
 from executor.replay.tuning import few_lines
 from tests.recorded import LOGS, real_logs
 
@@ -27,14 +27,14 @@ def test_the_recorded_flights_are_there() -> None:
     assert ON_BOARD
 
 
-def replayed(path: Path) -> tuple[LogReplay, Truth]:
+def replayed(path: Path) -> tuple[LogReplay, RecordedTruth]:
     opened = open_log(path)
     truth = truth_for(path, read_truths(path.parent))
     assert truth is not None
     return replay(opened.file, path, rules_of(None), on_board=opened.on_board), truth
 
 
-def extra_pct(found: LogReplay, truth: Truth, at_usec: int) -> float:
+def extra_pct(found: LogReplay, truth: RecordedTruth, at_usec: int) -> float:
     """Return what was used beyond the usual between the fault and a moment, by the reports."""
     [vehicle] = found.vehicles
     assert truth.fault_usec is not None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from executor.core.recording import Skipped
-from executor.replay.result import MOST_SAMPLES, Sample, Trace
+from executor.replay.result import MOST_SAMPLES, ReplaySample, Trace
 
 
-def at(second: float) -> Sample:
-    return Sample(second, None, None, None, None, None, 0.0, 0.0, None, None)
+def at(second: float) -> ReplaySample:
+    return ReplaySample(second, None, None, None, None, None, 0.0, 0.0, None, None)
 
 
 def test_a_sample_is_kept_every_three_seconds() -> None:

@@ -9,7 +9,7 @@ import pytest
 from executor.core.messages import CommandAck, Heartbeat, Outgoing, SendCommand, SendMissionAck, SendMissionCount
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
-from executor.protocols.upload import Upload
+from executor.protocols.upload import UploadDialogue
 from executor.runtime.dialogue import INBOX, converse
 from missions import PX4, MissionItem
 from tests.fakes.clock import LoopClock
@@ -71,7 +71,7 @@ async def test_nobody_listens_after_the_end() -> None:
 async def test_a_dialogue_that_is_given_up_tells_the_vehicle() -> None:
     link, clock = link_of()
     link.cut = True
-    upload = asyncio.create_task(converse(Upload((MissionItem(0, 3, 16),), 6.0, frozenset()), link, clock))
+    upload = asyncio.create_task(converse(UploadDialogue((MissionItem(0, 3, 16),), 6.0, frozenset()), link, clock))
     await link.spoken_to.wait()
     upload.cancel()
     with pytest.raises(asyncio.CancelledError):

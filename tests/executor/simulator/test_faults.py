@@ -7,35 +7,35 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.simulator.errors import FaultSpecError
-from executor.simulator.faults import Fault, FaultKind, faults_of, is_due, parse_fault
+from executor.simulator.faults import Injection, InjectionKind, faults_of, is_due, parse_fault
 
 
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("uav2:silent@40%", Fault("uav2", FaultKind.SILENT, share=0.4)),
-        ("uav2:silent=20s@300s", Fault("uav2", FaultKind.SILENT, 20.0, after_s=300.0)),
-        ("uav3:battery-step=30@50%", Fault("uav3", FaultKind.BATTERY_STEP, 30.0, share=0.5)),
-        ("uav1:drain=3@20%", Fault("uav1", FaultKind.DRAIN, 3.0, share=0.2)),
-        ("uav4:crash@60%", Fault("uav4", FaultKind.CRASH, share=0.6)),
-        ("uav1:reboot@100s", Fault("uav1", FaultKind.REBOOT, after_s=100.0)),
-        ("uav2:refuse-upload@0s", Fault("uav2", FaultKind.REFUSE_UPLOAD, after_s=0.0)),
-        ("uav2:half-upload@0s", Fault("uav2", FaultKind.HALF_UPLOAD, after_s=0.0)),
-        ("all:loss=0.2@0s", Fault("all", FaultKind.LOSS, 0.2, after_s=0.0)),
-        ("all:delay=0.3@0s", Fault("all", FaultKind.DELAY, 0.3, after_s=0.0)),
-        ("all:duplicate=0.1@0s", Fault("all", FaultKind.DUPLICATE, 0.1, after_s=0.0)),
-        ("all:reorder=0.1@0s", Fault("all", FaultKind.REORDER, 0.1, after_s=0.0)),
-        ("uav1:reboot=pad@100s", Fault("uav1", FaultKind.REBOOT, after_s=100.0, word="pad")),
-        ("uav1:pilot=LOITER@40%", Fault("uav1", FaultKind.PILOT, share=0.4, word="LOITER")),
-        ("uav1:station=RTL@40%", Fault("uav1", FaultKind.STATION, share=0.4, word="RTL")),
-        ("uav1:sticks@40%", Fault("uav1", FaultKind.STICKS, share=0.4)),
-        ("uav1:kill@2.5m", Fault("uav1", FaultKind.KILL, height_m=2.5)),
-        ("uav1:silent=18s@20m-down", Fault("uav1", FaultKind.SILENT, 18.0, height_m=20.0, down=True)),
-        ("uav1:emergency@40%", Fault("uav1", FaultKind.EMERGENCY, share=0.4)),
-        ("uav1:emergency=RTL@40%", Fault("uav1", FaultKind.EMERGENCY, share=0.4, word="RTL")),
+        ("uav2:silent@40%", Injection("uav2", InjectionKind.SILENT, share=0.4)),
+        ("uav2:silent=20s@300s", Injection("uav2", InjectionKind.SILENT, 20.0, after_s=300.0)),
+        ("uav3:battery-step=30@50%", Injection("uav3", InjectionKind.BATTERY_STEP, 30.0, share=0.5)),
+        ("uav1:drain=3@20%", Injection("uav1", InjectionKind.DRAIN, 3.0, share=0.2)),
+        ("uav4:crash@60%", Injection("uav4", InjectionKind.CRASH, share=0.6)),
+        ("uav1:reboot@100s", Injection("uav1", InjectionKind.REBOOT, after_s=100.0)),
+        ("uav2:refuse-upload@0s", Injection("uav2", InjectionKind.REFUSE_UPLOAD, after_s=0.0)),
+        ("uav2:half-upload@0s", Injection("uav2", InjectionKind.HALF_UPLOAD, after_s=0.0)),
+        ("all:loss=0.2@0s", Injection("all", InjectionKind.LOSS, 0.2, after_s=0.0)),
+        ("all:delay=0.3@0s", Injection("all", InjectionKind.DELAY, 0.3, after_s=0.0)),
+        ("all:duplicate=0.1@0s", Injection("all", InjectionKind.DUPLICATE, 0.1, after_s=0.0)),
+        ("all:reorder=0.1@0s", Injection("all", InjectionKind.REORDER, 0.1, after_s=0.0)),
+        ("uav1:reboot=pad@100s", Injection("uav1", InjectionKind.REBOOT, after_s=100.0, word="pad")),
+        ("uav1:pilot=LOITER@40%", Injection("uav1", InjectionKind.PILOT, share=0.4, word="LOITER")),
+        ("uav1:station=RTL@40%", Injection("uav1", InjectionKind.STATION, share=0.4, word="RTL")),
+        ("uav1:sticks@40%", Injection("uav1", InjectionKind.STICKS, share=0.4)),
+        ("uav1:kill@2.5m", Injection("uav1", InjectionKind.KILL, height_m=2.5)),
+        ("uav1:silent=18s@20m-down", Injection("uav1", InjectionKind.SILENT, 18.0, height_m=20.0, down=True)),
+        ("uav1:emergency@40%", Injection("uav1", InjectionKind.EMERGENCY, share=0.4)),
+        ("uav1:emergency=RTL@40%", Injection("uav1", InjectionKind.EMERGENCY, share=0.4, word="RTL")),
     ],
 )
-def test_every_form_of_the_grammar(text: str, fault: Fault) -> None:
+def test_every_form_of_the_grammar(text: str, fault: Injection) -> None:
     assert parse_fault(text) == fault
 
 
@@ -76,13 +76,13 @@ def test_a_bad_spec_is_refused_in_one_line_that_quotes_it(text: str, expected: s
 
 
 @given(
-    st.sampled_from([FaultKind.SILENT, FaultKind.DRAIN, FaultKind.DELAY]),
+    st.sampled_from([InjectionKind.SILENT, InjectionKind.DRAIN, InjectionKind.DELAY]),
     st.integers(0, 1000),
     st.booleans(),
     st.integers(0, 100),
 )
-def test_a_fault_reads_back_from_its_own_spec(kind: FaultKind, value: int, by_share: bool, when: int) -> None:
-    fault = Fault("uav7", kind, float(value), None if by_share else float(when), when / 100 if by_share else None)
+def test_a_fault_reads_back_from_its_own_spec(kind: InjectionKind, value: int, by_share: bool, when: int) -> None:
+    fault = Injection("uav7", kind, float(value), None if by_share else float(when), when / 100 if by_share else None)
     assert parse_fault(fault.spec) == fault
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, Refusal, Signing
+from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, Distrust, Signing
 from executor.core.messages import Heartbeat, MissionCurrent, Radio, SendHeartbeat, SendMissionCount
 from executor.simulator.config import Signing as SimSigning
 from executor.simulator.messages import MissionCount, out
@@ -57,13 +57,13 @@ def test_what_pymavlink_signed_is_believed() -> None:
 
 def test_who_does_not_hold_the_key_is_refused() -> None:
     codec = ours()
-    assert verdicts(codec, Peer(None).pack(), Peer(bytes(32)).pack()) == [Refusal.UNSIGNED, Refusal.FORGED]
+    assert verdicts(codec, Peer(None).pack(), Peer(bytes(32)).pack()) == [Distrust.UNSIGNED, Distrust.FORGED]
 
 
 def test_a_forged_time_shuts_nobody_out() -> None:
     """Only a signature that is right tells how far a stream has come."""
     codec = ours()
-    assert verdicts(codec, Peer(bytes(32), ticks=TICKS + 10**9).pack()) == [Refusal.FORGED]
+    assert verdicts(codec, Peer(bytes(32), ticks=TICKS + 10**9).pack()) == [Distrust.FORGED]
     assert isinstance(verdicts(codec, Peer().pack())[0], Heartbeat)
 
 
@@ -71,13 +71,13 @@ def test_a_frame_that_is_sent_again_is_refused() -> None:
     codec, peer = ours(), Peer()
     first, second = peer.pack(), peer.pack()
     assert isinstance(verdicts(codec, first)[0], Heartbeat)
-    assert verdicts(codec, first, second, second, first)[0] is Refusal.REPLAYED
-    assert verdicts(codec, first, second) == [Refusal.REPLAYED, Refusal.REPLAYED]
+    assert verdicts(codec, first, second, second, first)[0] is Distrust.REPLAYED
+    assert verdicts(codec, first, second) == [Distrust.REPLAYED, Distrust.REPLAYED]
 
 
 def test_what_was_recorded_yesterday_is_refused_by_a_program_that_has_just_begun() -> None:
     day = 86400 * TICKS_PER_S
-    assert verdicts(ours(), Peer(ticks=TICKS - day).pack()) == [Refusal.REPLAYED]
+    assert verdicts(ours(), Peer(ticks=TICKS - day).pack()) == [Distrust.REPLAYED]
     assert isinstance(verdicts(ours(), Peer(ticks=TICKS - 30 * TICKS_PER_S).pack())[0], Heartbeat)
     assert isinstance(verdicts(ours(), Peer(ticks=TICKS + day).pack())[0], Heartbeat)
 
@@ -103,8 +103,8 @@ def with_radios(*radios: tuple[int, int]) -> Codec:
 
 
 def test_a_radios_own_report_needs_no_key_if_the_radio_is_named() -> None:
-    assert verdicts(ours(), report()) == [Refusal.UNSIGNED]
-    assert verdicts(with_radios(SIK), report(), report(7, 1)) == [HEARD, Refusal.UNSIGNED]
+    assert verdicts(ours(), report()) == [Distrust.UNSIGNED]
+    assert verdicts(with_radios(SIK), report(), report(7, 1)) == [HEARD, Distrust.UNSIGNED]
     assert isinstance(verdicts(ours(), Peer().pack(REPORT))[0], Radio)
 
 

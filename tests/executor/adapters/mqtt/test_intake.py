@@ -6,23 +6,23 @@ import json
 
 import pytest
 
-from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, Refusal, Rules, read_intent
+from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, IntakeRules, RefusedMessage, read_intent
 from executor.core.commands import Level
 from executor.core.intents import Action, Intent
 
 NOW_UNIX_S = 1_790_000_000.0  # 2026-09-21T13:33:20Z
 GOOD = {"timestamp": "2026-09-21T14:13:20Z", "id": "a-1", "action": "hold", "vehicle": "uav1"}
-OPEN = Rules(max_age_s=10.0)
+OPEN = IntakeRules(max_age_s=10.0)
 
 
-def read(rules: Rules = OPEN, *, retained: bool = False, **changes: object) -> Intent | Refusal:
+def read(rules: IntakeRules = OPEN, *, retained: bool = False, **changes: object) -> Intent | RefusedMessage:
     content = {key: value for key, value in (GOOD | changes).items() if value is not ...}
     return read_intent(json.dumps(content).encode(), rules, NOW_UNIX_S, retained=retained)
 
 
-def reason(rules: Rules = OPEN, *, retained: bool = False, **changes: object) -> str:
+def reason(rules: IntakeRules = OPEN, *, retained: bool = False, **changes: object) -> str:
     found = read(rules, retained=retained, **changes)
-    assert isinstance(found, Refusal), found
+    assert isinstance(found, RefusedMessage), found
     assert "\n" not in found.reason
     assert found.id == "a-1"
     return found.reason
@@ -51,13 +51,13 @@ def test_what_is_no_intent_is_refused_in_one_line() -> None:
 )
 def test_what_is_not_even_readable(payload: bytes) -> None:
     found = read_intent(payload, OPEN, NOW_UNIX_S, retained=False)
-    assert isinstance(found, Refusal)
+    assert isinstance(found, RefusedMessage)
     assert found.id is None
 
 
 def test_a_large_one_is_not_even_read() -> None:
     found = read_intent(json.dumps(GOOD).encode().ljust(MOST_BYTES + 1), OPEN, NOW_UNIX_S, retained=False)
-    assert found == Refusal(None, "expected at most 4096 bytes, got 4097")
+    assert found == RefusedMessage(None, "expected at most 4096 bytes, got 4097")
 
 
 def test_what_was_meant_for_another_moment_is_refused() -> None:
@@ -65,12 +65,12 @@ def test_what_was_meant_for_another_moment_is_refused() -> None:
     assert reason(timestamp="2026-09-21T14:13:31Z").endswith("got one 11 s ahead")
     assert reason(timestamp="0001-01-01T00:00:00+14:00").startswith("timestamp: expected at most 10 s")
     assert reason(retained=True).startswith("retained: ")
-    assert isinstance(read(Rules(max_age_s=60.0), timestamp="2026-09-21T14:12:30Z"), Intent)
+    assert isinstance(read(IntakeRules(max_age_s=60.0), timestamp="2026-09-21T14:12:30Z"), Intent)
 
 
 def test_the_token() -> None:
     secret = "schlüssel"  # noqa: S105
-    rules = Rules(max_age_s=10.0, token=secret)
+    rules = IntakeRules(max_age_s=10.0, token=secret)
     assert isinstance(read(rules, token=secret), Intent)
     assert reason(rules).startswith("token: expected the one that the site names")
     assert "guess" not in reason(rules, token="guess")  # noqa: S106
@@ -78,7 +78,9 @@ def test_the_token() -> None:
 
 
 def test_where_none_are_taken_the_answer_says_why() -> None:
-    assert reason(Rules(max_age_s=10.0, closed="the broker is not on this computer")).endswith("not on this computer")
+    assert reason(IntakeRules(max_age_s=10.0, closed="the broker is not on this computer")).endswith(
+        "not on this computer"
+    )
 
 
 def test_a_gate_lets_a_burst_through_and_then_so_many_a_second() -> None:
@@ -90,7 +92,7 @@ def test_a_gate_lets_a_burst_through_and_then_so_many_a_second() -> None:
 
 def test_a_flood_is_counted_and_neither_answered_nor_told_in_full() -> None:
     accepted: list[Intent] = []
-    refused: list[Refusal] = []
+    refused: list[RefusedMessage] = []
     said: list[tuple[Level, str]] = []
     now_s = [0.0]
     intake = Intake(

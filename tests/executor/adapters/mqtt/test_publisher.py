@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 from executor.adapters.mqtt.client import Presence
-from executor.adapters.mqtt.intake import Refusal
+from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
@@ -138,7 +138,7 @@ def test_an_intent_is_answered_and_answered_again() -> None:
     desk.publisher.applied(asked, flight.state)
     desk.publisher.applied(Tick(), flight.state)
     assert [one["text"] for one in on(desk.written(), "intent/ack")] == ["it holds"]
-    desk.publisher.refused(Refusal(None, "not JSON"))
+    desk.publisher.refused(RefusedMessage(None, "not JSON"))
     assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["refused"]
 
 

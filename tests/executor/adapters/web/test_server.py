@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.adapters.web import WebServer, WebSettings
-from executor.adapters.web.door import Limits
+from executor.adapters.web.door import DoorLimits
 from executor.adapters.web.guard import cookie_name
 from executor.adapters.web.present import Describe
 from executor.adapters.web.server import FILES, _read
@@ -44,7 +44,7 @@ class Beside:
         port: int = 0,
         decides: bool = True,
         describe: Describe = fleet_view,
-        limits: Limits | None = None,
+        limits: DoorLimits | None = None,
     ) -> None:
         self.mistakes: list[str] = []
         self.flight: Story = under_way()

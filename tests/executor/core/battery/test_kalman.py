@@ -9,13 +9,13 @@ import pytest
 
 from executor.core.battery import kalman
 from executor.core.battery.cusum import Drift, exceeds, followed
-from executor.core.battery.kalman import Estimate, Prior, Projection
+from executor.core.battery.kalman import BatteryEstimate, Prior, Projection
 from executor.core.battery.voltage import Report, Thresholds, VoltageState, measured
 
 RATE = 0.04
 
 
-def flown(factor: float, seconds: int, period: int = 1) -> Estimate:
+def flown(factor: float, seconds: int, period: int = 1) -> BatteryEstimate:
     charge, known = 100.0, kalman.begun(100.0, Prior())
     for _ in range(0, seconds, period):
         charge -= RATE * period * factor
@@ -185,7 +185,7 @@ def test_on_the_ground_the_factor_does_not_wander() -> None:
 
 
 def test_what_is_flown_costs_what_the_factor_says() -> None:
-    known = Estimate(80.0, 1.5, 0.1, 0.0, 0.04)
+    known = BatteryEstimate(80.0, 1.5, 0.1, 0.0, 0.04)
     after = kalman.flown(known, 10.0, 100.0)
     assert after.remaining_pct == pytest.approx(65.0)
     # A factor that is off by 0.2 makes 10 % wrong by 2 %, and a high one leaves less.

@@ -11,7 +11,7 @@ from executor.core.intents import Action, Intent
 from executor.core.messages import Heartbeat
 from executor.core.operator.refusals import question, reason
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Fault, FaultKind, Fix, Stage, Taken, VehicleState
+from executor.core.vehicle import Cause, Fault, FaultKind, Fix, Stage, TakenOver, VehicleState
 from missions import Phase
 from tests.executor.builders import vehicle
 from tests.executor.core.faults.test_watchpoints import (
@@ -173,13 +173,13 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     ),
     (
         Action.INCLUDE,
-        flying(stage=Stage.PILOT, taken=Taken(NOW_S - 9.0)),
+        flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0)),
         "its pilot has it, and must put it back on its mission first",
     ),
-    (Action.INCLUDE, flying(stage=Stage.PILOT, taken=Taken(NOW_S - 9.0, returned_s=NOW_S)), ""),
+    (Action.INCLUDE, flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0, returned_s=NOW_S)), ""),
     (
         Action.INCLUDE,
-        flying(stage=Stage.PILOT, taken=Taken(NOW_S - 9.0, returned_s=NOW_S), fault=FAULT),
+        flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0, returned_s=NOW_S), fault=FAULT),
         "it is out of the plan: why",
     ),
     (Action.DISARM, DOWN, ""),
@@ -201,7 +201,7 @@ def test_what_is_refused_and_why(action: Action, one: VehicleState, why: str) ->
     [
         (Action.RESUME, HOLDS),
         (Action.INCLUDE, grounded()),
-        (Action.INCLUDE, flying(stage=Stage.PILOT, taken=Taken(NOW_S, returned_s=NOW_S))),
+        (Action.INCLUDE, flying(stage=Stage.PILOT, taken=TakenOver(NOW_S, returned_s=NOW_S))),
         (Action.REPLAN, flying()),
     ],
 )

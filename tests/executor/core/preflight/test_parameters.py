@@ -12,10 +12,10 @@ from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import (
     KEPT_HIGHER_M,
     Change,
-    Found,
+    ChangeStage,
+    FoundParameters,
     Kept,
     Proposal,
-    Stage,
     found,
     kept,
     on_record,
@@ -161,11 +161,15 @@ def record(old: float, new: float, before: Kept | None = None) -> Kept:
 
 def test_the_oldest_value_is_given_back() -> None:
     first = record(1500.0, 2700.0)
-    second = record(2700.0, 3200.0, replace(first, stage=Stage.SET))
+    second = record(2700.0, 3200.0, replace(first, stage=ChangeStage.SET))
     third = record(3200.0, 2700.0, second)
     assert [one.old for one in (first, second, third)] == [1500.0, 1500.0, 1500.0]
-    assert [found(second, value) for value in (1500.0, 2700.0, 3200.0)] == [Found.OLD, Found.OURS, Found.OURS]
-    assert all(one.stage is Stage.PLANNED for one in (first, second, third))
+    assert [found(second, value) for value in (1500.0, 2700.0, 3200.0)] == [
+        FoundParameters.OLD,
+        FoundParameters.OURS,
+        FoundParameters.OURS,
+    ]
+    assert all(one.stage is ChangeStage.PLANNED for one in (first, second, third))
     assert third.earlier == (3200.0,)
 
 
@@ -175,15 +179,15 @@ def test_what_was_planned_and_never_sent_is_no_older_value() -> None:
 
 def test_what_somebody_set_since_is_what_was_there() -> None:
     assert record(4000.0, 2700.0, record(1500.0, 3200.0)).old == 4000.0
-    assert found(record(1500.0, 3200.0), 4000.0) is Found.OTHER
-    given_back = replace(record(1500.0, 2700.0), stage=Stage.RESTORED)
+    assert found(record(1500.0, 3200.0), 4000.0) is FoundParameters.OTHER
+    given_back = replace(record(1500.0, 2700.0), stage=ChangeStage.RESTORED)
     assert record(2700.0, 3200.0, given_back).old == 2700.0, "it was given back, so somebody else set that"
 
 
 def test_what_is_not_set_again_stays_on_record() -> None:
-    before = [record(1500.0, 2700.0), replace(record(3.0, 0.0), name="RTL_CONE_SLOPE", stage=Stage.SET)]
+    before = [record(1500.0, 2700.0), replace(record(3.0, 0.0), name="RTL_CONE_SLOPE", stage=ChangeStage.SET)]
     now = on_record([change(2700.0, 3200.0)], {"uav1": (1, "ardupilot")}, before)
     assert [(one.name, one.old, one.new, one.stage) for one in now] == [
-        ("RTL_ALT", 1500.0, 3200.0, Stage.PLANNED),
-        ("RTL_CONE_SLOPE", 3.0, 0.0, Stage.SET),
+        ("RTL_ALT", 1500.0, 3200.0, ChangeStage.PLANNED),
+        ("RTL_CONE_SLOPE", 3.0, 0.0, ChangeStage.SET),
     ]
