@@ -44,7 +44,7 @@ from missions.errors import (
 from missions.estimate import Estimate, LegEstimate, estimate
 from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
-from missions.heights import implausible, settled
+from missions.heights import implausible, with_heights
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
@@ -142,9 +142,9 @@ __all__ = [
     "read_text",
     "return_over_ground_m",
     "separation_m",
-    "settled",
     "tracks_m",
     "whole_task",
+    "with_heights",
     "write_plan",
     "write_qgc",
 ]

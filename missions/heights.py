@@ -40,7 +40,7 @@ NAMED = 3
 CLAIM = '[inspection] heights = "flat"'
 
 
-def settled(network: Network, *, flat: bool) -> Network:
+def with_heights(network: Network, *, flat: bool) -> Network:
     """Return the network with heights that can be flown by: known of all its pylons, or of none over flat ground.
 
     Over ground that is claimed to be flat, by the caller or by the network's format, a pylon's elevation is the
@@ -65,7 +65,7 @@ def implausible(network: Network, *, tallest_m: float | None = None) -> list[str
     """Check that a line can have the heights that its file says, and return in words what is worth a look.
 
     Args:
-        network: As ``settled`` returns it.
+        network: As ``with_heights`` returns it.
         tallest_m: The tallest structure, where the site says that a line of giants is no mistake.
 
     Raises:

@@ -9,7 +9,7 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
-from missions.heights import settled
+from missions.heights import with_heights
 from missions.network import Network
 from missions.pads import PAD_SPACING_M, Pad, place_pads
 from missions.safety import Layers, plan_layers, tracks_m
@@ -157,7 +157,7 @@ def flight_setup(
         NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
         SafetyError: there is no room for the pads, or the heights are below the depot's ground.
     """
-    network = settled(network, flat=inspection.flat)
+    network = with_heights(network, flat=inspection.flat)
     tracks = tracks_m(network, inspection.standoff_m)
     layers = plan_layers(
         network,

@@ -108,7 +108,7 @@ def underway(instance: Instance, plan: Plan) -> Aftermath:
     return Aftermath(instance, plan, tuple(range(fleet)), (0.0,) * fleet, (None,) * fleet)
 
 
-def repair(state: Aftermath, lost: int, at_s: float, *, effort: int) -> tuple[Remainder, Plan] | None:
+def repair_plan(state: Aftermath, lost: int, at_s: float, *, effort: int) -> tuple[Remainder, Plan] | None:
     """Return what the loss of a vehicle leaves and a plan for it; None where none was found.
 
     The same arguments give the same plan.

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from planner.aftermath import Aftermath, repair, underway
+from planner.aftermath import Aftermath, repair_plan, underway
 from planner.costs import Cost
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import evaluate
@@ -344,7 +344,7 @@ def _answered(campaign: Campaign, group: _Group, vehicle: int, at_s: float, gone
     if gone:
         vehicle -= sum(one < vehicle for one in gone)
         state = state.without(gone)
-    answer = repair(state, vehicle, at_s, effort=campaign.effort)
+    answer = repair_plan(state, vehicle, at_s, effort=campaign.effort)
     return None if answer is None else state.after(*answer)
 
 

@@ -14,7 +14,9 @@ MODES = "executor/simulator/{ardupilot,modes_px4}.py: each autopilot's own modes
 REASONS = {"Mode": MODES}
 
 
-def defined(kind: type[ast.ClassDef] | tuple[type[ast.FunctionDef], type[ast.AsyncFunctionDef]]) -> dict[str, list[str]]:
+def defined(
+    kind: type[ast.ClassDef] | tuple[type[ast.FunctionDef], type[ast.AsyncFunctionDef]],
+) -> dict[str, list[str]]:
     """Return every public name of a kind at the top of a module, with the files that define it."""
     found = defaultdict(list)
     for package in PACKAGES:

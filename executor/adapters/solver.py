@@ -90,17 +90,17 @@ def _work(problem: Solve) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
     setup, cancelled, _ = _worker
-    return solve(setup, problem, lambda: cancelled.value >= problem.revision)
+    return solve_for_survivors(setup, problem, lambda: cancelled.value >= problem.revision)
 
 
 def _judge(problem: Solve) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
     setup, _, wanted = _worker
-    return solve(setup, problem, lambda: wanted.value > 0, limit_s=JUDGE_S, settled=JUDGE_SETTLED)
+    return solve_for_survivors(setup, problem, lambda: wanted.value > 0, limit_s=JUDGE_S, settled=JUDGE_SETTLED)
 
 
-def solve(
+def solve_for_survivors(
     setup: SolverSetup,
     problem: Solve,
     cancelled: Callable[[], bool],

@@ -147,11 +147,11 @@ class FlightRecord:
         return max((route.energy[-1][0] for route in self.revisions[0].routes), default=0.0)
 
 
-def first_plan(content: PlanFile) -> Revision:
+def plan_at_launch(content: PlanFile) -> Revision:
     """Return the plan that a flight begins with."""
     instance = content.instance()
     routes = [planned_route(content, instance, route) for route in content.plan.routes if route.visits]
-    return Revision(0, 0.0, tuple(routes), left_over(content))
+    return Revision(0, 0.0, tuple(routes), uncovered_ids(content))
 
 
 def planned_route(
@@ -185,7 +185,7 @@ def planned_route(
     )
 
 
-def left_over(content: PlanFile) -> tuple[int, ...]:
+def uncovered_ids(content: PlanFile) -> tuple[int, ...]:
     """Return the ids of the segments that a plan file does not cover."""
     return tuple(content.segments[index].id for index in content.plan.uncovered)
 

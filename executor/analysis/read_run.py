@@ -19,12 +19,12 @@ from executor.analysis.flight_record import (
     Revision,
     SegmentRecord,
     VehicleRecord,
-    first_plan,
     inspected_s,
     joins_s,
-    left_over,
+    plan_at_launch,
     planned_route,
     takes_off_s,
+    uncovered_ids,
     used_at_pct,
 )
 from executor.core.commands import Level
@@ -119,7 +119,7 @@ def read_run(run: Path) -> FlightRecord:
     log = _read_log(RunDirectory(run).events, first.frame, site)
     vehicles = _vehicles(site, report, log)
     by_name = {vehicle.name: vehicle for vehicle in vehicles}
-    revisions = [first_plan(first)]
+    revisions = [plan_at_launch(first)]
     for row in report.replans:
         content = read_plan(RunDirectory(run).plan(row.revision))
         revisions.append(_replanned(row.revision, content, by_name, log))
@@ -241,4 +241,4 @@ def _replanned(number: int, content: PlanFile, vehicles: Mapping[str, VehicleRec
             began_s = takes_off_s(vehicle.track, uploaded_s)
         used_pct = used_at_pct(vehicle, began_s)
         routes.append(planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
-    return Revision(number, decided_s, tuple(routes), left_over(content))
+    return Revision(number, decided_s, tuple(routes), uncovered_ids(content))

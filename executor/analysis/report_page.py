@@ -151,7 +151,7 @@ def outcome(record: FlightRecord) -> str:
 def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:
     facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
     if report.get("min_separation_m") is not None:
-        facts.append(f"any two vehicles stayed at least {said(report['min_separation_m'])} m apart")
+        facts.append(f"any two vehicles stayed at least {value_words(report['min_separation_m'])} m apart")
     facts += _speeds(report)
     if record.uncovered:
         facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
@@ -171,9 +171,9 @@ def _speeds(report: Mapping[str, object]) -> list[str]:
     if not (means and highest and asides):
         return []
     text = (
-        f"segments were flown at {said(sum(means) / len(means))} m/s on average "
-        f"({said(report.get('inspection_speed_m_s'))} m/s were asked for), "
-        f"at most {said(max(highest))} m/s and at most {said(max(asides))} m beside the track"
+        f"segments were flown at {value_words(sum(means) / len(means))} m/s on average "
+        f"({value_words(report.get('inspection_speed_m_s'))} m/s were asked for), "
+        f"at most {value_words(max(highest))} m/s and at most {value_words(max(asides))} m beside the track"
     )
     return [text]
 
@@ -246,10 +246,10 @@ def _section(
 def _cell(value: object) -> str:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     opening = '<td class="number">' if number else "<td>"
-    return f"{opening}{escape(said(value))}</td>"
+    return f"{opening}{escape(value_words(value))}</td>"
 
 
-def said(value: object) -> str:
+def value_words(value: object) -> str:
     """Return a value of a report in words.
 
     >>> said(None), said(True), said([3, 4]), said(211.44)
@@ -263,7 +263,7 @@ def said(value: object) -> str:
         case float():
             return f"{value:.2f}" if abs(value) < 10 else f"{value:.1f}"
         case list() | tuple():
-            return ", ".join(map(said, value)) or "none"
+            return ", ".join(map(value_words, value)) or "none"
         case _:
             return str(value)
 

@@ -118,7 +118,7 @@ def judged(
                 said = simple.says(next_s)
                 first = None if said is None else (next_s, said, "few lines")
             else:
-                state, found = passive.step(context, state, Tick(), next_s)
+                state, found = passive.passive_step(context, state, Tick(), next_s)
                 declared = next((one for one in found if isinstance(one, Declared)), None)
                 first = None if declared is None else (next_s, declared.kind, f"{declared.reason}: {declared.evidence}")
             next_s += TICK_S
@@ -127,7 +127,7 @@ def judged(
         if few_lines:
             simple.take(message, at_s)
         else:
-            state, _ = passive.step(context, state, Heard(name, message), at_s)
+            state, _ = passive.passive_step(context, state, Heard(name, message), at_s)
     return _outcome(site, flight, first)
 
 

@@ -206,7 +206,7 @@ async def _both(cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphor
 
 
 async def _by_us(connection: Connection, dialect: Dialect, items: tuple[MissionItem, ...]) -> Attempt:
-    async with endpoints.open_links({NAME: LinkOrder(connection, SYSID)}) as links:
+    async with endpoints.open_mavlink_links({NAME: LinkOrder(connection, SYSID)}) as links:
         began_s = time.perf_counter()
         clock = SystemClock(1.0)
         ended = await procedures.upload_once(links[NAME], clock, dialect, items)
@@ -230,7 +230,7 @@ async def _answer_s(autopilot: str, seed: int) -> float:
     name, clock, taken_s = dialect_for(autopilot).ground_station_failsafe.timeout, SystemClock(1.0), list[float]()
     async with (
         _vehicle(autopilot, 0.0, 0.0, seed) as connection,
-        endpoints.open_links({NAME: LinkOrder(connection, SYSID)}) as links,
+        endpoints.open_mavlink_links({NAME: LinkOrder(connection, SYSID)}) as links,
     ):
         while len(taken_s) < PINGS:
             began_s = time.perf_counter()

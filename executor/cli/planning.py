@@ -12,7 +12,7 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import PlanCostName, SolverName
 from executor.core.commands import Level
 from executor.errors import SiteError
-from executor.flight.next_sortie import left_over
+from executor.flight.next_sortie import segments_left
 from executor.site import assembly, planning
 from executor.site.planning import PlanSolver, Wanted
 from missions import PlanFile, check_plan, read_plan
@@ -71,7 +71,7 @@ def routes_of(
         SiteError: options of a new plan beside the file of another.
     """
     if plan is None:
-        return first_plan(ground, console, wanted, None if after is None else left_over(after, ground))
+        return first_plan(ground, console, wanted, None if after is None else segments_left(after, ground))
     for name in PLANNING:
         source = asked.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":

@@ -41,7 +41,7 @@ from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from executor.site.heights import PlannedHeights, planned_heights
-from executor.site.plan_words import left_over, left_words, route_words, summary
+from executor.site.plan_words import left_over_words, left_words, route_words, summary
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
     PlanFile,
@@ -99,7 +99,9 @@ def plan(
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    content = first_plan(ground, console, wanted, next_sortie.left_over(after, ground) if after is not None else None)
+    content = first_plan(
+        ground, console, wanted, next_sortie.segments_left(after, ground) if after is not None else None
+    )
     heights = planned_heights(ground, content)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
@@ -292,7 +294,7 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
 def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
     if as_json:
         more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
-        left = {"left_over": [asdict(one) for one in left_over(content)]}
+        left = {"left_over": [asdict(one) for one in left_over_words(content)]}
         print(json.dumps({**plan_document(content), **left, **more}))
         return
     for line in (*route_words(content), summary(content)):

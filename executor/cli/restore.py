@@ -13,7 +13,7 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
 from executor.core.commands import Level
 from executor.core.preflight.parameters import Kept
-from executor.flight.changed_parameters import read_kept, reported
+from executor.flight.changed_parameters import parameters_report, read_kept
 from executor.runtime import turns
 
 
@@ -43,7 +43,7 @@ def restore(
 def _finish(directory: Path, kept: Sequence[Kept], *, as_json: bool, quiet: bool) -> None:
     stay = sum(one.open for one in kept)
     if as_json:
-        print(json.dumps({"restored": stay == 0, "parameters": reported(kept)}))
+        print(json.dumps({"restored": stay == 0, "parameters": parameters_report(kept)}))
     elif not quiet:
         print(f"{directory}: everything is as it was" if not stay else f"{directory}: {stay} of {len(kept)} stay")
     if stay:

@@ -86,7 +86,7 @@ def risk(
         )  # fmt: skip
         (found,) = fly(wanted, flight_chunks(samples, seed), done)
         if picture is not None:
-            swept = fly(*flights.sweep(wanted, seed, flights=samples), done)
+            swept = fly(*flights.sweep_mtbf(wanted, seed, flights=samples), done)
     console.progress("")
     if picture is not None:
         from executor.analysis.pictures import draw_risk

@@ -70,7 +70,7 @@ def items_expected(context: Scene, name: str, items: int) -> int:
     return items - 1 if context.vehicles[name].dialect.current_counts_home else items
 
 
-def reported(carried: Carried, message: MissionCurrent, expected: int, now_s: float) -> Carried:
+def after_report(carried: Carried, message: MissionCurrent, expected: int, now_s: float) -> Carried:
     """Take what a vehicle says of its mission, where that should be `expected` items of ours."""
     total, number = message.total, message.mission_id
     if total == NO_ITEM:  # PX4 without a mission
@@ -94,7 +94,7 @@ def texted(carried: Carried, text: str, now_s: float) -> Carried:
     return replace(carried, told_s=now_s)
 
 
-def read(carried: Carried, match: Match | None, now_s: float) -> Carried:
+def after_reading(carried: Carried, match: Match | None, now_s: float) -> Carried:
     """Take what was read from it, against the mission that is ours; None if nothing could be read."""
     known = replace(carried, told_s=None, asked_s=None, read_s=now_s)
     if match is None:

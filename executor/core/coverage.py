@@ -111,7 +111,7 @@ class Run:
     pace: _Pace
 
 
-def joined(track: Track, sample: Sample, speed_m_s: float) -> Run:
+def run_joined(track: Track, sample: Sample, speed_m_s: float) -> Run:
     """Return the run of a vehicle that is found on a track, as if it had come from the first pylon at this speed.
 
     Nobody saw that; who says so has other evidence for it.

@@ -110,7 +110,7 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case LossJudged():
             return _judged(state, event, now_s), ()
         case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
-            return handling.step(context, state, event, now_s)
+            return handling.operator_step(context, state, event, now_s)
         case Reopened():
             return resuming.reopened(state, event, now_s)
         case Resumed() | MissionRead():
@@ -122,7 +122,7 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
 
 def _found(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
     if isinstance(event, MissionRead):
-        return reading.read(state, event.found, now_s)
+        return reading.mission_read(state, event.found, now_s)
     taken = resuming.resumed(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
     for ended in taken.ended:
@@ -226,7 +226,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         for line in stranger_lines(before.strangers, folded.state.strangers)
     ]
     if folded.text is not None:
-        state, more = texts.said(state, folded.state, folded.text, now_s)
+        state, more = texts.tell_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None and folded.inspected not in state.inspected:
         inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
@@ -317,11 +317,11 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
         commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
-    state, more = texts.counted(state, now_s)
+    state, more = texts.tell_passed_over(state, now_s)
     commands.extend(more)
     state, more = offers.looked_at(context, state, now_s)
     commands.extend(more)
-    state = handling.settled(context, state, now_s)
+    state = handling.settle_intents(context, state, now_s)
     state, more = _finish(context, state)
     return state, (*commands, *more)
 
@@ -344,7 +344,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
         commands.extend(more)
     vehicle = causes.looked_at_again(context, state.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
-    told, lines = warnings.said(view, state.told.get(name, Told()))
+    told, lines = warnings.new_warnings(view, state.told.get(name, Told()))
     if told is not state.told.get(name):
         state = replace(state, told=MappingProxyType({**state.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)
@@ -574,7 +574,7 @@ def _finish(context: Context, state: FleetState) -> Stepped:
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
     if state.finished or state.launched_s is None or state.replan is not None:
         return state, ()
-    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.stands(state):
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.awaits_answer(state):
         return state, ()
     if not state.recalled and replanning.orphans(context, state):
         return state, ()

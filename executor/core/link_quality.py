@@ -55,7 +55,7 @@ class LinkQuality:
         return ""
 
 
-def counted(state: LinkQuality, traffic: Traffic, now_s: float, window_s: float) -> LinkQuality:
+def with_traffic(state: LinkQuality, traffic: Traffic, now_s: float, window_s: float) -> LinkQuality:
     """Take what came and what did not since the last count."""
     kept = tuple(one for one in state.window if now_s - one[0] < window_s)
     window = (*kept, (now_s, traffic.received, traffic.missing))

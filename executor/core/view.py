@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from executor.core import projection
 from executor.core.context import Context
 from executor.core.coverage import Track
-from executor.core.roster.offers import words
+from executor.core.roster.offers import offer_words
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
@@ -254,7 +254,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         question=state.briefing.question,
         offer=None
         if state.offer is None
-        else OfferView(state.offer.vehicles, state.offer.segments, words(context, state.offer)),
+        else OfferView(state.offer.vehicles, state.offer.segments, offer_words(context, state.offer)),
     )  # fmt: skip
 
 

@@ -77,7 +77,7 @@ def _plain(one: Kept) -> dict[str, object]:
     return {**row, "state": one.stage.value}
 
 
-def reported(kept: Sequence[Kept]) -> list[dict[str, object]]:
+def parameters_report(kept: Sequence[Kept]) -> list[dict[str, object]]:
     """Return what a report says of the parameters that were changed."""
     return [
         {"vehicle": one.vehicle, "name": one.name, "old": one.old, "new": one.new, "restored": not one.open}

@@ -50,8 +50,8 @@ def checklist(
         found += checks.pad_height(context, fact)
         found.append(checks.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s))
         found += checks.stations(fact, setup.dialect)
-        found += checks.battery(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
+        found += checks.battery_failsafes(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
         found += checks.fence(context, fact, path)
-        found.append(checks.energy(context, name, path, fact.remaining_pct))
+        found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
     return found + plan_checks(plan, len(context.setup.network.segments))

@@ -36,7 +36,7 @@ async def _examined(order: Order, console: Console) -> list[Check]:
 
     async def one(table: VehicleTable, link: OpenLink) -> Facts | Check:
         try:
-            return await preparing.interview(order.site, table, link, clock, console)
+            return await preparing.interview_at_link(order.site, table, link, clock, console)
         except ExecutorError as error:
             return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "))
 
@@ -55,5 +55,5 @@ async def _examined(order: Order, console: Console) -> list[Check]:
             fact, dialect = facts[table.name], dialect_for(table.autopilot)
             found += checks.identity(fact, dialect, frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg))
             found += checks.stations(fact, dialect)
-            found += checks.battery(fact, dialect, None)
+            found += checks.battery_failsafes(fact, dialect, None)
     return found

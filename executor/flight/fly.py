@@ -28,7 +28,7 @@ from executor.core.vehicle import OnBoard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
 from executor.flight import parameter_changes, web
-from executor.flight.changed_parameters import reported
+from executor.flight.changed_parameters import parameters_report
 from executor.flight.flight_order import Console, Order
 from executor.flight.leaving import Interrupts
 from executor.flight.linking import open_links
@@ -57,7 +57,7 @@ async def fly(order: Order, console: Console) -> FlightResult:
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
-    web.check(order.site.web)
+    web.check_web(order.site.web)
     clock = SystemClock(order.site.flight.speedup)
     solver = solver_of(order, order.ground, console)
     with locked(order.run), supervised.hear(lambda text: console.say(Level.FAULT, text), order.run):
@@ -132,7 +132,7 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
     if proposal.changes:
-        text = parameter_changes.question(proposal)
+        text = parameter_changes.changes_question(proposal)
         if not await _asked(flight, console, Action.PREPARE, text, parameter_changes.lines(proposal)):
             raise PreflightFailed("the operator did not say yes; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
@@ -189,7 +189,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         listening = flight.listening() if isinstance(begins, Launch) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web.page(order.site.web, flight, clock, console),
+                web.page_beside(order.site.web, flight, clock, console),
                 _published(publication, flight, keeper, clock),
             ):
                 reopened = begins if isinstance(begins, Reopened) else None
@@ -205,7 +205,9 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     ended_s = clock.now_s()
     given_back = await parameter_changes.give_back(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
-    report = report_of(context, flight.state, ended_s, order.truths(clock), frames, seat.said, reported(given_back))
+    report = report_of(
+        context, flight.state, ended_s, order.truths(clock), frames, seat.said, parameters_report(given_back)
+    )
     try:
         write_json(RunDirectory(order.run).report, report)
     except OSError as error:

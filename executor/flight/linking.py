@@ -39,8 +39,8 @@ async def open_links(
         key = signing_key(order.site, order.base)
         keyring = None if key is None else Keyring(key, clock.dated_s)
         radios = order.site.link.senders
-        native = await stack.enter_async_context(endpoints.open_links(wanted["native"], keyring, radios))
-        others = await stack.enter_async_context(mavsdk.open_links(wanted["mavsdk"], Codec(radios=radios)))
+        native = await stack.enter_async_context(endpoints.open_mavlink_links(wanted["native"], keyring, radios))
+        others = await stack.enter_async_context(mavsdk.open_mavsdk_links(wanted["mavsdk"], Codec(radios=radios)))
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
         async with beside("our heartbeat", partial(keep_heartbeat, links, clock), at_once=True):
             yield links

@@ -26,7 +26,7 @@ class _Report(BaseModel):
     segments_uncovered: tuple[int, ...]
 
 
-def left_over(run: Path, ground: Ground) -> tuple[int, ...]:
+def segments_left(run: Path, ground: Ground) -> tuple[int, ...]:
     """Return the segments that a flight over a site's network left, by its report.
 
     Raises:

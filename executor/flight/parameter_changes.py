@@ -14,7 +14,16 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.ports import Clock, OpenLink
 from executor.core.preflight.checks import Check
-from executor.core.preflight.parameters import ChangeStage, Kept, Present, Proposal, number, on_record, propose, settled
+from executor.core.preflight.parameters import (
+    ChangeStage,
+    Kept,
+    Present,
+    Proposal,
+    number,
+    on_record,
+    propose,
+    return_heights,
+)
 from executor.errors import LogError, PreflightFailed
 from executor.flight.changed_parameters import read_kept, write_kept
 from executor.flight.flight_order import Console
@@ -44,7 +53,7 @@ def lines(proposal: Proposal) -> list[str]:
     return [f"{change.vehicle}: {change.words}" for change in proposal.changes]
 
 
-def question(proposal: Proposal) -> str:
+def changes_question(proposal: Proposal) -> str:
     """Return what is asked before anything is set."""
     count = len(proposal.changes)
     what = "1 parameter" if count == 1 else f"{count} parameters"
@@ -79,7 +88,7 @@ async def apply_changes(
             if not problem:
                 record.stage(name, parameter, ChangeStage.SET)
         record.keep()
-        checks.append(settled(context, name, proposal, ends))
+        checks.append(return_heights(context, name, proposal, ends))
         console.checks(checks[-1:])
 
     async with asyncio.TaskGroup() as tasks:
@@ -154,7 +163,7 @@ async def give_back(
             given = GivenBack(tuple(kept), ("is not in the site file",))
         else:
             async with turn:
-                given = await parameters.give_back(links[name], clock, kept, heard_s)
+                given = await parameters.give_back_to(links[name], clock, kept, heard_s)
         record.take(given.kept)
         record.keep()
         waiting.pop(name)

@@ -40,7 +40,9 @@ async def interviews(
     """
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
     everybody = order.site.vehicle
-    facts = await together(interview(order.site, table, links[table.name], clock, console) for table in everybody)
+    facts = await together(
+        interview_at_link(order.site, table, links[table.name], clock, console) for table in everybody
+    )
     return {table.name: fact for table, fact in zip(everybody, facts, strict=True)}
 
 
@@ -55,7 +57,9 @@ async def together(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def interview(site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console) -> Facts:
+async def interview_at_link(
+    site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console
+) -> Facts:
     """Wait for one vehicle, and ask it what it is and whether it is ready.
 
     Raises:
@@ -131,7 +135,7 @@ async def load_all(
     async def load(name: str, board: OnBoard) -> None:
         dialect = context.vehicles[name].dialect
         mission = encode(board.path, dialect)
-        await asking.load(name, links[name], clock, dialect, mission)
+        await asking.load_mission(name, links[name], clock, dialect, mission)
         console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
 
     await together(one(name, board) for name, board in boards.items() if board is not None)

@@ -47,5 +47,5 @@ async def restore(run: Path, console: Console) -> tuple[Kept, ...]:
         keyring = None if key is None else Keyring(key, clock.dated_s)
         # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
         wanted = {table.name: LinkOrder(table.link, table.sysid) for table in site.vehicle if table.name in names}
-        async with endpoints.open_links(wanted, keyring) as links:
+        async with endpoints.open_mavlink_links(wanted, keyring) as links:
             return await give_back(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)

@@ -23,7 +23,7 @@ from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.errors import LogError
 from executor.flight import fly, web
-from executor.flight.changed_parameters import read_kept, reported
+from executor.flight.changed_parameters import parameters_report, read_kept
 from executor.flight.checkpoints import FoundCheckpoint, Planned, newest
 from executor.flight.flight_order import Console, Order
 from executor.flight.fly import Cockpit, FlightResult
@@ -190,7 +190,7 @@ def _launched(run: Path) -> bool:
     return False
 
 
-def words(left: Left) -> list[str]:
+def left_words(left: Left) -> list[str]:
     """Return how a flight was left, for whoever must say yes."""
     state = left.state
     vehicles = [
@@ -212,7 +212,7 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
         if isinstance(report, dict):
             return report
     # It died between the end of the flight and its report.
-    parameters = reported(read_kept(run) or ())
+    parameters = parameters_report(read_kept(run) or ())
     report = report_of(left.begun.context, left.state, left.last_s, said=_said(run), parameters=parameters)
     with suppress(OSError):  # it is shown all the same
         write_json(RunDirectory(run).report, report)
@@ -248,7 +248,7 @@ def beforehand(run: Path, known: Outset) -> list[str]:
         LogError: as `read_left`.
     """
     if known.found.checkpoint is not None:
-        return words(read_rest(run, known))
+        return left_words(read_rest(run, known))
     size_mb = 1e-6 * RunDirectory(run).events.stat().st_size
     text = f"left at {known.last_s:.0f} s; its log of {size_mb:.0f} MB is read while the vehicles hear our heartbeat"
     return [*known.found.notes, text]
@@ -277,13 +277,13 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
         async with AsyncExitStack() as stack:
             links = await stack.enter_async_context(open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
-            await asyncio.to_thread(web.check, order.site.web)
+            await asyncio.to_thread(web.check_web, order.site.web)
             left = await _read(run, known)
             report = over(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
                 return FlightResult(report, left.begun.context, left=False)
-            for line in words(left):
+            for line in left_words(left):
                 if line not in told:
                     console.say(Level.INFO, line)
             log = EventLog(RunDirectory(run).events, told=fly.telling(console), lines=left.lines)

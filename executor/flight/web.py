@@ -23,7 +23,7 @@ LEAST_TOKEN = 16
 """Characters: shorter ones can be guessed."""
 
 
-def check(table: WebTable) -> None:
+def check_web(table: WebTable) -> None:
     """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
 
     Raises:
@@ -52,7 +52,7 @@ def _token(table: WebTable) -> str | None:
 
 
 @asynccontextmanager
-async def page(table: WebTable, flight: Flight, clock: SystemClock, console: Teller) -> AsyncIterator[None]:
+async def page_beside(table: WebTable, flight: Flight, clock: SystemClock, console: Teller) -> AsyncIterator[None]:
     """Serve the page; a flight goes on without it where it cannot be served.
 
     It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.

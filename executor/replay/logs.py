@@ -98,7 +98,7 @@ class _Player:
     def __init__(self, rules: ReplayRules, file: RecordedFile, *, on_board: bool) -> None:
         self._rules, self._file, self._on_board = rules, file, on_board
         self._scene = _empty_scene(rules)
-        self._state = passive.begun(())
+        self._state = passive.watch_begun(())
         self._names: dict[int, str] = {}
         self._others: dict[int, str] = {}
         """Systems that are not followed, and why."""
@@ -163,7 +163,7 @@ class _Player:
             if usec is not None and self._first is not None:
                 heard_s = (usec - self._first + self._shift) / 1e6
                 self._state = passive.heard(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
-        self._state, found = passive.step(self._scene, self._state, _TICK, at_s)
+        self._state, found = passive.passive_step(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True
         for name, vehicle in self._state.fleet.vehicles.items():
@@ -188,7 +188,7 @@ class _Player:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
             self._scene = replace(self._scene, frame=frame)
-        self._state, found = passive.step(self._scene, self._state, Heard(name, message), now_s)
+        self._state, found = passive.passive_step(self._scene, self._state, Heard(name, message), now_s)
         self._findings += found
         if isinstance(message, (Battery, SystemStatus)) and _drains(self._state.fleet.vehicles[name]):
             self._next_s = min(self._next_s, now_s + TICK_S)
@@ -249,7 +249,7 @@ class _Player:
             return ""
         setup = _setup(self._rules, system, dialect_for(autopilot), on_board=self._on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
-        self._state = passive.joined(self._state, setup.name)
+        self._state = passive.with_vehicle(self._state, setup.name)
         self._names[system] = setup.name
         self._traces[setup.name] = Trace()
         return setup.name

@@ -101,7 +101,7 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     return declared, flown_usec / 1e6
 
 
-def sweep(paths: Sequence[Path], rules: ReplayRules) -> list[Point]:
+def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules) -> list[Point]:
     """Replay all logs that have a truth with every value of every threshold.
 
     Raises:
@@ -153,7 +153,7 @@ def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Po
 
 def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None, *, as_json: bool) -> None:
     """Sweep, print, and draw the picture where a folder for it is given."""
-    points = sweep(paths, rules)
+    points = sweep_thresholds(paths, rules)
     if output is not None:
         from executor.replay.pictures_tuning import Curve, draw_tuning
 

@@ -95,7 +95,7 @@ class _Watch:
         return self.heartbeat is not None and not self.heartbeat.armed
 
 
-async def give_back(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: float = HEARD_S) -> GivenBack:
+async def give_back_to(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: float = HEARD_S) -> GivenBack:
     """Give one vehicle its parameters back, if it answers and is not armed; what somebody else set since stays.
 
     It hears no heartbeat from here: one that begins and ends would set off its ground-station failsafe.

@@ -217,7 +217,7 @@ async def _banner(heard: _Heard, link: Link, clock: Clock) -> None:
             return
 
 
-async def load(name: str, link: Link, clock: Clock, dialect: Dialect, mission: EncodedMission) -> None:
+async def load_mission(name: str, link: Link, clock: Clock, dialect: Dialect, mission: EncodedMission) -> None:
     """Put the first mission on board.
 
     Raises:

@@ -29,7 +29,7 @@ from missions import (
     implausible,
     open_task,
     read_network,
-    settled,
+    with_heights,
 )
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, travel_for
 
@@ -72,7 +72,7 @@ def ground_of(site: Site, base: Path) -> Ground:
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
     table = site.inspection
-    network = settled(network, flat=table.heights == "flat")
+    network = with_heights(network, flat=table.heights == "flat")
     worth_a_look = tuple(implausible(network, tallest_m=site.network.tallest_m))
     drone = drone_of(site)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)

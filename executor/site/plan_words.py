@@ -31,7 +31,7 @@ class LeftOver:
     why: str
 
 
-def left_over(plan: PlanFile) -> tuple[LeftOver, ...]:
+def left_over_words(plan: PlanFile) -> tuple[LeftOver, ...]:
     """Return what a plan does not inspect, and why."""
     if not plan.plan.uncovered:
         return ()
@@ -80,7 +80,7 @@ def summary(plan: PlanFile) -> str:
 def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
     """Return what is left over, a line for each reason, each with the names of `most` segments at most."""
     reasons: dict[str, list[str]] = {}
-    for one in left_over(plan):
+    for one in left_over_words(plan):
         figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
     return [f"left over, {why}: {_listed(names, most)}" for why, names in reasons.items()]

@@ -84,7 +84,7 @@ def crew(*, jobs: int | None, dask: str | None) -> Iterator[Crew]:
         yield partial(_on_cluster, client)
 
 
-def sweep(content: Campaign, seed: int, *, flights: int) -> tuple[Campaign, tuple[Chunk, ...]]:
+def sweep_mtbf(content: Campaign, seed: int, *, flights: int) -> tuple[Campaign, tuple[Chunk, ...]]:
     """Return a campaign over a range of times between failures around the given one, and its chunks.
 
     It shares the table of first losses, so what it costs are its flights.

@@ -30,7 +30,7 @@ from planner.kernels.tours import copy_route, measure, orient
 
 
 @kernel(nb.types.UniTuple(nb.float64, 2)(PROBLEM, STATE))
-def left_out(problem: Problem, state: State) -> tuple[float, float]:
+def left_out_value(problem: Problem, state: State) -> tuple[float, float]:
     """Return the value and the prizes of the segments that no route visits."""
     value = 0.0
     prizes = 0.0
@@ -203,7 +203,7 @@ def anneal(
     out = 0
     for segment in range(segments):
         out += int(current.route_of[segment] < 0)
-    here = objective(problem, weights, current) + weights.prize * left_out(problem, current)[1]
+    here = objective(problem, weights, current) + weights.prize * left_out_value(problem, current)[1]
     improved = 0
     for iteration in range(1, iterations + 1):
         waits = gather_waiting(trial, waiting, out, waiting_tried, rng)
@@ -226,7 +226,7 @@ def anneal(
         value = 0.0
         there = objective(problem, weights, trial)
         if still_out > 0:
-            value, prizes = left_out(problem, trial)
+            value, prizes = left_out_value(problem, trial)
             there += weights.prize * prizes
         if keep_best(problem, truth, trial, best, key, value):
             improved = iteration

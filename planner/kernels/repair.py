@@ -212,7 +212,7 @@ def copy_all(source: State, target: State) -> None:
 
 
 @inner(nb.float64(STATE))
-def energy(state: State) -> float:
+def routes_energy(state: State) -> float:
     """Return what all routes use."""
     total = 0.0
     for route in range(len(state.loads)):
@@ -258,7 +258,7 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
     if least <= 0.0 or iterations <= 0 or count == 0:
         return least
     copy_all(current, trial)
-    here = EXCESS_WEIGHT * least + energy(current)
+    here = EXCESS_WEIGHT * least + routes_energy(current)
     hot = HOT if iterations >= LONG else WARM
     temperature = hot * alone / count
     cooling = (COLD / hot) ** (1.0 / iterations)
@@ -273,7 +273,7 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
                 measure(problem, trial, route)
                 orient(problem, trial, route, desk.came_from)
         lacks = lacking(problem, trial)
-        there = EXCESS_WEIGHT * lacks + energy(trial)
+        there = EXCESS_WEIGHT * lacks + routes_energy(trial)
         if lacks < least:
             least = lacks
             copy_all(trial, best)

@@ -31,7 +31,7 @@ from planner.kernels.chance import below, uniform
 from planner.kernels.change import change
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss, set_clock
-from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, copy_owners, energy, repair
+from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, copy_owners, repair, routes_energy
 from planner.kernels.tours import copy_route, measure, orient
 from planner.kernels.window import REPAIRS, Repairs, repair_of, scan
 
@@ -228,7 +228,7 @@ def allowed(
             good = good and not limits.all_vehicles
         elif base.loads[route] > problem.budget[route] or clock.durations_s[route] > limits.longest_s:
             good = False
-    return good and energy(base) <= most
+    return good and routes_energy(base) <= most
 
 
 @inner(nb.void(STATE, CLOCK, STATE, CLOCK, nb.int64))
@@ -313,7 +313,7 @@ def walk(
         most = lacks - temperature[0] * math.log(1.0 - uniform(rng))
         accepted = False
         if whole and allowed(
-            problem, timing, there.base, there.clock, touched, limits, energy(here.base) + limits.rise
+            problem, timing, there.base, there.clock, touched, limits, routes_energy(here.base) + limits.rise
         ):
             found = assess(problem, timing, here, there, loss, desk, probes_s, limits, most, rng)
             if found <= most:

@@ -182,13 +182,13 @@ MAVSDKS = Vehicles("mavsdk", PX4, 0, 0, (("NAV_DLL_ACT", 3.0, 6), ("COM_DL_LOSS_
 
 def through_mavsdk(orders: Mapping[str, LinkOrder]) -> Links:
     """Open links as the flight does for vehicles with the backend mavsdk."""
-    return mavsdk_links.open_links(orders, Codec())
+    return mavsdk_links.open_mavsdk_links(orders, Codec())
 
 
 WAYS = (
-    Way("native", endpoints.open_links, ARDUPILOTS),
-    Way("native", endpoints.open_links, PX4S),
-    Way("native", endpoints.open_links, MAVSDKS),
+    Way("native", endpoints.open_mavlink_links, ARDUPILOTS),
+    Way("native", endpoints.open_mavlink_links, PX4S),
+    Way("native", endpoints.open_mavlink_links, MAVSDKS),
     Way("mavsdk", through_mavsdk, ARDUPILOTS),
     Way("mavsdk", through_mavsdk, PX4S),
 )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions import Inspection, Network, NetworkError, Pylon, flight_setup, implausible, settled
+from missions import Inspection, Network, NetworkError, Pylon, flight_setup, implausible, with_heights
 from tests.missions.builders import FRAME, line_east, network_of
 
 GOOD = [(450.0, 30.0), (455.0, 32.0), (460.0, 28.0), (452.0, 30.0)]
@@ -32,7 +32,7 @@ def third(network: Network, *values_m: float | None) -> Network:
 
 
 def test_known_heights_stay_as_they_are() -> None:
-    network = settled(line(GOOD), flat=False)
+    network = with_heights(line(GOOD), flat=False)
     assert network == line(GOOD)
     assert implausible(network) == []
 
@@ -58,16 +58,16 @@ def test_what_lacks_heights_is_named(network: Network, reason: str) -> None:
 
 
 def test_a_claim_makes_the_depots_ground_everybodys() -> None:
-    network = settled(line([(None, 30.0), (452.0, 31.0)]), flat=True)
+    network = with_heights(line([(None, 30.0), (452.0, 31.0)]), flat=True)
     assert network.flat
     assert [pylon.elevation_m for pylon in network.pylons] == [450.0, 452.0]
-    assert settled(network, flat=True) == network
+    assert with_heights(network, flat=True) == network
     setup = flight_setup(network, ["uav1"], Inspection())
     assert setup.layers.track_heights_m.tolist() == [[45.0, 48.0]]
 
 
 def test_over_flat_ground_without_structures_flights_are_over_the_depots_ground() -> None:
-    network = settled(line([(None, None)] * 3), flat=True)
+    network = with_heights(line([(None, None)] * 3), flat=True)
     assert network.flat
     assert not network.has_heights
     assert flight_setup(network, ["uav1"], Inspection()).layers.track_heights_m.max() == 15.0
@@ -86,15 +86,17 @@ def test_a_network_that_is_flat_by_its_format_needs_no_claim() -> None:
 )
 def test_a_claim_that_the_file_contradicts_is_refused(network: Network, reason: str) -> None:
     with pytest.raises(NetworkError, match=reason):
-        settled(network, flat=True)
+        with_heights(network, flat=True)
 
 
 def test_third_coordinates_contradict_a_claim_when_they_rise() -> None:
     rising = third(line([(None, None)] * 3), 460.0, None, 560.0)
     with pytest.raises(NetworkError, match=r"third coordinates: .* got 460 at pylon 'p0' and 560 at pylon 'p2'$"):
-        implausible(settled(rising, flat=True))
+        implausible(with_heights(rising, flat=True))
     level = third(line([(None, None)] * 3), 495.0, 500.0, 490.0)
-    assert implausible(settled(level, flat=True)) == ["the third coordinates of the network's positions are not used"]
+    assert implausible(with_heights(level, flat=True)) == [
+        "the third coordinates of the network's positions are not used"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -113,7 +115,7 @@ def test_third_coordinates_contradict_a_claim_when_they_rise() -> None:
 )  # fmt: skip
 def test_heights_that_no_line_has_are_refused(network: Network, reason: str) -> None:
     with pytest.raises(NetworkError, match=reason) as caught:
-        implausible(settled(network, flat=False))
+        implausible(with_heights(network, flat=False))
     assert "\n" not in str(caught.value)
 
 

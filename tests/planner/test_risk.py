@@ -34,7 +34,7 @@ from planner import (
     solve,
     wilson,
 )
-from planner.aftermath import repair, underway
+from planner.aftermath import repair_plan, underway
 from tests.planner.builders import UNIT, fleet, line, random_instance
 
 FLIGHTS = 20_000
@@ -104,7 +104,7 @@ def test_a_spare_does_not_fail_on_the_ground() -> None:
 def test_one_that_flies_again_goes_on_where_its_flight_hours_ended() -> None:
     # b lands at 20 s. When a is lost at 25 s, on the visit that ends at 30 m east, b flies there and back: 60 s.
     state = underway(line(3, 100.0, 200.0), Plan((Route(0, (2, 4)), Route(1, (0,)))))
-    answer = repair(state, 0, 25.0, effort=100)
+    answer = repair_plan(state, 0, 25.0, effort=100)
     assert answer is not None
     after = state.after(*answer)
     assert after.fleet == (1,)
@@ -158,7 +158,7 @@ def test_a_state_after_losses_holds_its_budgets_and_all_that_is_left(seed: int, 
     for number, share in enumerate(sorted(shares)):
         at_s = max(at_s, share * evaluate(instance, plan, Cost.MINMAX).longest_route_s)
         lost = number % len(state.fleet)
-        answer = repair(state, lost, at_s, effort=200)
+        answer = repair_plan(state, lost, at_s, effort=200)
         if answer is None:
             return
         left, new = answer

@@ -224,7 +224,7 @@ class Sky(World):
             for name, board in boards.items():
                 if board is not None:
                     mission = encode(board.path, context.vehicles[name].dialect)
-                    await preflight.load(name, links[name], self.clock, context.vehicles[name].dialect, mission)
+                    await preflight.load_mission(name, links[name], self.clock, context.vehicles[name].dialect, mission)
             began_s = self.now_s
             self.flight = Flight(
                 context, fleet.initial(boards), links, self.clock, self.sink, self.solver,

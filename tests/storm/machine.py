@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 
 from executor.adapters.eventlog import DISK_S
-from executor.adapters.solver import SolverSetup, solve
+from executor.adapters.solver import SolverSetup, solve_for_survivors
 from executor.core.commands import Solve
 from executor.core.events import Event, SolveEnded
 from executor.site.assembly import Ground
@@ -64,7 +64,7 @@ class Deputy:
         if mood in {"hangs", "fails"}:
             reason = "the solver did not answer" if mood == "hangs" else "the solver's process died"
             return SolveEnded(problem.revision, None, (), 0.0, reason)
-        return replace(solve(self._setup, problem, lambda: False, settled=SETTLED), solve_s=takes_s)
+        return replace(solve_for_survivors(self._setup, problem, lambda: False, settled=SETTLED), solve_s=takes_s)
 
     def cancel(self, revision: int) -> None:
         self._cancelled = max(self._cancelled, revision)

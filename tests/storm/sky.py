@@ -162,7 +162,7 @@ class StormSky(Sky):
 
     async def _loaded(self, name: str, board: OnBoard) -> None:
         dialect = self.context.vehicles[name].dialect
-        await preflight.load(name, self.airs[name].link, self.clock, dialect, encode(board.path, dialect))
+        await preflight.load_mission(name, self.airs[name].link, self.clock, dialect, encode(board.path, dialect))
 
     def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnBoard | None]]:
         setup = self._setup

@@ -20,7 +20,7 @@ from executor.adapters.mavlink.signing import Distrust, Signing
 from executor.adapters.mavlink.texts import Texts
 from executor.core import words
 from executor.core.hearing.plausible import plausible
-from executor.core.hearing.speaker import Speaker, followed, heard_of
+from executor.core.hearing.speaker import Speaker, heard_of, speaker_after
 from executor.core.messages import (
     GROUND_STATION,
     Attitude,
@@ -163,7 +163,7 @@ class Codec:
 
     def _follow(self, source: Sender, beat: Heartbeat) -> None:
         system, component = source
-        speaker = self._speakers[system] = followed(self._speakers.get(system, Speaker()), component, beat)
+        speaker = self._speakers[system] = speaker_after(self._speakers.get(system, Speaker()), component, beat)
         if speaker.component == component:
             self.autopilots[system] = beat.autopilot
 

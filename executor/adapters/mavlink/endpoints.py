@@ -207,7 +207,7 @@ class _SerialPort:
 
 
 @asynccontextmanager
-async def open_links(
+async def open_mavlink_links(
     orders: Mapping[str, LinkOrder],
     keyring: Keyring | None = None,
     radios: Collection[Sender] | None = None,

@@ -17,7 +17,7 @@ from typing import Any
 
 from executor.adapters.mavlink.texts import Texts
 from executor.core.hearing.plausible import plausible
-from executor.core.hearing.speaker import Speaker, followed
+from executor.core.hearing.speaker import Speaker, speaker_after
 from executor.core.messages import (
     Battery,
     FlightMessage,
@@ -350,7 +350,7 @@ class TelemetryFile:
     def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
         known = self._speakers.get(system, Speaker())
-        speaker = self._speakers[system] = followed(known, component, beat)
+        speaker = self._speakers[system] = speaker_after(known, component, beat)
         if speaker.component != known.component and (before := self._sources.get(system << 8 | known.component)):
             before.vehicle = False
         return speaker.component == component

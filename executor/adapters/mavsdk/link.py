@@ -184,7 +184,7 @@ class _Systems:
 
 
 @asynccontextmanager
-async def open_links(
+async def open_mavsdk_links(
     orders: Mapping[str, LinkOrder], translator: Translator
 ) -> AsyncIterator[Mapping[str, MavsdkLink]]:
     """Open the links to vehicles by name through one MAVSDK.

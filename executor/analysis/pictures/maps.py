@@ -19,9 +19,9 @@ from executor.analysis.flight_record import (
     PlannedRoute,
     SegmentRecord,
     VehicleRecord,
-    first_plan,
     given_away,
     last_place_m,
+    plan_at_launch,
 )
 from executor.analysis.pictures.placing import Placer, along, calmest
 from executor.analysis.pictures.sheet import Sheet, draw_ground, legend, make_sheet
@@ -56,7 +56,7 @@ AGAIN = _Look(1.5, 1.0, dashed=True)
 def plan_figure(content: PlanFile) -> Figure:
     """Return the map of a plan."""
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
-    routes = first_plan(content).routes
+    routes = plan_at_launch(content).routes
     handles = [*_vehicle_handles(styles), *_first_handles(), *_ground_handles(pads=False)]
     places = [content.ends_m.reshape(-1, 2), *(np.array(route.way_m) for route in routes), np.array([DEPOT_M])]
     count, covered = len(content.segments), sum(len(route.segments) for route in routes)

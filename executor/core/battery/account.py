@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery import kalman
-from executor.core.battery.cusum import Drift, followed
+from executor.core.battery.cusum import Drift, with_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
 from executor.core.changed import changed
 from executor.core.limits import Limits
@@ -119,7 +119,7 @@ def drawn(state: BatteryState, pct: float) -> BatteryState:
     return changed(state, modelled_pct=state.modelled_pct + pct)
 
 
-def reported(
+def with_remaining(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
     limits: Limits = DEFAULT_LIMITS,
 ) -> BatteryState:  # fmt: skip
@@ -135,7 +135,7 @@ def reported(
             reported_s=now_s,
             charge_state=charge_state,
             history=(sample,),
-            estimate=kalman.begun(remaining_pct, prior),
+            estimate=kalman.first_estimate(remaining_pct, prior),
             usual=prior.factor,
             usual_long=prior.factor,
         )
@@ -148,11 +148,11 @@ def reported(
     modelled = max(modelled, _unseen_pct(state, elapsed_s))
     expected = _usual(state) * modelled
     slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
-    drift = followed(
+    drift = with_usage(
         state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
-    slow = followed(
+    slow = with_usage(
         state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
@@ -182,7 +182,9 @@ def reported(
     )
 
 
-def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limits = DEFAULT_LIMITS) -> BatteryState:
+def with_consumed(
+    state: BatteryState, consumed_ah: float, now_s: float, limits: Limits = DEFAULT_LIMITS
+) -> BatteryState:
     """Take a report of the consumed charge; what it means in percent is learned from both counters."""
     charge = state.charge
     if state.remaining_pct is None:
@@ -195,7 +197,7 @@ def counted(state: BatteryState, consumed_ah: float, now_s: float, limits: Limit
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
         elapsed_s = max(0.0, now_s - charge.at_s)
         expected = _usual(state) * max(state.modelled_pct - charge.modelled_pct, _unseen_pct(state, elapsed_s))
-        drift = followed(
+        drift = with_usage(
             drift, used, expected, slack_pct=_slack(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
             now_s=now_s, memory_s=limits.battery_window_s,
         )  # fmt: skip
@@ -216,7 +218,7 @@ def swapped(
 ) -> BatteryState:
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
     fresh = BatteryState(least_pct=state.least_pct, earlier_pct=state.given_pct)
-    return reported(fresh, remaining_pct, charge_state, now_s, prior)
+    return with_remaining(fresh, remaining_pct, charge_state, now_s, prior)
 
 
 def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:

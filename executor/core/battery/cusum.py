@@ -49,7 +49,7 @@ class Drift:
         return 0.0 if self.since_s is None else now_s - self.since_s
 
 
-def followed(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct: float, elapsed_s: float, now_s: float,
+def with_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct: float, elapsed_s: float, now_s: float,
              memory_s: float) -> Drift:  # fmt: skip
     """Add what was used in the time between two reports.
 

@@ -73,7 +73,7 @@ class Projection:
         return 0.5 * math.erfc((self.mean_pct - floor_pct) / (self.sd_pct * math.sqrt(2.0)))
 
 
-def begun(reported_pct: float, prior: Prior) -> BatteryEstimate:
+def first_estimate(reported_pct: float, prior: Prior) -> BatteryEstimate:
     """Return what the first report says."""
     return BatteryEstimate(reported_pct, prior.factor, QUANTUM_PCT**2 / 12, 0.0, prior.sd**2)
 

@@ -18,7 +18,7 @@ def wanted(vehicle: VehicleState, now_s: float) -> bool:
     return flies and vehicle.carried.to_be_read(now_s)
 
 
-def read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Believe, or not, that a vehicle was given another station's mission."""
     vehicle = state.vehicles[found.vehicle]
     if vehicle.board is None or vehicle.carried.told_s is None:
@@ -27,7 +27,7 @@ def read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tup
         # Nothing came of it at all: it is asked again when it is heard.
         return state.put(changed(vehicle, carried=replace(vehicle.carried, asked_s=None))), ()
     was_ours = vehicle.carried.foreign_s is None
-    known = carried.read(vehicle.carried, found.against(vehicle.board.revision), now_s)
+    known = carried.after_reading(vehicle.carried, found.against(vehicle.board.revision), now_s)
     state = state.put(changed(vehicle, carried=known))
     if known.foreign_s is not None or not was_ours:
         return state, ()

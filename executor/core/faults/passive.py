@@ -69,17 +69,17 @@ class Watched:
 Stepped = tuple[Watched, tuple[Finding, ...]]
 
 
-def begun(names: tuple[str, ...]) -> Watched:
+def watch_begun(names: tuple[str, ...]) -> Watched:
     """Return the state before anything was heard."""
     return Watched(FleetState(MappingProxyType({name: VehicleState(name) for name in names})))
 
 
-def joined(state: Watched, name: str) -> Watched:
+def with_vehicle(state: Watched, name: str) -> Watched:
     """Return the state with a vehicle that was not known before."""
     return replace(state, fleet=state.fleet.put(VehicleState(name)))
 
 
-def step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Stepped:
+def passive_step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Stepped:
     """Apply one event."""
     match event:
         case Heard(name, message):

@@ -38,7 +38,7 @@ class Stream:
         return self.age_s >= self.stale_s
 
 
-def heartbeat(view: View) -> Stream:
+def heartbeat_stream(view: View) -> Stream:
     """HEARTBEAT: without it nobody knows its mode, and whether it is armed."""
     return _stream(view, "no HEARTBEAT", view.state.heartbeat_s, view.context.limits.heartbeat_stale_s)
 
@@ -49,7 +49,7 @@ def positions(view: View) -> Stream:
     return _stream(view, "no position", None if fix is None else fix.at_s, view.context.limits.link_stale_s)
 
 
-def battery(view: View) -> Stream:
+def battery_stream(view: View) -> Stream:
     """BATTERY_STATUS or SYS_STATUS."""
     known = view.state.battery
     last_s = None if known.remaining_pct is None else known.reported_s
@@ -87,12 +87,12 @@ def to_be_asked(view: View) -> bool:
     """Return whether it is to be asked for its streams again."""
     if view.now_s - view.state.streams_asked_s < ASK_AGAIN_S or not others_come(view):
         return False
-    return any(stream(view).stale for stream in (heartbeat, positions, battery, items))
+    return any(stream(view).stale for stream in (heartbeat_stream, positions, battery_stream, items))
 
 
 def heartbeat_gone(view: View) -> Finding:
     """Its HEARTBEAT stays away."""
-    return _gone(view, heartbeat(view), _patience_s(view))
+    return _gone(view, heartbeat_stream(view), _patience_s(view))
 
 
 def position_gone(view: View) -> Finding:
@@ -102,7 +102,7 @@ def position_gone(view: View) -> Finding:
 
 def battery_gone(view: View) -> Finding:
     """It does not say any more what its battery holds."""
-    return _gone(view, battery(view), max(BATTERY_GONE_S, _patience_s(view)))
+    return _gone(view, battery_stream(view), max(BATTERY_GONE_S, _patience_s(view)))
 
 
 def item_gone(view: View) -> Finding:
@@ -122,7 +122,7 @@ def _gone(view: View, stream: Stream, after_s: float) -> Finding:
 
 def unseen_s(view: View) -> float:
     """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
-    ages_s = (heartbeat(view).age_s, positions(view).age_s)
+    ages_s = (heartbeat_stream(view).age_s, positions(view).age_s)
     return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)
 
 

@@ -40,7 +40,7 @@ def silent(view: View) -> str:
 
 def heartbeat_missing(view: View) -> str:
     """Others of its messages come, its HEARTBEAT does not."""
-    return streams.missing(view, streams.heartbeat(view))
+    return streams.missing(view, streams.heartbeat_stream(view))
 
 
 def position_missing(view: View) -> str:
@@ -76,7 +76,7 @@ def radio_weak(view: View) -> str:
 
 def battery_silent(view: View) -> str:
     """It speaks, but not of its battery."""
-    return streams.missing(view, streams.battery(view))
+    return streams.missing(view, streams.battery_stream(view))
 
 
 def battery_low(view: View) -> str:
@@ -106,7 +106,7 @@ def position_off(view: View) -> str:
     return ""
 
 
-def stands(view: View) -> str:
+def hangs(view: View) -> str:
     """It should be on its way home, and hangs in the air where it is."""
     state = view.state
     if state.stage is not Stage.RETURNING or state.fix is None or state.anchor is None or not state.armed:
@@ -131,11 +131,11 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
-    Doubt("stands", FaultKind.INTERRUPTION, stands),
+    Doubt("stands", FaultKind.INTERRUPTION, hangs),
 )
 
 
-def said(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
+def new_warnings(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
     """Return what is not well and was not said yet, for the operator of a live flight.
 
     A silence is told by `silence`; what comes back within `AGAIN_S` is the same.

@@ -189,7 +189,7 @@ def _about(
             return changed(state, strangers=noted(state.strangers, message))
         case Traffic():
             window_s = context.limits.loss_window_s
-            return changed(state, quality=link_quality.counted(state.quality, message, now_s, window_s))
+            return changed(state, quality=link_quality.with_traffic(state.quality, message, now_s, window_s))
         case Radio():
             return changed(state, quality=link_quality.heard_radio(state.quality, message, now_s))
         case OrderSeen():
@@ -203,7 +203,7 @@ def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float
         packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
     single = len(packs) <= 1  # the counters of several packs are not one account
     if message.consumed_ah is not None and single and state.armed:
-        counted = account.counted(state.battery, message.consumed_ah, now_s, context.limits)
+        counted = account.with_consumed(state.battery, message.consumed_ah, now_s, context.limits)
         state = changed(state, battery=counted)
     charge = state.battery
     if message.remaining_pct is not None:
@@ -260,7 +260,7 @@ def _charged(
     known = state.battery
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
         return account.swapped(known, remaining_pct, charge_state, now_s, context.prior)
-    return account.reported(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
+    return account.with_remaining(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
 
 
 def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> VehicleState:
@@ -271,7 +271,7 @@ def _carries(context: Scene, state: VehicleState, message: MissionCurrent | Stat
         known = carried.texted(state.carried, message.text, now_s)
     else:
         expected = carried.items_expected(context, state.name, len(state.board.waypoint_of))
-        known = carried.reported(state.carried, message, expected, now_s)
+        known = carried.after_report(state.carried, message, expected, now_s)
     return state if known is state.carried else changed(state, carried=known)
 
 

@@ -26,7 +26,7 @@ class Speaker:
     """Whether its HEARTBEAT was."""
 
 
-def followed(known: Speaker, component: int, beat: Heartbeat) -> Speaker:
+def speaker_after(known: Speaker, component: int, beat: Heartbeat) -> Speaker:
     """Return who speaks for a system after a HEARTBEAT: component 1, or else the first that is an autopilot."""
     if component in {known.component, AUTOPILOT}:
         return known if known.heard and component == known.component else Speaker(component, heard=True)

@@ -38,7 +38,7 @@ MOST_LINES = {Rank.IMPORTANT: 12, Rank.WARNING: 6, Rank.ABOARD: 3}
 Told = tuple[FleetState, tuple[Command, ...]]
 
 
-def said(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Told:
+def tell_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Told:
     """Take a text of a vehicle's autopilot."""
     alarmed = vehicle.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
@@ -56,7 +56,7 @@ def said_aboard(state: FleetState, vehicle: VehicleState, text: ComponentText, n
     )
 
 
-def counted(state: FleetState, now_s: float) -> Told:
+def tell_passed_over(state: FleetState, now_s: float) -> Told:
     """Say how many texts were passed over, once their window has ended."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():

@@ -52,7 +52,7 @@ class _Ordered:
     level: Level = Level.INFO
 
 
-def step(
+def operator_step(
     context: Context,
     state: FleetState,
     event: IntentReceived | OrderEnded | ReturnEnded | ReturnAllOrdered,
@@ -282,7 +282,7 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
     actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
     state = _closed(state, event.vehicle, actions, event.reason, now_s, accepted=event.accepted)
     if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
-        # It may still obey, or have obeyed unheard: that is no change of mode by itself. `settled` forgets it later.
+        # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
         state = state.put(replace(vehicle, ordered_mode_s=now_s))
     if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
         gone_on = replace(vehicle, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s, anchor=None)
@@ -344,7 +344,7 @@ def _closed(
     return changed(state, intents=MappingProxyType(intents))
 
 
-def settled(context: Context, state: FleetState, now_s: float) -> FleetState:
+def settle_intents(context: Context, state: FleetState, now_s: float) -> FleetState:
     """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
     for vehicle in state.vehicles.values():
         if vehicle.held_s is not None and _goes_on(context, vehicle, now_s):

@@ -161,7 +161,7 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
     return found
 
 
-def battery(facts: Facts, dialect: Dialect, left_pct: float | None) -> list[Check]:
+def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) -> list[Check]:
     """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
     rule = failsafes.battery_rule(dialect, facts.parameters)
     settings = ", ".join(
@@ -211,7 +211,7 @@ def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) ->
     return remaining_pct - estimate(path, context.travel, context.setup.motion).energy_pct
 
 
-def energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
+def energy_for_flight(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:

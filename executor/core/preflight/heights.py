@@ -29,7 +29,7 @@ def checks(setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequen
         paths: The missions.
         worth_a_look: What was found about the network's heights when it was read.
     """
-    found = [Check(Severity.OK, SUBJECT, words(setup, paths))]
+    found = [Check(Severity.OK, SUBJECT, height_words(setup, paths))]
     found += [Check(Severity.WARNING, SUBJECT, text) for text in worth_a_look]
     found += [Check(Severity.STOP, SUBJECT, text) for text in too_low(setup, paths)]
     found += [Check(Severity.STOP, SUBJECT, text) for text in check_ceiling(setup, paths)]
@@ -43,7 +43,7 @@ def too_low(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
     return [*check_clearance(setup, paths), *everywhere[:SHOWN], *more]
 
 
-def words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
+def height_words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
     """Return by which heights is flown: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
     text = f"over {setup.layers.reference.value}"
     if setup.network.flat:

@@ -133,7 +133,7 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
     return changes, Check(Severity.OK, vehicle, f"its own return {stays} at {height_m:.4g} m ({name})")
 
 
-def settled(context: Context, vehicle: str, proposal: Proposal, ends: Mapping[str, str]) -> Check:
+def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Mapping[str, str]) -> Check:
     """Say at which height a vehicle comes home by itself once its parameters are set.
 
     Args:
@@ -249,7 +249,7 @@ class Kept:
         return any(same(value, one) for one in (self.new, *self.earlier))
 
 
-def kept(change: Change, sysid: int, autopilot: str, before: Kept | None) -> Kept:
+def kept_record(change: Change, sysid: int, autopilot: str, before: Kept | None) -> Kept:
     """Return what is on record once a change is planned.
 
     Args:
@@ -279,7 +279,7 @@ def on_record(changes: Sequence[Change], about: Mapping[str, tuple[int, str]], b
     known = {one.key: one for one in before}
     for change in changes:
         key = (change.vehicle, change.name)
-        known[key] = kept(change, *about[change.vehicle], known.get(key))
+        known[key] = kept_record(change, *about[change.vehicle], known.get(key))
     return list(known.values())
 
 

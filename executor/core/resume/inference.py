@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from executor.core.battery import account
 from executor.core.context import Context
-from executor.core.coverage import SPEED_FACTOR, Run, Sample, joined
+from executor.core.coverage import SPEED_FACTOR, Run, Sample, run_joined
 from executor.core.vehicle import Before, Fix, OnBoard, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode
@@ -82,7 +82,7 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     if joins is None:
         return Inferred(segments)
     sample = Sample(fix.boot_s, fix.place_m, math.hypot(*fix.velocity_m_s[:2]))
-    return Inferred(segments, joins, joined(board.tracks[joins], sample, context.inspection_speed_m_s))
+    return Inferred(segments, joins, run_joined(board.tracks[joins], sample, context.inspection_speed_m_s))
 
 
 def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> str:

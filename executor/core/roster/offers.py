@@ -93,15 +93,15 @@ def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
         return _expired(context, state, now_s)
     offer = Offer(tuple(able), segments, now_s)
     state = changed(state, offer=offer, offer_wanted_s=state.offer_wanted_s or now_s)
-    return state, (Say(Level.FAULT, f"{words(context, offer)}; include each that may take off"),)
+    return state, (Say(Level.FAULT, f"{offer_words(context, offer)}; include each that may take off"),)
 
 
-def stands(state: FleetState) -> bool:
+def awaits_answer(state: FleetState) -> bool:
     """Return whether the crew is still to answer."""
     return state.offer is not None
 
 
-def words(context: Context, offer: Offer) -> str:
+def offer_words(context: Context, offer: Offer) -> str:
     """Return an offer in words."""
     names = " and ".join(offer.vehicles)
     count = f"{len(offer.segments)} segment{'s' if len(offer.segments) != 1 else ''}"

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
-from executor.adapters.solver import SolverProcess, SolverSetup, solve
+from executor.adapters.solver import SolverProcess, SolverSetup, solve_for_survivors
 from executor.core.commands import Solve, Survivor
 from executor.core.events import SolveEnded
 from planner import PRESETS, travel_for
@@ -41,7 +41,7 @@ def segments(answer: SolveEnded) -> list[int]:
 
 
 def test_everything_is_shared_among_the_survivors() -> None:
-    answer = solve(SETUP, problem(), lambda: False)
+    answer = solve_for_survivors(SETUP, problem(), lambda: False)
     assert segments(answer) == [1, 2, 3, 4, 5]
     assert answer.routes is not None
     assert [route.vehicle for route in answer.routes] == ["uav1", "uav3"]
@@ -50,19 +50,21 @@ def test_everything_is_shared_among_the_survivors() -> None:
 
 
 def test_what_no_budget_reaches_is_named() -> None:
-    answer = solve(SETUP, problem(2, survivor("uav1", budget_pct=4.0), survivor("uav3", budget_pct=0.0)), lambda: False)
+    answer = solve_for_survivors(
+        SETUP, problem(2, survivor("uav1", budget_pct=4.0), survivor("uav3", budget_pct=0.0)), lambda: False
+    )
     assert set(segments(answer)) | set(answer.uncovered) == {1, 2, 3, 4, 5}
     assert answer.uncovered
 
 
 def test_a_tail_that_is_not_open_any_more_is_no_hindrance() -> None:
-    answer = solve(SETUP, problem(3, survivor("uav1", tail=(0, 2)), survivor("uav3")), lambda: False)
+    answer = solve_for_survivors(SETUP, problem(3, survivor("uav1", tail=(0, 2)), survivor("uav3")), lambda: False)
     assert segments(answer) == [1, 2, 3, 4, 5]
 
 
 def test_a_cancellation_is_seen_while_it_works() -> None:
     looks = itertools.count()
-    answer = solve(SETUP, problem(), lambda: next(looks) >= 3)
+    answer = solve_for_survivors(SETUP, problem(), lambda: next(looks) >= 3)
     assert (answer.routes, answer.reason) == (None, "cancelled")
 
 

@@ -11,7 +11,7 @@ from executor.analysis.report import Said, report_of, vehicles_of
 from executor.core.messages import Heartbeat, Position, StationHeard, Version
 from executor.core.preflight.checks import Check, Facts, Severity
 from executor.core.preflight.parameters import ChangeStage, Kept
-from executor.flight.changed_parameters import reported
+from executor.flight.changed_parameters import parameters_report
 from tests.executor.core.stories import FLEET, under_way
 
 POSITION = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
@@ -79,7 +79,7 @@ def test_what_was_asked_before_the_flight_is_kept() -> None:
 
 def test_what_was_changed_on_board_is_named_with_what_became_of_it() -> None:
     flight = under_way()
-    rows = reported([
+    rows = parameters_report([
         Kept("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", ChangeStage.RESTORED),
         Kept("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", ChangeStage.SET),
     ])  # fmt: skip

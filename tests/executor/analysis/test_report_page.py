@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from executor.analysis.flight_record import Decision, FlightRecord, Revision
 from executor.analysis.read_run import read_run
-from executor.analysis.report_page import outcome, page, said, write_page
+from executor.analysis.report_page import outcome, page, value_words, write_page
 from executor.core.commands import Level
 from tests.executor.flights import write_run
 
@@ -182,7 +182,7 @@ def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, dict[str, o
     ],
 )
 def test_values_in_words(value: object, words: str) -> None:
-    assert said(value) == words
+    assert value_words(value) == words
 
 
 @given(st.text())

@@ -191,7 +191,7 @@ def test_it_is_back_once_it_carries_ours_and_the_operator_says_so() -> None:
 
 
 def test_no_mission_at_all_is_not_ours_either() -> None:
-    known = carried.reported(Carried(), MissionCurrent(0, NO_ITEM), 12, 100.0)
+    known = carried.after_report(Carried(), MissionCurrent(0, NO_ITEM), 12, 100.0)
     assert known.words == "none at all"
     assert not known.sure(100.5)
     assert known.sure(101.0)
@@ -199,4 +199,4 @@ def test_no_mission_at_all_is_not_ours_either() -> None:
 
 @pytest.mark.parametrize("total", [None, 0])
 def test_who_does_not_say_how_many_says_nothing(total: int | None) -> None:
-    assert carried.reported(Carried(), MissionCurrent(3, total), 12, 100.0) == Carried()
+    assert carried.after_report(Carried(), MissionCurrent(3, total), 12, 100.0) == Carried()

@@ -12,7 +12,7 @@ from executor.analysis.report import report_of
 from executor.core import fleet
 from executor.core.replan import replanning
 from executor.errors import LogError
-from executor.flight.next_sortie import left_over, next_sortie, sortie_words
+from executor.flight.next_sortie import next_sortie, segments_left, sortie_words
 from executor.site import assembly, planning
 from executor.site.assembly import Ground
 from missions import Network, PlanFile, PlanFileError, read_plan, write_plan
@@ -94,9 +94,9 @@ def test_the_flight_of_another_line_is_refused(ground: Ground, tmp_path: Path) -
     assert plan is not None
     write_plan(tmp_path / "plan-000.json", plan)
     (tmp_path / "report.json").write_text(json.dumps(report([4])))
-    assert left_over(tmp_path, ground) == (4,)
+    assert segments_left(tmp_path, ground) == (4,)
     with pytest.raises(PlanFileError, match=r"segment 2: expected where the site's segment 2 is, got .* m beside it"):
-        left_over(tmp_path, ground_for(site_of(NAMES), line(120.0)))
+        segments_left(tmp_path, ground_for(site_of(NAMES), line(120.0)))
 
 
 @pytest.mark.parametrize(
@@ -111,4 +111,4 @@ def test_a_report_that_says_nothing_is_refused(ground: Ground, tmp_path: Path, c
     if content is not None:
         (tmp_path / "report.json").write_text(content)
     with pytest.raises(LogError, match=why):
-        left_over(tmp_path, ground)
+        segments_left(tmp_path, ground)

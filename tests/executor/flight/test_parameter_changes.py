@@ -20,7 +20,7 @@ from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.core.state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import parameter_changes
-from executor.flight.changed_parameters import read_kept, reported, write_kept
+from executor.flight.changed_parameters import parameters_report, read_kept, write_kept
 from executor.runtime.parameters import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
@@ -139,7 +139,7 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
     assert first["new"] == pads.on_board[0][first["name"]]
     kept = await pads.give_back()
     assert pads.as_before
-    assert all(row["restored"] for row in reported(kept))
+    assert all(row["restored"] for row in parameters_report(kept))
     assert {one.stage for one in read_kept(tmp_path) or ()} == {ChangeStage.RESTORED}
     [said] = [line for line in pads.console.lines if "uav1" in line]
     assert said.startswith("info uav1: RTL_")
@@ -157,7 +157,7 @@ async def test_looking_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     assert parameter_changes.lines(proposal)
     assert all(" -> " in line for line in parameter_changes.lines(proposal))
     assert (
-        parameter_changes.question(proposal)
+        parameter_changes.changes_question(proposal)
         == f"Change {len(proposal.changes)} parameters on board until the flight is over?"
     )
     assert pads.sets() == []

@@ -88,8 +88,8 @@ def test_a_token_that_is_missing_or_can_be_guessed(monkeypatch: pytest.MonkeyPat
         monkeypatch.setenv(VARIABLE, value)
     table = WebTable(host="0.0.0.0", token_env=VARIABLE)  # noqa: S104 - nothing listens
     with pytest.raises(SiteError, match=rf"^web\.token_env: expected a token of 16 or more .* variable {VARIABLE}$"):
-        web.check(table)
-    web.check(table.model_copy(update={"enabled": False}))
+        web.check_web(table)
+    web.check_web(table.model_copy(update={"enabled": False}))
 
 
 @pytest.mark.asyncio
@@ -98,7 +98,7 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
     monkeypatch.setenv(VARIABLE, token)
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock, launched_s=0.0)
-    async with web.page(WebTable(token_env=VARIABLE), flight, clock, lines):
+    async with web.page_beside(WebTable(token_env=VARIABLE), flight, clock, lines):
         [line] = lines.lines
         assert line.endswith(f"/?token=${VARIABLE}")
         address = line.removeprefix("page: ").partition("?")[0]
@@ -123,7 +123,7 @@ async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() ->
     """The operator is being asked: nothing asked now, but the answer, may happen after the yes."""
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock)
-    async with web.page(WebTable(), flight, clock, lines):
+    async with web.page_beside(WebTable(), flight, clock, lines):
         routes, answer = await asyncio.to_thread(looked_at, lines.lines[0].removeprefix("page: "))
     assert routes == [[0, 1], [2, 3], [4, 5]]
     assert (answer.status_code, answer.json()["text"]) == (409, "the flight has not begun")
@@ -136,9 +136,9 @@ async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() ->
 async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock)
-    async with web.page(WebTable(), flight, clock, lines):
+    async with web.page_beside(WebTable(), flight, clock, lines):
         port = int(lines.lines[0].rstrip("/").rpartition(":")[2])
-        async with web.page(WebTable(port=port), flight, clock, lines):
+        async with web.page_beside(WebTable(port=port), flight, clock, lines):
             await asyncio.sleep(0)
     assert lines.lines[1].endswith("the flight goes on without its page")
 
@@ -147,5 +147,5 @@ async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
 async def test_a_page_that_is_not_wanted_is_not_there() -> None:
     lines = Lines()
     clock = SystemClock(1.0)
-    async with web.page(WebTable(enabled=False), flight_of(clock), clock, lines):
+    async with web.page_beside(WebTable(enabled=False), flight_of(clock), clock, lines):
         assert lines.lines == []

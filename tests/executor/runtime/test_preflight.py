@@ -188,8 +188,8 @@ async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: D
     ready = Ready(dialect)
     setup = flight_setup(line_east(3), ["uav1"], Inspection())
     mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
-    await preflight.load("uav1", ready.link, ready.clock, dialect, mission)
+    await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.vehicle.missions.spoils = 3
     with pytest.raises(PreflightFailed, match="uav1: the mission is not on board: reads back differently: item 3"):
-        await preflight.load("uav1", ready.link, ready.clock, dialect, mission)
+        await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.link.close()

@@ -15,7 +15,7 @@ import pytest
 from executor.analysis.pictures import risk_figure
 from executor.cli.main import main
 from executor.errors import ConnectionFailed
-from executor.site.risk import SWEEP, crew, sweep
+from executor.site.risk import SWEEP, crew, sweep_mtbf
 from missions import write_plan
 from planner import Campaign, flight_chunks, risk_campaign
 from tests.executor.flights import first_plan_file
@@ -138,7 +138,7 @@ def test_bad_figures_are_one_line(
 
 
 def test_a_sweep_has_a_curve_for_each_number_of_replans(content: Campaign) -> None:
-    campaign, parts = sweep(content, 1, flights=50)
+    campaign, parts = sweep_mtbf(content, 1, flights=50)
     with crew(jobs=1, dask=None) as fly:
         swept, given = fly(campaign, parts, ignored), fly(content, PARTS, ignored)[0]
     assert [risk.mtbf_h for risk in swept] == [0.1 * factor for factor in SWEEP]

@@ -15,7 +15,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import Codec
-from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, _Datagrams, open_links
+from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, _Datagrams, open_mavlink_links
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core.connection import parse_connection
 from executor.core.messages import Heartbeat, Message, MissionAck, SendHeartbeat
@@ -47,7 +47,7 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
 
 @asynccontextmanager
 async def opened(connection: str, *, log: Frames | None = None) -> AsyncIterator[VehicleLink]:
-    async with open_links({"uav1": LinkOrder(parse_connection(connection), 7, log)}) as links:
+    async with open_mavlink_links({"uav1": LinkOrder(parse_connection(connection), 7, log)}) as links:
         yield links["uav1"]
 
 
@@ -213,7 +213,7 @@ async def test_tcpout_calls_until_the_vehicle_is_there_and_again_when_it_went_aw
 async def test_tcpin_serves_several_vehicles_and_those_that_come_back() -> None:
     port = free_port(socket.SOCK_STREAM)
     connection = parse_connection(f"tcpin://127.0.0.1:{port}")
-    async with open_links({f"uav{sysid}": LinkOrder(connection, sysid) for sysid in (7, 8)}) as links:
+    async with open_mavlink_links({f"uav{sysid}": LinkOrder(connection, sysid) for sysid in (7, 8)}) as links:
         for sysid in (7, 8, 7):
             link = links[f"uav{sysid}"]
             heard = inbox(link)

@@ -15,7 +15,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import Codec
-from executor.adapters.mavsdk.link import MavsdkLink, open_links
+from executor.adapters.mavsdk.link import MavsdkLink, open_mavsdk_links
 from executor.core.connection import parse_connection
 from executor.core.messages import (
     ComponentText,
@@ -83,7 +83,7 @@ async def found(log: Frames | None = None) -> AsyncIterator[Air]:
     port = free_port()
     order = LinkOrder(parse_connection(f"udpin://127.0.0.1:{port}"), 7, log)
     with socket_on_loopback() as plug:
-        async with open_links({"uav1": order}, Codec()) as links:
+        async with open_mavsdk_links({"uav1": order}, Codec()) as links:
             air = Air(links["uav1"], plug, port)
             async with asyncio.timeout(PATIENCE_S):
                 while not air.link.found:
@@ -186,14 +186,14 @@ async def test_both_directions_are_logged() -> None:
 async def test_before_the_vehicle_is_found_there_is_nowhere_to_send_to() -> None:
     log = Frames()
     order = LinkOrder(parse_connection(f"udpin://127.0.0.1:{free_port()}"), 7, log)
-    async with open_links({"uav1": order}, Codec()) as links:
+    async with open_mavsdk_links({"uav1": order}, Codec()) as links:
         links["uav1"].send(SendHeartbeat())
     assert log.frames == []
 
 
 async def refusal(connection: str) -> str:
     with pytest.raises(ConnectionFailed) as raised:
-        async with open_links({"uav1": LinkOrder(parse_connection(connection), 7)}, Codec()):
+        async with open_mavsdk_links({"uav1": LinkOrder(parse_connection(connection), 7)}, Codec()):
             pass
     return str(raised.value)
 
@@ -216,7 +216,7 @@ async def test_without_mavsdk_its_backend_is_refused_in_one_line(monkeypatch: py
 
 async def test_nothing_of_mavsdk_is_loaded_for_a_fleet_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mavsdk", None)
-    async with open_links({}, Codec()) as links:
+    async with open_mavsdk_links({}, Codec()) as links:
         assert links == {}
 
 

@@ -40,7 +40,7 @@ def reports(
             charge -= step_pct if now_s - period_s < step_s <= now_s else 0.0
             state = account.drawn(state, RATE_PCT_S * period_s)
         reported = math.floor(charge / quantum_pct + 0.5) * quantum_pct
-        state = account.reported(state, reported, 1, now_s)
+        state = account.with_remaining(state, reported, 1, now_s)
         yield now_s, state
 
 
@@ -96,7 +96,9 @@ def test_a_step_that_falls_into_lost_reports_is_found_as_a_drain() -> None:
     heard = [one for one in reports(10, step_pct=30, step_s=300.0) if not 298 < one[0] < 310]
     state, history = BatteryState(), []
     for now_s, known in heard:
-        state = account.reported(replace(state, modelled_pct=known.modelled_pct), known.remaining_pct or 0.0, 1, now_s)
+        state = account.with_remaining(
+            replace(state, modelled_pct=known.modelled_pct), known.remaining_pct or 0.0, 1, now_s
+        )
         history.append((now_s, state))
     assert first_failure_s(watchpoints.battery_stepped, iter(history)) is None
     assert first_failure_s(watchpoints.battery_drains, iter(history)) == 310.0
@@ -209,7 +211,7 @@ def test_what_was_given_is_known_after_the_battery_is_full_again() -> None:
     """PX4's simulated battery is, as soon as it disarms; another pack begins a new account."""
     state = BatteryState()
     for second, percent in enumerate((100.0, 95.0, 84.0, 100.0)):
-        state = account.reported(state, percent, 1, float(second))
+        state = account.with_remaining(state, percent, 1, float(second))
     assert state.given_pct == 16.0
     state = account.swapped(state, 98.0, 1, 5.0)
-    assert account.reported(state, 90.0, 1, 6.0).given_pct == 24.0
+    assert account.with_remaining(state, 90.0, 1, 6.0).given_pct == 24.0

@@ -8,7 +8,7 @@ import random
 import pytest
 
 from executor.core.battery import kalman
-from executor.core.battery.cusum import Drift, exceeds, followed
+from executor.core.battery.cusum import Drift, exceeds, with_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior, Projection
 from executor.core.battery.voltage import Report, Thresholds, VoltageState, measured
 
@@ -16,7 +16,7 @@ RATE = 0.04
 
 
 def flown(factor: float, seconds: int, period: int = 1) -> BatteryEstimate:
-    charge, known = 100.0, kalman.begun(100.0, Prior())
+    charge, known = 100.0, kalman.first_estimate(100.0, Prior())
     for _ in range(0, seconds, period):
         charge -= RATE * period * factor
         known = kalman.flown(known, RATE * period, period)
@@ -42,7 +42,7 @@ def test_the_projection_means_what_it_says() -> None:
     """Of many flights about one in ten lands below the tenth percentile of its projection."""
     rng, below = random.Random(5), 0
     for _ in range(300):
-        factor, charge, known = rng.gauss(1.0, 0.15), 100.0, kalman.begun(100.0, Prior())
+        factor, charge, known = rng.gauss(1.0, 0.15), 100.0, kalman.first_estimate(100.0, Prior())
         for _ in range(300):
             charge -= RATE * factor
             known = kalman.corrected(kalman.flown(known, RATE, 1.0), round(charge), 1.0)
@@ -65,7 +65,7 @@ def test_chances() -> None:
 def followed_by(*used: float, expected: float = 0.1) -> Drift:
     drift = Drift()
     for number, one in enumerate(used):
-        drift = followed(
+        drift = with_usage(
             drift, one, expected, slack_pct=0.25 * expected, elapsed_s=1.0, now_s=float(number), memory_s=90.0
         )  # fmt: skip
     return drift
@@ -130,7 +130,7 @@ def test_cells() -> None:
 
 
 def test_after_a_jump_it_is_as_sure_as_after_the_first_report() -> None:
-    first, known = kalman.begun(92.0, Prior()), flown(1.0, 600)
+    first, known = kalman.first_estimate(92.0, Prior()), flown(1.0, 600)
     after = kalman.jumped(known, 92.0)
     assert (after.remaining_pct, after.var_remaining, after.covariance) == (92.0, first.var_remaining, 0.0)
     assert after.var_factor == known.var_factor
@@ -138,7 +138,7 @@ def test_after_a_jump_it_is_as_sure_as_after_the_first_report() -> None:
 
 def test_a_report_that_is_rounded_to_percents_may_be_off_by_half_of_one() -> None:
     """The variance of a number that lies anywhere within a percent is a twelfth."""
-    assert kalman.begun(90.0, Prior()).var_remaining == pytest.approx(1.0 / 12.0)
+    assert kalman.first_estimate(90.0, Prior()).var_remaining == pytest.approx(1.0 / 12.0)
 
 
 def test_a_counter_is_believed_more_than_percents() -> None:
@@ -250,7 +250,7 @@ def test_a_load_explains_only_so_much() -> None:
 
 
 def one(drift: Drift, used: float, now_s: float, *, expected: float = 0.0, elapsed_s: float = 1.0) -> Drift:
-    return followed(drift, used, expected, slack_pct=0.0, elapsed_s=elapsed_s, now_s=now_s, memory_s=math.inf)
+    return with_usage(drift, used, expected, slack_pct=0.0, elapsed_s=elapsed_s, now_s=now_s, memory_s=math.inf)
 
 
 def test_a_jump_is_set_aside_with_its_time_and_its_size() -> None:
@@ -297,7 +297,7 @@ def test_the_sum_keeps_what_it_is_made_of() -> None:
 
 
 def test_an_excess_is_forgotten_but_for_a_third() -> None:
-    told = followed(Drift(3.0), 0.0, 0.0, slack_pct=0.0, elapsed_s=90.0, now_s=200.0, memory_s=90.0)
+    told = with_usage(Drift(3.0), 0.0, 0.0, slack_pct=0.0, elapsed_s=90.0, now_s=200.0, memory_s=90.0)
     assert told.excess_pct == pytest.approx(3.0 / math.e)
 
 

@@ -167,16 +167,16 @@ def test_who_is_heard_again_is_waited_for_until_it_has_said_enough(state: Vehicl
 
 def test_a_mission_on_board_is_ours_or_another() -> None:
     ours = Carried(ours_s=NOW_S, id=7)
-    assert carried.reported(ours, MissionCurrent(1, 9, 7), 9, NOW_S + 9.0) == ours
-    assert carried.reported(ours, MissionCurrent(1, 65535), 9, NOW_S).words == "none at all"
-    other = carried.reported(ours, MissionCurrent(1, 8, 7), 9, NOW_S + 1.0)
+    assert carried.after_report(ours, MissionCurrent(1, 9, 7), 9, NOW_S + 9.0) == ours
+    assert carried.after_report(ours, MissionCurrent(1, 65535), 9, NOW_S).words == "none at all"
+    other = carried.after_report(ours, MissionCurrent(1, 8, 7), 9, NOW_S + 1.0)
     assert (other.foreign_s, other.words) == (NOW_S + 1.0, "8 items where ours has 9")
-    assert carried.reported(other, MissionCurrent(1, 8, 7), 9, NOW_S + 2.0) == other, "it is as old as it was"
+    assert carried.after_report(other, MissionCurrent(1, 8, 7), 9, NOW_S + 2.0) == other, "it is as old as it was"
     assert [other.sure(NOW_S + 1.0 + after_s) for after_s in (0.8, 1.0)] == [False, True]
-    assert carried.reported(other, MissionCurrent(1, 9, 7), 9, NOW_S + 2.0) == ours
-    early = carried.reported(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 4.9)
+    assert carried.after_report(other, MissionCurrent(1, 9, 7), 9, NOW_S + 2.0) == ours
+    early = carried.after_report(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 4.9)
     assert (early.id, early.foreign_s) == (8, None), "what it says first may be of before the upload"
-    late = carried.reported(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 5.0)
+    late = carried.after_report(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 5.0)
     assert (late.id, late.words) == (7, "as many items as ours, and others")
     text = "Flight plan received"
     assert carried.texted(ours, text, NOW_S + 4.9) == ours

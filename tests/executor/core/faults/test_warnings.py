@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core import link_quality
-from executor.core.faults.warnings import TABLE, said, warnings
+from executor.core.faults.warnings import TABLE, new_warnings, warnings
 from executor.core.faults.watching import View
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
@@ -22,7 +22,7 @@ def lossy(*lost: int, of: int = 20) -> LinkQuality:
     """Return a link after seconds in which so many of its frames were lost."""
     state = LinkQuality()
     for number, missing in enumerate(lost):
-        state = link_quality.counted(state, Traffic(of - missing, missing), NOW_S - len(lost) + number, 10.0)
+        state = link_quality.with_traffic(state, Traffic(of - missing, missing), NOW_S - len(lost) + number, 10.0)
     return state
 
 
@@ -136,11 +136,11 @@ WORDS: list[tuple[VehicleState, str]] = [
 
 @pytest.mark.parametrize(("state", "words"), WORDS, ids=[words for _, words in WORDS])
 def test_the_words(state: VehicleState, words: str) -> None:
-    assert words in [said for _, said in warnings(View(CONTEXT, SETUP, state, False, NOW_S))]
+    assert words in [new_warnings for _, new_warnings in warnings(View(CONTEXT, SETUP, state, False, NOW_S))]
 
 
 def told(state: VehicleState, before: Told, now_s: float) -> tuple[Told, tuple[str, ...]]:
-    return said(View(CONTEXT, SETUP, state, False, now_s), before)
+    return new_warnings(View(CONTEXT, SETUP, state, False, now_s), before)
 
 
 def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
@@ -172,11 +172,11 @@ def test_a_loss_is_learned_slowly_and_an_improvement_at_once() -> None:
 
 
 def test_a_few_frames_say_nothing() -> None:
-    assert link_quality.counted(LinkQuality(), Traffic(10, 9), NOW_S, 10.0).lost is None
-    assert link_quality.counted(LinkQuality(), Traffic(10, 10), NOW_S, 10.0).lost == 0.5
+    assert link_quality.with_traffic(LinkQuality(), Traffic(10, 9), NOW_S, 10.0).lost is None
+    assert link_quality.with_traffic(LinkQuality(), Traffic(10, 10), NOW_S, 10.0).lost == 0.5
 
 
 def test_frames_are_forgotten_after_the_window() -> None:
-    first = link_quality.counted(LinkQuality(), Traffic(10, 10), NOW_S, 10.0)
-    assert link_quality.counted(first, Traffic(20, 0), NOW_S + 9.9, 10.0).lost == pytest.approx(0.25)
-    assert link_quality.counted(first, Traffic(20, 0), NOW_S + 10.0, 10.0).lost == 0.0
+    first = link_quality.with_traffic(LinkQuality(), Traffic(10, 10), NOW_S, 10.0)
+    assert link_quality.with_traffic(first, Traffic(20, 0), NOW_S + 9.9, 10.0).lost == pytest.approx(0.25)
+    assert link_quality.with_traffic(first, Traffic(20, 0), NOW_S + 10.0, 10.0).lost == 0.0

@@ -39,7 +39,7 @@ def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_stat
     state = BatteryState()
     for index, percent in enumerate(percents):
         reported_s = NOW_S - age_s - (len(percents) - 1 - index) * apart_s
-        state = account.reported(account.drawn(state, 0.036 * apart_s), percent, charge_state, reported_s)
+        state = account.with_remaining(account.drawn(state, 0.036 * apart_s), percent, charge_state, reported_s)
     return state
 
 
@@ -412,8 +412,8 @@ def test_a_drain_by_the_counter_of_charge() -> None:
         used_ah += rate_pct_s / 100 * 5.0
         state = account.drawn(state, 0.04)
         at_s = NOW_S - 400 + second
-        state = account.counted(state, used_ah, at_s)
-        state = account.reported(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
+        state = account.with_consumed(state, used_ah, at_s)
+        state = account.with_remaining(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
         known = flying(battery=state)
         finding = watchpoints.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
         if finding.verdict is Verdict.FAIL:

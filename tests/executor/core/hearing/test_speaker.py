@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.hearing.speaker import Speaker, followed, heard_of
+from executor.core.hearing.speaker import Speaker, heard_of, speaker_after
 from executor.core.messages import ComponentText, Heartbeat, Radio, StationHeard, StatusText
 
 BEAT = Heartbeat(3, 0, armed=True, system_status=4, vehicle_type=2)
@@ -14,7 +14,7 @@ GIMBAL, COMPUTER = 154, 191
 def after(*beats: tuple[int, Heartbeat]) -> int:
     speaker = Speaker()
     for component, beat in beats:
-        speaker = followed(speaker, component, beat)
+        speaker = speaker_after(speaker, component, beat)
     return speaker.component
 
 

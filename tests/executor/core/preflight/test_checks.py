@@ -106,7 +106,7 @@ def test_a_vehicle_that_is_as_it_should_be_raises_nothing(dialect: Dialect) -> N
     context, facts = fleet_of(autopilot=dialect.name).context, said(dialect)
     found = [
         *checks.identity(facts, dialect, AT_HOME), link(facts, dialect), *checks.stations(facts, dialect),
-        *checks.battery(facts, dialect, 40.0), *checks.fence(context, facts, None),
+        *checks.battery_failsafes(facts, dialect, 40.0), *checks.fence(context, facts, None),
     ]  # fmt: skip
     assert {check.severity for check in found} == {Severity.OK}
 
@@ -225,26 +225,26 @@ def test_another_ground_station_is_named(dialect: Dialect, system: int, hides: b
     ],
 )
 def test_a_vehicle_that_does_nothing_on_a_low_battery_is_a_warning(facts: Facts, dialect: Dialect, words: str) -> None:
-    [check] = checks.battery(facts, dialect, 40.0)
+    [check] = checks.battery_failsafes(facts, dialect, 40.0)
     assert check.severity is Severity.WARNING
     assert check.text.startswith(words)
 
 
 def test_what_it_does_on_a_low_battery_in_words() -> None:
-    [check] = checks.battery(said(), ARDUPILOT, 40.0)
+    [check] = checks.battery_failsafes(said(), ARDUPILOT, 40.0)
     assert check.text == (
         "by itself it returns below 20 % or 14 V (BATT_FS_LOW_ACT 2), lands below 10 % (BATT_FS_CRT_ACT 1)"
     )
-    [check] = checks.battery(said(PX4), PX4, 40.0)
+    [check] = checks.battery_failsafes(said(PX4), PX4, 40.0)
     assert check.text == ("by itself it returns below 7 % (COM_LOW_BAT_ACT 3), lands below 5 % (COM_LOW_BAT_ACT 3)")
 
 
 def test_a_battery_failsafe_that_would_act_in_the_planned_flight_is_a_warning() -> None:
-    assert severities(checks.battery(said(), ARDUPILOT, 21.0)) == [Severity.OK]
-    found = checks.battery(said(), ARDUPILOT, 18.0)
+    assert severities(checks.battery_failsafes(said(), ARDUPILOT, 21.0)) == [Severity.OK]
+    found = checks.battery_failsafes(said(), ARDUPILOT, 18.0)
     assert severities(found) == [Severity.OK, Severity.WARNING]
     assert found[1].text.startswith("returns below 20 % or 14 V (BATT_FS_LOW_ACT 2), but its flight ends with 18 %")
-    assert severities(checks.battery(said(), ARDUPILOT, None)) == [Severity.OK], "a spare has no flight"
+    assert severities(checks.battery_failsafes(said(), ARDUPILOT, None)) == [Severity.OK], "a spare has no flight"
 
 
 def fence_of(**changes: float) -> list[str]:

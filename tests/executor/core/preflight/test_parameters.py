@@ -17,10 +17,10 @@ from executor.core.preflight.parameters import (
     Kept,
     Proposal,
     found,
-    kept,
+    kept_record,
     on_record,
     propose,
-    settled,
+    return_heights,
 )
 from tests.executor.builders import fleet_of
 
@@ -136,15 +136,15 @@ def test_a_return_whose_height_is_not_known_is_said() -> None:
 def test_what_became_of_it() -> None:
     proposal = proposed(COPTERS, "uav1", RTL_ALT=1200.0, RTL_CONE_SLOPE=3.0)
     height_m = COPTERS.return_height_m("uav1")
-    good = settled(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
+    good = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
     assert (good.severity, good.text) == (Severity.OK, f"its own return is set to {height_m:g} m (RTL_ALT)")
-    low = settled(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
+    low = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
     assert low.severity is Severity.WARNING
     assert low.text == (
         f"its own return stays at 12 m (RTL_ALT), not at the {height_m:.0f} m that keep it clear of the others: "
         "RTL_ALT stays 1200"
     )
-    beside = settled(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": "RTL_CONE_SLOPE stays 3"})
+    beside = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": "RTL_CONE_SLOPE stays 3"})
     assert (beside.severity, beside.text) == (
         Severity.WARNING,
         f"its own return is set to {height_m:g} m, but RTL_CONE_SLOPE stays 3",
@@ -156,7 +156,7 @@ def change(old: float, new: float) -> Change:
 
 
 def record(old: float, new: float, before: Kept | None = None) -> Kept:
-    return kept(change(old, new), 1, "ardupilot", before)
+    return kept_record(change(old, new), 1, "ardupilot", before)
 
 
 def test_the_oldest_value_is_given_back() -> None:

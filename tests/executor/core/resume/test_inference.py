@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.battery import account
-from executor.core.coverage import Run, Sample, Track, follow, joined
+from executor.core.coverage import Run, Sample, Track, follow, run_joined
 from executor.core.messages import Heartbeat
 from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
 from executor.core.vehicle import Before, Fix, VehicleState
@@ -21,7 +21,7 @@ VISITS = [index for index, point in enumerate(WAYPOINTS) if point.phase is Phase
 FIRST, SECOND = VISITS
 LANDING = len(WAYPOINTS) - 1
 BEGAN_S = 5000.0
-RUN = joined(BOARD.tracks[0], Sample(BEGAN_S, PLACES_M[FIRST - 1]), CONTEXT.inspection_speed_m_s)
+RUN = run_joined(BOARD.tracks[0], Sample(BEGAN_S, PLACES_M[FIRST - 1]), CONTEXT.inspection_speed_m_s)
 
 
 def on_leg(waypoint: int, share: float, boot_s: float = BEGAN_S, beside_m: float = 0.0) -> Fix:
