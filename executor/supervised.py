@@ -26,7 +26,7 @@ FILE = "mistakes.txt"
 Work = Callable[[], Awaitable[None]]
 
 
-def report(what: str, error: BaseException, *, said: bool = False) -> None:
+def report_mistake(what: str, error: BaseException, *, said: bool = False) -> None:
     """Hand a mistake to whoever hears them; `said` if the crew knows of it already."""
     with suppress(RuntimeError):  # without a loop nothing goes on
         asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error, "said": said})
@@ -37,10 +37,10 @@ def safely(what: str, work: Callable[..., object], *arguments: object) -> None:
     try:
         work(*arguments)
     except Exception as error:  # noqa: BLE001 - the boundary that this function is
-        report(what, error)
+        report_mistake(what, error)
 
 
-async def kept(what: str, work: Work, *, at_once: bool = False) -> None:
+async def keep_going(what: str, work: Work, *, at_once: bool = False) -> None:
     """Do something, and again whenever it dies of a mistake, until it ends by itself or is cancelled."""
     loop, attempt = asyncio.get_running_loop(), 0
     while True:
@@ -48,7 +48,7 @@ async def kept(what: str, work: Work, *, at_once: bool = False) -> None:
         try:
             await work()
         except Exception as error:  # noqa: BLE001 - the boundary that this function is
-            report(what, error)
+            report_mistake(what, error)
         else:
             return
         attempt = 1 if loop.time() - began_s > STEADY_S else attempt + 1
@@ -58,7 +58,7 @@ async def kept(what: str, work: Work, *, at_once: bool = False) -> None:
 @asynccontextmanager
 async def beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIterator[None]:
     """Keep something going for as long as the block runs."""
-    task = asyncio.create_task(kept(what, work, at_once=at_once), name=what)
+    task = asyncio.create_task(keep_going(what, work, at_once=at_once), name=what)
     try:
         yield
     finally:

@@ -167,7 +167,7 @@ def report_of(
 
 def _heights(context: Context, state: FleetState) -> dict[str, object]:
     paths = [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
-    return heights.document(context.setup, paths)
+    return heights.heights_document(context.setup, paths)
 
 
 def _not_counted(context: Context, state: FleetState) -> list[dict[str, object]]:

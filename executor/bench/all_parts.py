@@ -9,12 +9,12 @@ from pathlib import Path
 
 from executor.bench.errors import BenchError
 from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import page
+from executor.bench.markdown import markdown_page
 from executor.bench.parts import csum, exact, mtsp, replan, scale, start
 from executor.bench.parts.names import PartName
 from executor.bench.parts.setting import Setting
 from executor.bench.progress import ShownProgress
-from executor.bench.store import Json, Store, write_json, write_text
+from executor.bench.store import Json, Store, write_result, write_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ WORK = {
     PartName.MTSP: _Work(mtsp.TITLE, mtsp.make, mtsp.report),
     PartName.EXACT: _Work(exact.TITLE, exact.make, exact.report),
     PartName.REPLAN: _Work(replan.TITLE, replan.make, replan.report),
-    PartName.SCALE: _Work(scale.TITLE, scale.make, scale.report, scale.draw),
+    PartName.SCALE: _Work(scale.TITLE, scale.make, scale.report, scale.draw_scale),
     PartName.START: _Work(start.TITLE, start.make, start.report),
 }
 NEED_DATA = frozenset({PartName.CSUM, PartName.MTSP})
@@ -52,9 +52,11 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
         with ShownProgress() as shown:
             result = work.make(Setting(data, store, shown.told, seed, quick))
         about = machine()
-        write_json(out / f"solvers-{part.value}.json", {"machine": about, "seed": seed, "quick": quick, **result})
+        write_result(out / f"solvers-{part.value}.json", {"machine": about, "seed": seed, "quick": quick, **result})
         tried = "**Only tried: a tenth of every time, and fewer pieces.**" if quick else ""
-        write_text(out / f"solvers-{part.value}.md", page(work.title, machine_line(about), tried, work.report(result)))
+        write_text(
+            out / f"solvers-{part.value}.md", markdown_page(work.title, machine_line(about), tried, work.report(result))
+        )
         if work.draw is not None:
             try:
                 work.draw(result, out / f"solvers-{part.value}.png")

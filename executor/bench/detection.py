@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from executor.bench.flightmodel import Injected, ModelledFlight, ModelledSite, fly, model_site
+from executor.bench.flightmodel import Injected, ModelledFlight, ModelledSite, fly_modelled, model_site
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.passive import Declared, Watched
@@ -101,7 +101,7 @@ def _site(autopilot: str) -> ModelledSite:
     return model_site(autopilot)
 
 
-def judged(
+def judge_flight(
     site: ModelledSite, flight: ModelledFlight, limits: Limits | None = None, *, few_lines: bool = False
 ) -> Detected:
     """Feed a flight to the watchpoints, or to the few lines, and judge what they say."""
@@ -185,8 +185,8 @@ def fly_job(job: Job) -> list[Pair]:
         rng = np.random.default_rng([job.seed, number, ("healthy", *KINDS).index(job.what)])
         autopilot = AUTOPILOTS[number % len(AUTOPILOTS)]
         site = _site(autopilot)
-        flight = fly(site, autopilot, job.what, rng)
-        found.append(Pair(judged(site, flight), judged(site, flight, few_lines=True)))
+        flight = fly_modelled(site, autopilot, job.what, rng)
+        found.append(Pair(judge_flight(site, flight), judge_flight(site, flight, few_lines=True)))
     return found
 
 
@@ -213,7 +213,7 @@ def campaign(
     return found
 
 
-def summary(outcomes: Sequence[Detected]) -> dict[str, object]:
+def detection_summary(outcomes: Sequence[Detected]) -> dict[str, object]:
     """Return the figures of a campaign as JSON has them."""
     hours = sum(one.lasted_s for one in outcomes) / 3600
     false = [one for one in outcomes if one.false]

@@ -8,10 +8,10 @@ from typing import Any
 
 from executor.bench.errors import BenchError
 from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import MISSING, number, page, table
-from executor.bench.store import Json, write_json, write_text
+from executor.bench.markdown import MISSING, figure, markdown_page, markdown_table
+from executor.bench.store import Json, write_result, write_text
 from executor.core.vehicle import FaultKind
-from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.tuning import few_lines
@@ -46,7 +46,7 @@ def logs_directory(given: Path | None) -> Path | None:
 
 def recorded(folder: Path) -> list[Json]:
     """Return what either detector declares in each telemetry log of a folder that has a truth, first of all."""
-    truths, rows = read_truths(folder), []
+    truths, rows = read_recorded_truths(folder), []
     for path in sorted(folder.glob("*.tlog")):
         truth = truth_for(path, truths)
         if truth is None:
@@ -77,7 +77,7 @@ def _said(
     }
 
 
-def document(
+def detection_document(
     healthy: int, faulty: int, seed: int, figures: Mapping[str, object], rows: Sequence[Json]
 ) -> dict[str, object]:
     """Return the content of detection.json."""
@@ -85,20 +85,20 @@ def document(
     return {"machine": machine(), "seed": seed, "command": command, **figures, "recorded": list(rows)}
 
 
-def keep(content: Mapping[str, Any], folder: Path) -> None:
+def keep_page(content: Mapping[str, Any], folder: Path) -> None:
     """Write detection.json and detection.md."""
-    write_json(folder / "detection.json", content)
+    write_result(folder / "detection.json", content)
     write_text(folder / "detection.md", markdown(content))
 
 
 def markdown(content: Mapping[str, Any]) -> str:
     """Return the page."""
     ours = content["watchpoints"]
-    return page(
+    return markdown_page(
         "What the watchpoints detect",
         machine_line(content["machine"]),
         INTRODUCTION.format(command=content["command"], flights=ours["flights"], hours=ours["flight_hours"]),
-        table(("", *(NAMES[name] for name in NAMES)), _head(content)),
+        markdown_table(("", *(NAMES[name] for name in NAMES)), _head(content)),
         f"The detector of a few lines is {FEW_LINES}.",
         "## By fault",
         _kinds(ours["kinds"]),
@@ -129,13 +129,13 @@ def _with_interval(figures: Mapping[str, Any], name: str, times: float) -> str:
 
 
 def _kinds(kinds: Mapping[str, Any]) -> str:
-    return table(
+    return markdown_table(
         ("", "due", "declared", "would break the reserve", "in time", "delay median (s)", "95 % (s)",
          "extra battery 95 % (points)", "by"),
         [
             (
                 name, row["due"], row["declared"], row["would_break_reserve"], row["in_time"],
-                number(row["delay_s_median"]), number(row["delay_s_95"]), number(row["extra_pct_95"] or None),
+                figure(row["delay_s_median"]), figure(row["delay_s_95"]), figure(row["extra_pct_95"] or None),
                 ", ".join(f"{reason} {count}" for reason, count in row["reasons"].items()),
             )
             for name, row in kinds.items()
@@ -153,7 +153,7 @@ def _recorded(rows: Sequence[Mapping[str, Any]]) -> str:
         late = "missed" if said["after_s"] is None else f"{said['after_s']:.1f} s {said['reason']}".strip()
         return f"{late}, {said['false']} false" if said["false"] else late
 
-    return table(
+    return markdown_table(
         ("log", "fault", "watchpoints after", "a few lines after"),
         [
             (row["log"], row["fault"] or MISSING, told(row, row["watchpoints"]), told(row, row["few_lines"]))

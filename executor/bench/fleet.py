@@ -32,7 +32,7 @@ from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import number, page, table
+from executor.bench.markdown import figure, markdown_page, markdown_table
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight.checks import Check
@@ -112,7 +112,7 @@ class FleetFlight:
         return self.memory_mib[-1] - self.memory_mib[len(self.memory_mib) // 4]
 
 
-def measure(
+def measure_fleet(
     counts: Sequence[int], *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
 ) -> list[FleetFlight]:
     """Fly once for each number of vehicles.
@@ -295,16 +295,16 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def report_of(flights: Sequence[FleetFlight], content: dict[str, object]) -> str:
+def fleet_report(flights: Sequence[FleetFlight], content: dict[str, object]) -> str:
     """Return the page."""
     rows = [
         (
-            one.vehicles, number(one.minutes), one.faults, one.replans, number(one.frames / (60 * one.minutes), 0),
+            one.vehicles, figure(one.minutes), one.faults, one.replans, figure(one.frames / (60 * one.minutes), 0),
             one.missing, one.events,
-            number(one.cpu_ms, 2), number(one.cpu_s / one.codec_s, 1), number(0.1 * one.cpu_ms * one.vehicles),
-            number(one.blocked_ms[2], 0), number(one.blocked_ms[1], 0),
-            number(one.memory_mib[len(one.memory_mib) // 4], 0), number(one.memory_mib[-1], 0),
-            number(one.garbage / (60 * one.minutes), 0), "" if one.shown_s is None else number(one.shown_s, 2),
+            figure(one.cpu_ms, 2), figure(one.cpu_s / one.codec_s, 1), figure(0.1 * one.cpu_ms * one.vehicles),
+            figure(one.blocked_ms[2], 0), figure(one.blocked_ms[1], 0),
+            figure(one.memory_mib[len(one.memory_mib) // 4], 0), figure(one.memory_mib[-1], 0),
+            figure(one.garbage / (60 * one.minutes), 0), "" if one.shown_s is None else figure(one.shown_s, 2),
         )
         for one in flights
     ]  # fmt: skip
@@ -320,17 +320,17 @@ def report_of(flights: Sequence[FleetFlight], content: dict[str, object]) -> str
         "a process of their own to the vehicles' ports; `state shown` is how old a state grew in a browser, in the "
         "computer's time, before the next one came."
     )
-    parts = [machine_line(content), said, table(COLUMNS, rows)]
+    parts = [machine_line(content), said, markdown_table(COLUMNS, rows)]
     if len(flights) > 1:
         parts.append("![Processor time, delays of the event loop and memory over the number of vehicles](fleet.png)")
-    return page("A fleet and its ground station", *parts)
+    return markdown_page("A fleet and its ground station", *parts)
 
 
 def make_fleet(
     counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
 ) -> tuple[dict[str, object], str]:
     """Measure, and write fleet.md and fleet.json, with a picture of several, where wanted; returns their content."""
-    flights = measure(counts, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
+    flights = measure_fleet(counts, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     rows = [asdict(one) | {"cpu_ms": one.cpu_ms, "growth_mib": one.growth_mib} for one in flights]
     content: dict[str, object] = {
         "format": "faultline-bench-fleet/1",
@@ -341,7 +341,7 @@ def make_fleet(
         "browsers": burden.browsers,
         "rows": rows,
     }
-    text = report_of(flights, machine())
+    text = fleet_report(flights, machine())
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "fleet.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -174,7 +174,7 @@ def _rounded(percent: float) -> float:
     return float(np.clip(round(percent), 0, 100))
 
 
-def fly(site: ModelledSite, autopilot: str, what: str, rng: np.random.Generator) -> ModelledFlight:
+def fly_modelled(site: ModelledSite, autopilot: str, what: str, rng: np.random.Generator) -> ModelledFlight:
     """Fly one mission."""
     number = int(rng.integers(len(site.boards)))
     board = site.boards[number]

@@ -7,19 +7,19 @@ from collections.abc import Iterable, Sequence
 MISSING = "-"
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table whose columns are aligned to the right, but the first."""
     lines = ["| " + " | ".join(columns) + " |", "| --- |" + " ---: |" * (len(columns) - 1)]
     lines += ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
     return "\n".join(lines)
 
 
-def page(title: str, *parts: str) -> str:
+def markdown_page(title: str, *parts: str) -> str:
     """Return a page of paragraphs and tables."""
     return "\n\n".join([f"# {title}", *(part for part in parts if part)]) + "\n"
 
 
-def number(value: float | None, digits: int = 1, unit: str = "") -> str:
+def figure(value: float | None, digits: int = 1, unit: str = "") -> str:
     """Return a figure with so many digits behind the point, or a dash where there is none."""
     if value is None:
         return MISSING

@@ -37,7 +37,7 @@ class NamedProblem:
         return [{"segment": segment_of(visit), "reversed": is_reversed(visit)} for visit in route.visits]
 
 
-def problem_of(
+def named_problem(
     path: Path | None, *, radius_m: float | None, vehicles: int, budget: float | None, dynamics: bool
 ) -> NamedProblem:
     """Read a problem: a TSPLIB file, a network file, or the project's own network where there is no file.

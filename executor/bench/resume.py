@@ -26,7 +26,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import number, page, table
+from executor.bench.markdown import figure, markdown_page, markdown_table
 from executor.core.events import Heard
 from executor.flight import resume
 from executor.flight.checkpointing import EVERY_S
@@ -80,7 +80,7 @@ class ResumedFlight:
         return 1e-3 * self.ms_per_line * self.lines
 
 
-def measure(vehicles: int, *, minutes: float, hours: float, speedup: float, seed: int) -> ResumedFlight:
+def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: float, seed: int) -> ResumedFlight:
     """Fly, kill, and take up again.
 
     Raises:
@@ -243,7 +243,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def report_of(rows: list[ResumedFlight], content: dict[str, object]) -> str:
+def resume_report(rows: list[ResumedFlight], content: dict[str, object]) -> str:
     """Return the page."""
     said = (
         "Seconds from the call of `faultline resume DIR --yes` until its heartbeat goes out, until the state is there "
@@ -256,13 +256,15 @@ def report_of(rows: list[ResumedFlight], content: dict[str, object]) -> str:
     )
     shown = [
         (
-            one.vehicles, number(one.hours), number(one.log_mb, 0), one.lines, one.lines_after,
-            number(one.checkpoint_kb, 0), number(one.write_ms), number(one.late_ms), number(one.heartbeat_s, 2),
-            number(one.charge_s, 2), number(one.cpu_s, 2), number(one.asked_s, 2), number(one.whole_s, 0),
+            one.vehicles, figure(one.hours), figure(one.log_mb, 0), one.lines, one.lines_after,
+            figure(one.checkpoint_kb, 0), figure(one.write_ms), figure(one.late_ms), figure(one.heartbeat_s, 2),
+            figure(one.charge_s, 2), figure(one.cpu_s, 2), figure(one.asked_s, 2), figure(one.whole_s, 0),
         )
         for one in rows
     ]  # fmt: skip
-    return page("A flight taken up again after hours", machine_line(content), said, table(COLUMNS, shown))
+    return markdown_page(
+        "A flight taken up again after hours", machine_line(content), said, markdown_table(COLUMNS, shown)
+    )
 
 
 def make_resume(
@@ -273,14 +275,14 @@ def make_resume(
     Raises:
         BenchError: something that was waited for did not happen.
     """
-    rows = [measure(count, minutes=minutes, hours=hours, speedup=speedup, seed=seed) for count in counts]
+    rows = [measure_resume(count, minutes=minutes, hours=hours, speedup=speedup, seed=seed) for count in counts]
     content: dict[str, object] = {
         "format": "faultline-bench-resume/1",
         "machine": machine(),
         "seed": seed,
         "rows": [asdict(one) | {"whole_s": one.whole_s} for one in rows],
     }
-    text = report_of(rows, machine())
+    text = resume_report(rows, machine())
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "resume.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

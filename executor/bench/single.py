@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypedDict
 
 from executor.bench.problems import NamedProblem
-from executor.bench.solvers import run
+from executor.bench.solvers import run_solver
 from executor.site.planning import PlanSolver
 from planner import Cost, Result, Seconds
 
@@ -37,7 +37,7 @@ def solve_single(
     Raises:
         planner.PlannerError: the solver does not take the instance.
     """
-    result = run(solver, problem.instance, cost=cost, stop=Seconds(seconds), seed=seed, starts=starts)
+    result = run_solver(solver, problem.instance, cost=cost, stop=Seconds(seconds), seed=seed, starts=starts)
     return single_result(problem, solver, result)
 
 

@@ -6,7 +6,7 @@ from executor.site.planning import PlanSolver
 from planner import Cost, Instance, Result, StopRule, grasp, solve, solve_exact
 
 
-def run(
+def run_solver(
     solver: PlanSolver,
     instance: Instance,
     *,

@@ -42,7 +42,7 @@ class Store:
 
     def keep(self, key: str, settings: Mapping[str, object], result: Json) -> Json:
         """Write a result and return it as it will be read."""
-        write_json(self._path(key), {"settings": settings, "result": result})
+        write_result(self._path(key), {"settings": settings, "result": result})
         return json.loads(json.dumps(result))  # type: ignore[no-any-return]  # a JSON object stays one
 
     def known_or(self, key: str, settings: Mapping[str, object], make: Callable[[], Json]) -> Json:
@@ -54,7 +54,7 @@ class Store:
         return self._directory / f"{key}.json"
 
 
-def write_json(path: Path, content: object) -> None:
+def write_result(path: Path, content: object) -> None:
     """Write a file that is either whole or not there."""
     write_text(path, json.dumps(content, indent=1) + "\n")
 

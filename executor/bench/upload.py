@@ -124,7 +124,7 @@ class Measured:
     """How long the process, with all the vehicles in it, was at most away from its work: the noise of these figures."""
 
 
-def measure(cells: Sequence[UploadCase], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
+def measure_cases(cells: Sequence[UploadCase], repeats: int, seed: int, said: Callable[[str], None]) -> Measured:
     """Measure every cell; `said` is told how far it is."""
     return asyncio.run(_measure(cells, repeats, seed, said))
 
@@ -335,7 +335,9 @@ def measure_uploads(
         seed: Of the losses.
     """
     cells = [UploadCase(kind.value, *case) for kind in AutopilotKind for case in product(items, losses, delays_s)]
-    measured = measure(cells, repeats, seed, lambda text: print(f"\r{text} ", end="", file=sys.stderr, flush=True))
+    measured = measure_cases(
+        cells, repeats, seed, lambda text: print(f"\r{text} ", end="", file=sys.stderr, flush=True)
+    )
     print(file=sys.stderr)
     content = content_of(measured, repeats, seed)
     return content, markdown_of(measured.rows, content)

@@ -96,11 +96,11 @@ def solvers(
         _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
         return
     from executor.bench.machine import cores
-    from executor.bench.problems import problem_of
+    from executor.bench.problems import named_problem
     from executor.bench.single import solve_single
     from executor.site.planning import PlanSolver
 
-    problem = problem_of(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
+    problem = named_problem(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
     result = solve_single(
         problem, PlanSolver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
     )
@@ -305,8 +305,15 @@ def detection(
     detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the same
     figures, however many processes fly.
     """
-    from executor.bench.detection import campaign, summary
-    from executor.bench.detectionpage import document, keep, logs_directory, print_recorded, print_summary, recorded
+    from executor.bench.detection import campaign, detection_summary
+    from executor.bench.detectionpage import (
+        detection_document,
+        keep_page,
+        logs_directory,
+        print_recorded,
+        print_summary,
+        recorded,
+    )
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
 
@@ -314,12 +321,12 @@ def detection(
     with ShownProgress() as shown:
         pairs = campaign(healthy, faulty, seed, jobs or cores(), partial(shown.told, "flights"))
     figures = {
-        "watchpoints": summary([pair.watchpoints for pair in pairs]),
-        "few_lines": summary([pair.few_lines for pair in pairs]),
+        "watchpoints": detection_summary([pair.watchpoints for pair in pairs]),
+        "few_lines": detection_summary([pair.few_lines for pair in pairs]),
     }
-    content = document(healthy, faulty, seed, figures, [] if folder is None else recorded(folder))
+    content = detection_document(healthy, faulty, seed, figures, [] if folder is None else recorded(folder))
     if out is not None:
-        keep(content, out)
+        keep_page(content, out)
     if as_json:
         print(json.dumps(content))
         return

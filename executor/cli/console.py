@@ -220,14 +220,14 @@ class TerminalConsole:
             offer = "" if view.offer is None else view.offer.text
             if offer != self._offer:
                 self._offer, self._rings = offer, bool(offer)
-            return drawn(view)
+            return fleet_on_screen(view)
         except Exception as error:  # noqa: BLE001 - the boundary of that thread
             died = (type(error), error, error.__traceback__, threading.current_thread())
             threading.excepthook(threading.ExceptHookArgs(died))
             return Group(Text("the fleet cannot be shown; what is decided is"))
 
 
-def drawn(view: FleetView) -> Group:
+def fleet_on_screen(view: FleetView) -> Group:
     """Return the fleet as a table, and below it who is to be found where and what the crew is asked."""
     table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for column in COLUMNS:
@@ -269,7 +269,7 @@ def _notes(view: FleetView) -> Iterator[str]:
         if vehicle.state in FOUND_BY_PLACE:
             yield f"{vehicle.name} {words.state(vehicle.state)}: {_last_place(vehicle)}"
         if vehicle.taken is not None:
-            yield f"{vehicle.name}: {taken(vehicle)}"
+            yield f"{vehicle.name}: {in_other_hands_words(vehicle)}"
     if view.offer is not None:
         yield f"? {words.shown(view.offer.text)}"
 
@@ -281,7 +281,7 @@ def _last_place(vehicle: VehicleView) -> str:
     return f"last at {words.place(at.lat_deg, at.lon_deg)}, {at.relative_alt_m:.0f} m, {words.minutes(at.age_s)} ago"
 
 
-def taken(vehicle: VehicleView) -> str:
+def in_other_hands_words(vehicle: VehicleView) -> str:
     """Return what holds of a vehicle that is in other hands."""
     hands = vehicle.taken
     if hands is None:

@@ -38,7 +38,7 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import can_be_written, first_plan, routes_of, wanted_of
+from executor.cli.planning import can_be_written, plan_and_tell, routes_wanted, wanted_of
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
@@ -86,7 +86,7 @@ def demo(
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
-    plan = first_plan(ground, console, replace(DEFAULT, seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True))
+    plan = plan_and_tell(ground, console, replace(DEFAULT, seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True))
     directory = new_run_directory(run)
     order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     keep(order)
@@ -156,7 +156,7 @@ def fly(
     ground = assembly.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
-    routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
+    routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
     check_run(order.run, content)
     keep(order)
@@ -186,7 +186,7 @@ def preflight(
     content = read_site(site)
     ground = assembly.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
-    routes = routes_of(ground, console, asked, wanted, plan=plan, after=after)
+    routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
     found = turns.run(examine(order, console))
     console.checks(found)

@@ -47,7 +47,7 @@ def wanted_of(
 PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
 
 
-def routes_of(
+def routes_wanted(
     ground: assembly.Ground,
     console: TerminalConsole,
     asked: typer.Context,
@@ -71,7 +71,7 @@ def routes_of(
         SiteError: options of a new plan beside the file of another.
     """
     if plan is None:
-        return first_plan(ground, console, wanted, None if after is None else segments_left(after, ground))
+        return plan_and_tell(ground, console, wanted, None if after is None else segments_left(after, ground))
     for name in PLANNING:
         source = asked.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":
@@ -82,7 +82,7 @@ def routes_of(
     return content
 
 
-def first_plan(
+def plan_and_tell(
     ground: assembly.Ground, console: TerminalConsole, wanted: Wanted, segments: Sequence[int] | None = None
 ) -> PlanFile:
     """Plan a site, or some of its segments, and say how it goes.

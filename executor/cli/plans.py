@@ -34,7 +34,7 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import announced, can_be_written, first_plan, wanted_of, writable
+from executor.cli.planning import announced, can_be_written, plan_and_tell, wanted_of, writable
 from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
 from executor.flight import next_sortie
@@ -99,7 +99,7 @@ def plan(
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    content = first_plan(
+    content = plan_and_tell(
         ground, console, wanted, next_sortie.segments_left(after, ground) if after is not None else None
     )
     heights = planned_heights(ground, content)

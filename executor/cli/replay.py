@@ -15,7 +15,7 @@ from executor.cli.options import JsonOption
 from executor.cli.planning import writable
 from executor.core.recording import Skipped
 from executor.errors import LogError, SiteError
-from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.result import LogReplay, RecordedTruth
@@ -66,7 +66,7 @@ def replay_logs(
     if output is not None:
         _write(done, output)
     if as_json:
-        print(json.dumps(document(done)))
+        print(json.dumps(replay_document(done)))
     else:
         for one in done:
             _print(one)
@@ -91,11 +91,11 @@ def _replayed(path: Path, rules: ReplayRules) -> _Done:
         done = rerun(path)
         return _Done(done.log, None, done.comparison)
     opened = open_log(path)
-    truth = truth_for(path, read_truths(path.parent))
+    truth = truth_for(path, read_recorded_truths(path.parent))
     return _Done(replay(opened.file, path, rules, on_board=opened.on_board), truth)
 
 
-def document(done: Sequence[_Done]) -> dict[str, object]:
+def replay_document(done: Sequence[_Done]) -> dict[str, object]:
     """Return what was found as JSON has it."""
     total = Skipped()
     for one in done:

@@ -24,7 +24,7 @@ from executor.core.state import FleetState
 from executor.core.view import FleetView
 from executor.errors import SiteError
 from executor.site.config import MqttTable, read_secret
-from executor.supervised import kept, report
+from executor.supervised import keep_going, report_mistake
 from missions import PlanFile, plan_document
 
 Tell = Callable[[Level, str], None]
@@ -89,8 +89,8 @@ class Publication:
             tell(
                 Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
             )
-        views = asyncio.create_task(kept("mqtt's views", lambda: self._views(view)), name="mqtt views")
-        carrier = asyncio.create_task(kept("mqtt's connection", client.run), name="mqtt")
+        views = asyncio.create_task(keep_going("mqtt's views", lambda: self._views(view)), name="mqtt views")
+        carrier = asyncio.create_task(keep_going("mqtt's connection", client.run), name="mqtt")
         try:
             yield
         finally:
@@ -118,7 +118,7 @@ class Publication:
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 self._tell(Level.FAULT, text)
-                report("mqtt", error, said=True)
+                report_mistake("mqtt", error, said=True)
 
 
 def settings_of(

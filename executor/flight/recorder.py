@@ -22,7 +22,7 @@ from executor.flight.flight_order import Console, Order
 from executor.flight.mqtt import Publication
 from executor.runtime.flight import Observer
 from executor.site.assembly import Ground
-from executor.supervised import report
+from executor.supervised import report_mistake
 from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
 from planner import Plan, Route, Vehicle
 
@@ -172,7 +172,7 @@ class Keeper:
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
             self.told(Say(Level.WARNING, text), self._clock.now_s())
-            report("keeping a plan", error, said=True)
+            report_mistake("keeping a plan", error, said=True)
             return
         if plan_path(self._order.run, planned).exists():
             self._in_no_file.remove(planned)

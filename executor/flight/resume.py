@@ -190,7 +190,7 @@ def _launched(run: Path) -> bool:
     return False
 
 
-def left_words(left: Left) -> list[str]:
+def how_it_was_left(left: Left) -> list[str]:
     """Return how a flight was left, for whoever must say yes."""
     state = left.state
     vehicles = [
@@ -248,7 +248,7 @@ def beforehand(run: Path, known: Outset) -> list[str]:
         LogError: as `read_left`.
     """
     if known.found.checkpoint is not None:
-        return left_words(read_rest(run, known))
+        return how_it_was_left(read_rest(run, known))
     size_mb = 1e-6 * RunDirectory(run).events.stat().st_size
     text = f"left at {known.last_s:.0f} s; its log of {size_mb:.0f} MB is read while the vehicles hear our heartbeat"
     return [*known.found.notes, text]
@@ -283,7 +283,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
                 return FlightResult(report, left.begun.context, left=False)
-            for line in left_words(left):
+            for line in how_it_was_left(left):
                 if line not in told:
                     console.say(Level.INFO, line)
             log = EventLog(RunDirectory(run).events, told=fly.telling(console), lines=left.lines)

@@ -24,7 +24,7 @@ _ROUTINE = re.compile(r"first heartbeat|\barmed|disarmed|\bend(s|ed)?\b|\bover\b
 _ENDS = re.compile(r"\bover\b|\bback\b", re.IGNORECASE)
 
 
-def read_truths(folder: Path) -> dict[str, RecordedTruth]:
+def read_recorded_truths(folder: Path) -> dict[str, RecordedTruth]:
     """Return the truths of a folder by the names of its telemetry logs; nothing where there are none.
 
     Raises:

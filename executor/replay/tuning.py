@@ -14,7 +14,7 @@ from pathlib import Path
 from executor.core.vehicle import FaultKind
 from executor.errors import LogError
 from executor.replay.baseline_detector import PERCENT, FewLines
-from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay
 from executor.replay.open_log import open_log
 from executor.replay.result import LogReplay, RecordedTruth
@@ -107,7 +107,7 @@ def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules) -> list[Point]:
     Raises:
         LogError: no log has a truth.
     """
-    known = [(path, truth_for(path, read_truths(path.parent))) for path in paths]
+    known = [(path, truth_for(path, read_recorded_truths(path.parent))) for path in paths]
     logs = [(path, truth) for path, truth in known if truth is not None]
     if not logs:
         raise LogError("--tune: expected logs whose truths lie beside them, in *_truth.json")

@@ -90,7 +90,7 @@ class Flight:
                 self._mistakes.add(text)
                 line = commands.Say(commands.Level.FAULT, text)
                 supervised.safely("what tells the crew", self._observer.said, line, now_s)
-                supervised.report(f"deciding at {type(event).__name__}", error, said=True)
+                supervised.report_mistake(f"deciding at {type(event).__name__}", error, said=True)
 
     def now_s(self) -> float:
         """Return the time on the flight's clock."""
@@ -137,7 +137,7 @@ class Flight:
                 with self.listening():
                     if reopened is not None:
                         self.apply(await self._reunion(patience_real_s))
-                    tick = tasks.create_task(supervised.kept("the tick", self._tick, at_once=True), name="tick")
+                    tick = tasks.create_task(supervised.keep_going("the tick", self._tick, at_once=True), name="tick")
                     if reopened is None:
                         self.apply(events.LaunchOrdered())
                     await self._over.wait()
@@ -264,7 +264,7 @@ class Flight:
         try:
             event = await work()
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
-            supervised.report(what, error)
+            supervised.report_mistake(what, error)
             event = failed(f"internal mistake: {type(error).__name__}: {error}")
         self.apply(event)
 
@@ -334,7 +334,7 @@ class Flight:
         try:
             await streams.asked_again(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
-            supervised.report(f"an order to {vehicle}", error)
+            supervised.report_mistake(f"an order to {vehicle}", error)
 
 
 async def keep_heartbeat(links: Mapping[str, Link], clock: Clock) -> None:

@@ -36,4 +36,4 @@ def planned_heights(ground: Ground, plan: PlanFile) -> PlannedHeights:
     for text in heights.too_low(setup, paths):
         raise SiteError(f"{ground.network.source}: heights: {text}")
     warnings = (*ground.worth_a_look, *check_ceiling(setup, paths))
-    return PlannedHeights(heights.height_words(setup, paths), warnings, heights.document(setup, paths))
+    return PlannedHeights(heights.height_words(setup, paths), warnings, heights.heights_document(setup, paths))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.supervised import AT_ONCE_S, FILE, STEADY_S, WAITS_S, beside, hear, kept, safely
+from executor.supervised import AT_ONCE_S, FILE, STEADY_S, WAITS_S, beside, hear, keep_going, safely
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 
@@ -70,7 +70,7 @@ async def test_what_ends_by_itself_is_not_begun_again() -> None:
     async def ends() -> None:
         began.append(lived())
 
-    await kept("x", ends)
+    await keep_going("x", ends)
     assert began == [0.0]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 from executor.bench.data import CSUM, CsumReference
-from executor.bench.markdown import number, percent_over, table
+from executor.bench.markdown import figure, markdown_table, percent_over
 from executor.bench.parts.setting import Setting
 from executor.bench.peer import pyvrp_installed, solve_pyvrp
 from executor.bench.problems import AUTHORS_S, line_instance
@@ -75,12 +75,12 @@ def report(result: Json) -> str:
         search, pyvrp, own = row["search"], row["pyvrp"], row["grasp"]
         known = references[row["radius_m"]]
         rows.append((
-            f"{row['radius_m']:g}", row["segments"], row["budget_s"], *(number(search[t], 2) for t in ("1", "10")),
-            *(number(pyvrp.get(t), 2) for t in ("1", "10")),
+            f"{row['radius_m']:g}", row["segments"], row["budget_s"], *(figure(search[t], 2) for t in ("1", "10")),
+            *(figure(pyvrp.get(t), 2) for t in ("1", "10")),
             *(percent_over(search[t], pyvrp.get("10"), 3) for t in ("1", "10")),
-            number(own["median"]), f"{own['best']:.1f} of {own['runs']}", number(own["run_s"], 3),
-            number(known.grasp_median), f"{known.grasp_best:.1f} ({known.grasp_runs})", number(known.pyvrp_1s, 1),
-            number(known.pyvrp_10s, 1),
+            figure(own["median"]), f"{own['best']:.1f} of {own['runs']}", figure(own["run_s"], 3),
+            figure(known.grasp_median), f"{known.grasp_best:.1f} ({known.grasp_runs})", figure(known.pyvrp_1s, 1),
+            figure(known.pyvrp_10s, 1),
         ))  # fmt: skip
     missing = (
         "" if all(row["pyvrp"] for row in result["rows"]) else "PyVRP is not installed: its columns are empty.\n\n"
@@ -90,5 +90,5 @@ def report(result: Json) -> str:
         "with accelerations and turns). The search has a start on each core, PyVRP one core; it models a segment as a "
         "mutually exclusive group of two clients, with distances in hundredths of a second. GRASP is our own writing "
         "of the paper's solver, single runs. Reported figures were measured elsewhere.\n\n" + missing
-        + table(columns, rows)
+        + markdown_table(columns, rows)
     )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.bench.markdown import number, table
+from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.problems import PAPER_S, line_instance, with_budget
 from executor.bench.store import Json
@@ -85,7 +85,7 @@ def report(result: Json) -> str:
     small = [
         (
             row["segments"], row["vehicles"], row["cost"], f"{row['equal']} of {row['instances']}",
-            number(100 * row["worst"], 4), number(row["exact_s"], 2),
+            figure(100 * row["worst"], 4), figure(row["exact_s"], 2),
         )
         for row in result["small"]
     ]  # fmt: skip
@@ -96,9 +96,9 @@ def report(result: Json) -> str:
     )
     return "\n\n".join([
         said,
-        table(("segments", "vehicles", "cost", "equal", "largest gap %", "longest proof s"), small),
+        markdown_table(("segments", "vehicles", "cost", "equal", "largest gap %", "longest proof s"), small),
         f"{GROWTH_VEHICLES} vehicles, seconds to the proof, or the gap that was left after {LIMIT_S:g} s:",
-        table(("segments", *(cost.value for cost in Cost)), growth),
+        markdown_table(("segments", *(cost.value for cost in Cost)), growth),
     ])  # fmt: skip
 
 
@@ -106,5 +106,5 @@ def _grown_cell(one: Json) -> str:
     if "refused" in one:
         return f"refused: {one['refused']}"
     if one["gap"] is None or one["gap"] > SAME:
-        return f"gap {number(None if one['gap'] is None else 100 * one['gap'], 2)} % after {one['seconds']:.1f} s"
+        return f"gap {figure(None if one['gap'] is None else 100 * one['gap'], 2)} % after {one['seconds']:.1f} s"
     return f"{one['seconds']:.2f} s"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import fmean
 
 from executor.bench.data import TSPLIB, MtspReference, mtsp_references
-from executor.bench.markdown import number, percent_over, table
+from executor.bench.markdown import figure, markdown_table, percent_over
 from executor.bench.parts.setting import Setting
 from executor.bench.problems import cities_problem
 from executor.bench.store import Json
@@ -53,8 +53,8 @@ def report(result: Json) -> str:
     gaps = [100 * (row["value"] / row["best_known"] - 1) for row in rows if row["value"] is not None]
     shown = [
         (
-            row["instance"], row["vehicles"], number(row["value"], 2), number(row["best_known"], 2),
-            percent_over(row["value"], row["best_known"]), number(row["farthest"], 2), row["source"],
+            row["instance"], row["vehicles"], figure(row["value"], 2), figure(row["best_known"], 2),
+            percent_over(row["value"], row["best_known"]), figure(row["farthest"], 2), row["source"],
         )
         for row in rows
     ]  # fmt: skip
@@ -62,5 +62,5 @@ def report(result: Json) -> str:
     return (
         f"{LIMIT_S:g} s each, a start on each core. A city is a segment of no length, distances are not rounded. Where "
         "the best value is the way to the farthest city and back it is optimal and tests little. "
-        f"Mean gap {fmean(gaps):.3f} %, largest {max(gaps):.3f} %.\n\n" + table(columns, shown)
+        f"Mean gap {fmean(gaps):.3f} %, largest {max(gaps):.3f} %.\n\n" + markdown_table(columns, shown)
     )

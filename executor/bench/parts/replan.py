@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.bench.markdown import number, table
+from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.peer import pyvrp_installed, solve_pyvrp
 from executor.bench.problems import PAPER_S, line_instance, with_budget
@@ -138,7 +138,7 @@ def _peer(setting: Setting, rows: list[Json]) -> Json:
     given_up = [(row, lost, at_s, sure) for row in rows for lost, at_s, sure in row["given_up"]]
     chance = np.random.default_rng(setting.seed)
     count = min(len(given_up), setting.pieces(SAMPLE, 3))
-    chosen = [given_up[number] for number in sorted(chance.choice(len(given_up), count, replace=False))]
+    chosen = [given_up[figure] for figure in sorted(chance.choice(len(given_up), count, replace=False))]
     questions = [_Question(setting, row, lost, at_s) for row, lost, at_s, _ in chosen]
     answers = _answers(setting, questions)
     solved = [
@@ -216,7 +216,7 @@ def report(result: Json) -> str:
     )
     return "\n\n".join([
         said,
-        table(columns, rows),
+        markdown_table(columns, rows),
         _peer_text(result["peer"]),
     ])  # fmt: skip
 
@@ -224,7 +224,7 @@ def report(result: Json) -> str:
 def _times(one: Json | None) -> tuple[str, ...]:
     if one is None:
         return ("0", *["-"] * (len(PERCENTILES) + 1))
-    return (str(one["count"]), *(number(one[f"p{p}_ms"], 1) for p in PERCENTILES), number(one["max_ms"], 1))
+    return (str(one["count"]), *(figure(one[f"p{p}_ms"], 1) for p in PERCENTILES), figure(one["max_ms"], 1))
 
 
 def _peer_text(peer: Json | None) -> str:

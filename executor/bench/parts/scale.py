@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from executor.bench.errors import BenchError
-from executor.bench.markdown import number, table
+from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.problems import PAPER_S, line_instance
 from executor.bench.store import Json
@@ -117,9 +117,9 @@ def report(result: Json) -> str:
     """Return the page's part."""
     rows = [
         (
-            row["name"], row["segments"], row["vehicles"], row["cost"], number(row["build_s"], 2),
-            number(row["first_plan_s"], 2), *(_over(value, row["value"]) for value in row["values"][:-1]),
-            number(row["value"], 1), row["uncovered"], number(row["seconds"], 1), number(row["peak_mib"], 0),
+            row["name"], row["segments"], row["vehicles"], row["cost"], figure(row["build_s"], 2),
+            figure(row["first_plan_s"], 2), *(_over(value, row["value"]) for value in row["values"][:-1]),
+            figure(row["value"], 1), row["uncovered"], figure(row["seconds"], 1), figure(row["peak_mib"], 0),
         )
         for row in result["rows"]
     ]  # fmt: skip
@@ -132,15 +132,15 @@ def report(result: Json) -> str:
         f"time counts making the instance, not loading compiled kernels. Up to {TABLES_UP_TO} segments all moves are "
         "tables, which grow with the square of the segments; beyond, they are computed from places.\n\n"
         "![Time to the first plan and peak memory over the number of segments](solvers-scale.png)\n\n"
-        + table(columns, rows)
+        + markdown_table(columns, rows)
     )
 
 
 def _over(value: float | None, last: float) -> str:
-    return number(None if value is None or last == 0 else 100 * (value / last - 1), 2)
+    return figure(None if value is None or last == 0 else 100 * (value / last - 1), 2)
 
 
-def draw(result: Json, path: Path) -> None:
+def draw_scale(result: Json, path: Path) -> None:
     """Draw time to the first plan and memory over the number of segments, both axes logarithmic."""
     from matplotlib.figure import Figure
 

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 from statistics import median
 
-from executor.bench.markdown import number, table
+from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.store import Json
 from planner import Stopwatch
@@ -55,12 +55,12 @@ def _process_s(code: str, cache: str) -> float:
 def report(result: Json) -> str:
     """Return the page's part."""
     rows = [
-        ("Python alone", number(result["python_s"], 2)),
-        ("import planner, less Python alone", number(result["import_s"] - result["python_s"], 2)),
-        ("first plan with nothing compiled yet", number(result["cold_s"], 1)),
-        ("first plan with compiled kernels", number(result["warm_s"], 2)),
+        ("Python alone", figure(result["python_s"], 2)),
+        ("import planner, less Python alone", figure(result["import_s"] - result["python_s"], 2)),
+        ("first plan with nothing compiled yet", figure(result["cold_s"], 1)),
+        ("first plan with compiled kernels", figure(result["warm_s"], 2)),
     ]
     return (
         "Whole processes, from start to end, on faultline's own network within 2000 m; the median of "
-        f"{result['starts']}, the cold one once.\n\n" + table(("process", "seconds"), rows)
+        f"{result['starts']}, the cold one once.\n\n" + markdown_table(("process", "seconds"), rows)
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from executor.bench.machine import machine
 from executor.bench.progress import ShownProgress
-from executor.bench.store import Store, write_json, write_text
+from executor.bench.store import Store, write_result, write_text
 from executor.bench.table.cells import Summary, summary_of
 from executor.bench.table.make import Maker, make
 from executor.bench.table.report import report
@@ -32,7 +32,7 @@ def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) ->
         "summary": [asdict(summary) for summary in summaries],
         "cells": [asdict(cell) for cell in cells],
     }
-    write_json(out / "table.json", content)
+    write_result(out / "table.json", content)
     write_text(out / "table.md", report(cells, settings, about, "table.png"))
     # Only here: it takes a second to load.
     from executor.bench.table.picture import draw_table

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from executor.bench.data import PAPER, PaperRow
 from executor.bench.machine import machine_line
-from executor.bench.markdown import number, page, table
+from executor.bench.markdown import figure, markdown_page, markdown_table
 from executor.bench.store import Json
 from executor.bench.table.cells import LEAVES, Cell, PlanFigures, Series, Stretched, summary_of
 from executor.bench.table.settings import DRONE, INSPECTION_M_S, SOLVERS, TRANSIT_M_S, VEHICLES, TableSettings
@@ -18,7 +18,7 @@ OWN = "faultline's own network"
 def report(cells: Sequence[Cell], settings: TableSettings, machine: Json, picture: str) -> str:
     """Return the page of a table."""
     radii = list(dict.fromkeys(cell.radius_m for cell in cells))
-    return page(
+    return markdown_page(
         "Re-plan windows",
         _preamble(settings),
         machine_line(machine),
@@ -81,9 +81,9 @@ def _gains(cells: Sequence[Cell], solver: str) -> str:
             _pct(100 * one.chosen.stretch),
             _pct(one.mincomb.window_pct),
             _pct(one.chosen.plan.window_pct),
-            number(one.mincomb.earliest_s, 0),
-            number(one.chosen.plan.earliest_s, 0),
-            number(one.least_earliest_s, 0),
+            figure(one.mincomb.earliest_s, 0),
+            figure(one.chosen.plan.earliest_s, 0),
+            figure(one.least_earliest_s, 0),
             _pct(100 * one.reduction),
             _pct(100 * one.most_reduction),
         )
@@ -91,7 +91,7 @@ def _gains(cells: Sequence[Cell], solver: str) -> str:
     ]
     columns = ("D_max m", "tightness", "stretch %", "MinComb %", "window %", "MinComb t* s", "window t* s",
                "bound s", "t* less by %", "at most %")  # fmt: skip
-    return table(columns, rows)
+    return markdown_table(columns, rows)
 
 
 def _radius(settings: TableSettings, cells: Sequence[Cell]) -> str:
@@ -117,7 +117,7 @@ def _by_series(cells: Sequence[Cell], shown: Callable[[Series], str]) -> str:
     rows = [
         [f"{cell.tightness:.2f}", _pct(cell.c_max_pct), *(shown(series) for series in cell.series)] for cell in cells
     ]
-    return table(columns, rows)
+    return markdown_table(columns, rows)
 
 
 def _by_stretch(cells: Sequence[Cell]) -> str:
@@ -132,7 +132,7 @@ def _by_stretch(cells: Sequence[Cell]) -> str:
         for cell in cells
     ]
     taken = (f"MinComb's stretch, {one.solver}" for one in cells[0].against)
-    return table(["tightness", *fixed, *taken, "bound for any plan s"], rows)
+    return markdown_table(["tightness", *fixed, *taken, "bound for any plan s"], rows)
 
 
 def _window(plan: PlanFigures) -> str:
@@ -153,4 +153,4 @@ def _paper(row: PaperRow, cell: Cell) -> str:
 
 
 def _pct(value: float) -> str:
-    return number(value, 1)
+    return figure(value, 1)

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from executor.bench.problems import line_instance, network_of, with_budget
-from executor.bench.solvers import run
+from executor.bench.solvers import run_solver
 from executor.bench.store import Json
 from executor.bench.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
 from executor.site.planning import PlanSolver
@@ -105,7 +105,7 @@ def do(task: TableTask, table: TableSettings) -> Json:
 def _plan(task: TableTask, table: TableSettings, instance: Instance) -> Json:
     if task.solver is None or task.cost is None:
         raise AssertionError(f"{task.key}: a plan is made by a solver, by a cost")
-    result = run(task.solver, instance, cost=task.cost, stop=table.stop(), seed=task.seed, all_vehicles=True)
+    result = run_solver(task.solver, instance, cost=task.cost, stop=table.stop(), seed=task.seed, all_vehicles=True)
     return {
         "value": result.evaluation.value,
         "seconds": result.seconds,

@@ -59,7 +59,7 @@ def height_words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
     return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
 
 
-def document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
+def heights_document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
     """Return the same as plain data, in metres."""
     heights = over_ground_m(setup, paths)
     least_m = lowest_over_tops_m(setup, paths)

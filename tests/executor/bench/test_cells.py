@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.bench.machine import machine
-from executor.bench.markdown import number, percent_over, table
+from executor.bench.markdown import figure, markdown_table, percent_over
 from executor.bench.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb, summary_of
 from executor.bench.table.report import report
 from executor.bench.table.settings import TableSettings
@@ -98,13 +98,13 @@ def test_the_report_shows_the_figures() -> None:
 
 
 def test_a_markdown_table_is_one() -> None:
-    text = table(("name", "value"), [("a|b", 1), ("c", None)])
+    text = markdown_table(("name", "value"), [("a|b", 1), ("c", None)])
     assert text.splitlines() == ["| name | value |", "| --- | ---: |", "| a\\|b | 1 |", "| c | - |"]
 
 
 def test_figures_are_written_with_their_digits() -> None:
-    assert number(1234.567, 1) == "1234.6"
-    assert number(-0.01, 1) == "0.0"
-    assert number(None) == "-"
+    assert figure(1234.567, 1) == "1234.6"
+    assert figure(-0.01, 1) == "0.0"
+    assert figure(None) == "-"
     assert percent_over(101.0, 100.0) == "+1.00 %"
     assert percent_over(None, 100.0) == "-"

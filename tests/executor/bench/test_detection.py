@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.detection import KINDS, Pair, Share, campaign, poisson_interval, summary
-from executor.bench.detectionpage import document, keep, print_recorded, print_summary, recorded
+from executor.bench.detection import KINDS, Pair, Share, campaign, detection_summary, poisson_interval
+from executor.bench.detectionpage import detection_document, keep_page, print_recorded, print_summary, recorded
 from tests.recorded import BEGAN_USEC, Writer, flight
 
 
@@ -23,7 +23,7 @@ def test_the_same_seed_gives_the_same_outcomes(few: list[Pair]) -> None:
 
 
 def test_what_a_small_campaign_shows(few: list[Pair], capsys: pytest.CaptureFixture[str]) -> None:
-    figures = summary([pair.watchpoints for pair in few])
+    figures = detection_summary([pair.watchpoints for pair in few])
     assert figures["flights"] == 4 + 2 * len(KINDS)
     assert figures["false_alarms"] == 0
     kinds = figures["kinds"]
@@ -46,10 +46,10 @@ def test_the_page(few: list[Pair], tmp_path: Path, capsys: pytest.CaptureFixture
     gone = {"from_usec": BEGAN_USEC + 59_500_000, "to_usec": BEGAN_USEC + 80_100_000}
     truth = {"kind": "link loss", "events": [], "vehicle_silent": [gone]}
     (tmp_path / "all_truth.json").write_text(json.dumps({"logs": {"silent.tlog": truth}}))
-    figures = {name: summary([getattr(pair, name) for pair in few]) for name in ("watchpoints", "few_lines")}
+    figures = {name: detection_summary([getattr(pair, name) for pair in few]) for name in ("watchpoints", "few_lines")}
     [row] = recorded(tmp_path)
-    content = document(4, 2, 3, figures, [row])
-    keep(content, tmp_path / "out")
+    content = detection_document(4, 2, 3, figures, [row])
+    keep_page(content, tmp_path / "out")
     assert json.loads((tmp_path / "out" / "detection.json").read_text())["seed"] == 3
     text = (tmp_path / "out" / "detection.md").read_text()
     assert "| silent.tlog |" in text

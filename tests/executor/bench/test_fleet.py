@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from executor.adapters.mavlink.codec import Codec
 from executor.bench.browser import oldest_shown_s
-from executor.bench.fleet import FleetFlight, report_of
+from executor.bench.fleet import FleetFlight, fleet_report
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import STRANGER, datagrams
 from executor.cli.bench import cli
@@ -47,7 +47,7 @@ def test_growth_is_counted_from_the_first_quarter() -> None:
     flown = FleetFlight(50, 60.0, 2.0, 9_000, 0, 10_000, 0, 0, 1800.0, 300.0, (1.0, 2.0, 3.0), memory_mib)
     assert flown.growth_mib == pytest.approx(2.0)
     assert flown.cpu_ms == pytest.approx(10.0)
-    row = next(line for line in report_of([flown], {"cores": 2, "processor": "x", "commit": "y"}).splitlines()
+    row = next(line for line in fleet_report([flown], {"cores": 2, "processor": "x", "commit": "y"}).splitlines()
                if line.startswith("| 50 |"))  # fmt: skip
     assert [cell.strip() for cell in row.strip("|").split("|")][7:10] == ["10.00", "6.0", "50.0"]
 

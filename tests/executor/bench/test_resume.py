@@ -7,7 +7,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from executor.bench.resume import ResumedFlight, report_of
+from executor.bench.resume import ResumedFlight, resume_report
 from executor.cli.bench import cli
 
 
@@ -25,6 +25,6 @@ def test_a_flight_is_killed_and_taken_up_again_after_hours(tmp_path: Path) -> No
 
 def test_the_whole_log_is_reckoned_from_a_line() -> None:
     taken = ResumedFlight(6, 10.0, 564.1, 3_000_000, 2_700, 78.7, 1.1, 2.8, 1.7, 2.0, 1.3, 2.1, 0.08)
-    row = next(line for line in report_of([taken], {"cores": 2, "processor": "x", "commit": "y"}).splitlines()
+    row = next(line for line in resume_report([taken], {"cores": 2, "processor": "x", "commit": "y"}).splitlines()
                if line.startswith("| 6 |"))  # fmt: skip
     assert row.strip("| ").split(" | ")[-5:] == ["1.70", "2.00", "1.30", "2.10", "240"]

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executor.bench.upload import Measured, Row, UploadCase, UploadTiming, content_of, markdown_of, measure
+from executor.bench.upload import Measured, Row, UploadCase, UploadTiming, content_of, markdown_of, measure_cases
 from executor.cli.bench import cli
 
 
 def test_both_programs_upload_to_both_autopilots() -> None:
     cells = [UploadCase(autopilot, 10, 0.0, delay_s) for autopilot in ("ardupilot", "px4") for delay_s in (0.0, 0.05)]
-    rows = measure(cells, repeats=2, seed=1, said=lambda _: None).rows
+    rows = measure_cases(cells, repeats=2, seed=1, said=lambda _: None).rows
     assert [row.cell for row in rows] == cells
     assert [len(timing.accepted_s) for row in rows for timing in (row.native, row.mavsdk)] == [2] * 8
     near, far = rows[:2]

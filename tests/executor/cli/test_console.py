@@ -17,7 +17,7 @@ from subprocess import PIPE
 import pytest
 from rich.console import Console, Group
 
-from executor.cli.console import TerminalConsole, drawn
+from executor.cli.console import TerminalConsole, fleet_on_screen
 from executor.core.commands import Level
 from executor.core.preflight.checks import Check, Severity
 from executor.core.view import OfferView, TakenView, fleet_view
@@ -172,7 +172,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     third = replace(third, state="down", fault="down, armed", fault_kind="down")
     offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span: is its pad clear?")
     terminal = Console(width=140, record=True, file=StringIO())
-    terminal.print(drawn(replace(view, vehicles=(first, second, third), offer=offer)))
+    terminal.print(fleet_on_screen(replace(view, vehicles=(first, second, third), offer=offer)))
     shown = terminal.export_text()
     rows = [" ".join(line.split()) for line in shown.splitlines()]
     assert rows[0].startswith("T+1:")
@@ -190,7 +190,7 @@ async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatc
     console = TerminalConsole(quiet=False, yes=True)
     console._view = (flight.context, flight.state, flight.now_s)
     with hear(said.append, None):
-        monkeypatch.setattr("executor.cli.console.drawn", lambda _: 1 // 0)
+        monkeypatch.setattr("executor.cli.console.fleet_on_screen", lambda _: 1 // 0)
         broken = console._drawn()
         monkeypatch.undo()
         await asyncio.sleep(0)

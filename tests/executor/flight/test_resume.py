@@ -113,7 +113,7 @@ def test_the_state_from_the_log_is_the_state_that_was(tmp_path: Path) -> None:
     assert found.state == flight.state
     assert found.last_s == flight.now_s
     assert (found.notes, found.undone) == ((), ())
-    assert "with 1 of 5 segments inspected: uav1 flying, uav2 flying" in resume.left_words(found)[-1]
+    assert "with 1 of 5 segments inspected: uav1 flying, uav2 flying" in resume.how_it_was_left(found)[-1]
 
 
 def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:

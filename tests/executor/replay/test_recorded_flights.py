@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from executor.core.vehicle import FaultKind
-from executor.replay.ground_truth import read_truths, truth_for
+from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.result import LogReplay, RecordedTruth
@@ -29,7 +29,7 @@ def test_the_recorded_flights_are_there() -> None:
 
 def replayed(path: Path) -> tuple[LogReplay, RecordedTruth]:
     opened = open_log(path)
-    truth = truth_for(path, read_truths(path.parent))
+    truth = truth_for(path, read_recorded_truths(path.parent))
     assert truth is not None
     return replay(opened.file, path, rules_of(None), on_board=opened.on_board), truth
 

@@ -68,7 +68,7 @@ def test_a_plan_over_a_taller_line_that_crosses_is_refused() -> None:
 
 def test_the_report_has_the_figures() -> None:
     setup = default_setup()
-    document = heights.document(setup, [flight_path(setup, "uav1", [0, 2])])
+    document = heights.heights_document(setup, [flight_path(setup, "uav1", [0, 2])])
     assert document == {
         "over": "the pylon tops",
         "flat": False,
