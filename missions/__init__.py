@@ -8,18 +8,11 @@
 'NAV_TAKEOFF'
 """
 
-from missions.autopilots.dialect import (
-    ARDUPILOT,
-    PX4,
-    Dialect,
-    ModeNumber,
-    Modes,
-    ReturnParameters,
-    SetCurrent,
-    StartStep,
-    dialect_for,
-)
+from missions.autopilots.ardupilot import ARDUPILOT
+from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
 from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
+from missions.autopilots.px4 import PX4
+from missions.autopilots.registry import AUTOPILOTS, dialect_for, dialect_of
 from missions.clearance import (
     OverGround,
     check_ceiling,
@@ -60,6 +53,7 @@ from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
     "ARDUPILOT",
+    "AUTOPILOTS",
     "NESTED",
     "PX4",
     "BatteryFailsafe",
@@ -116,6 +110,7 @@ __all__ = [
     "default_network_path",
     "depot_vehicle",
     "dialect_for",
+    "dialect_of",
     "differences",
     "encode",
     "estimate",

@@ -19,8 +19,7 @@ from missions.fields import is_number
 from missions.files import parse_json
 from missions.items import Command, Frame, MissionItem
 
-# MAV_AUTOPILOT and MAV_TYPE_QUADROTOR.
-_FIRMWARE = {"ardupilot": 3, "px4": 12}
+# MAV_TYPE_QUADROTOR.
 _QUADROTOR = 2
 _PLAIN_FRAME: dict[int, int] = {
     Frame.GLOBAL_INT: Frame.GLOBAL,
@@ -59,7 +58,7 @@ def qgc_plan(items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, 
         "rallyPoints": {"version": 2, "points": []},
         "mission": {
             "version": 2,
-            "firmwareType": _FIRMWARE[dialect.name],
+            "firmwareType": dialect.number,
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": max(speeds, default=5.0),
             "hoverSpeed": max(speeds, default=5.0),

@@ -17,7 +17,6 @@ from pymavlink.dialects.v20 import common as mav
 
 import missions
 import planner
-from executor.core.preflight import checks
 from executor.protocols import command, orders, upload
 from executor.simulator import enums
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
@@ -157,10 +156,7 @@ def test_the_results_of_dialects_are_mavlinks(dialect: Dialect) -> None:
 
 
 def test_the_autopilots_have_mavlinks_numbers() -> None:
-    assert checks.AUTOPILOT_NUMBERS == {
-        "ardupilot": mav.MAV_AUTOPILOT_ARDUPILOTMEGA,
-        "px4": mav.MAV_AUTOPILOT_PX4,
-    }
+    assert (ARDUPILOT.number, PX4.number) == (mav.MAV_AUTOPILOT_ARDUPILOTMEGA, mav.MAV_AUTOPILOT_PX4)
 
 
 SIMULATED = {

@@ -20,6 +20,7 @@ from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
     DEFAULT_COST,
     DEFAULT_STRETCH_PCT,
+    FIRST_AUTOPILOT,
     AfterOption,
     AutopilotName,
     EverybodyOption,
@@ -71,7 +72,7 @@ def demo(
     ] = 10.0,
     seed: SeedOption = 1,
     fault: FaultOption = None,
-    autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = AutopilotName.ARDUPILOT,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = FIRST_AUTOPILOT,
     flat: Annotated[bool, typer.Option("--flat", help="Of a network without heights: its ground is flat.")] = False,
     run: RunOption = None,
     as_json: JsonOption = False,

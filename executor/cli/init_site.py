@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from executor.cli.options import AutopilotName, finite
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, finite
 from executor.cli.planning import can_be_written, writable
 from executor.errors import SiteError
 from executor.site import assembly, template
@@ -31,7 +31,7 @@ def init(
         float | None, typer.Option(min=1, callback=finite, metavar="M", help="Segments within M metres of the depot.")
     ] = None,
     vehicles: Annotated[int, typer.Option(min=1, max=50, help="How many vehicles.")] = 3,
-    autopilot: Annotated[AutopilotName, typer.Option(help="Of all of them.")] = AutopilotName.ARDUPILOT,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Of all of them.")] = FIRST_AUTOPILOT,
 ) -> None:
     """Write a site file to begin with, with what each line means."""
     can_be_written(output)

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from executor.site.planning import DEFAULT
+from missions import AUTOPILOTS
 
 
 def finite(value: float | None) -> float | None:
@@ -52,10 +53,14 @@ class FormatName(StrEnum):
 
 
 class AutopilotName(StrEnum):
-    """Whose behaviour the simulated vehicles have."""
+    """The autopilots that are known, as site files call them."""
 
-    ARDUPILOT = "ardupilot"
-    PX4 = "px4"
+    _ignore_ = "known"
+    for known in AUTOPILOTS:
+        vars()[known.name.upper()] = known.name
+
+
+FIRST_AUTOPILOT = AutopilotName(AUTOPILOTS[0].name)
 
 
 MOST_SECONDS = 86_400.0

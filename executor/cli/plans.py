@@ -15,6 +15,7 @@ from executor.cli.options import (
     DEFAULT_COST,
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
+    FIRST_AUTOPILOT,
     MOST_SECONDS,
     AfterOption,
     AutopilotName,
@@ -231,7 +232,7 @@ def export(
     plan: PlanArgument,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A file per vehicle goes there.")],
     to: Annotated[FormatName, typer.Option("--format", help="QGroundControl's .plan, or .waypoints.")] = FormatName.QGC,
-    autopilot: Annotated[AutopilotName, typer.Option(help="For whom the items are.")] = AutopilotName.ARDUPILOT,
+    autopilot: Annotated[AutopilotName, typer.Option(help="For whom the items are.")] = FIRST_AUTOPILOT,
 ) -> None:
     """Write a file per vehicle for other ground stations."""
     content = read_plan(plan)

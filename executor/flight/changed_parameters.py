@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from executor.adapters.run_directory import RunDirectory, write_json
 from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.errors import LogError
+from executor.site.config import AutopilotKey
 
 FORMAT = "faultline-parameters/1"
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -23,7 +24,7 @@ class _Row(BaseModel):
 class _KeptRow(_Row):
     vehicle: str
     sysid: Annotated[int, Field(ge=1, le=254)]
-    autopilot: Literal["ardupilot", "px4"]
+    autopilot: AutopilotKey
     name: Annotated[str, Field(min_length=1, max_length=16)]
     old: Number
     new: Number

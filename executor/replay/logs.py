@@ -6,10 +6,9 @@ The log's own clock is the time: ticks come between its records as they come bet
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 
 from executor.core import projection
 from executor.core.battery.kalman import Prior
@@ -25,7 +24,7 @@ from executor.core.vehicle import FaultKind, Stage, VehicleState
 from executor.replay.result import Declaration, Impaired, LogReplay, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
 from executor.site.config import Site
-from missions import Dialect, LocalFrame, dialect_for
+from missions import AUTOPILOTS, Dialect, LocalFrame, dialect_of
 from planner import PRESETS
 
 TICK_S = 0.25
@@ -44,8 +43,6 @@ LINK_STALE_S = 2.0
 """One heartbeat is missed, and with it every other message."""
 ANY_DRONE = Prior(2.2, 0.8)
 """Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: 12 to 33 minutes of hover."""
-AUTOPILOTS: Mapping[int, str] = MappingProxyType({3: "ardupilot", 12: "px4"})
-"""MAV_AUTOPILOT."""
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
 BACK_USEC = 1_000_000
@@ -240,14 +237,14 @@ class _Player:
         """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
         if not isinstance(message, Heartbeat):
             return ""
-        autopilot = AUTOPILOTS.get(message.autopilot)
-        if autopilot is None or message.vehicle_type not in COPTERS:
+        dialect = dialect_of(message.autopilot)
+        if dialect is None or message.vehicle_type not in COPTERS:
             self._others[system] = (
                 f"system {system} is not followed: MAV_AUTOPILOT {message.autopilot}, MAV_TYPE {message.vehicle_type}; "
-                "known are copters with ArduPilot or PX4"
+                f"known are copters with {' or '.join(one.title for one in AUTOPILOTS)}"
             )
             return ""
-        setup = _setup(self._rules, system, dialect_for(autopilot), on_board=self._on_board)
+        setup = _setup(self._rules, system, dialect, on_board=self._on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
         self._state = passive.with_vehicle(self._state, setup.name)
         self._names[system] = setup.name

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequest
 from executor.core.ports import Clock, Link
-from executor.core.preflight.checks import AUTOPILOT_NUMBERS
 from executor.core.preflight.parameters import (
     Change,
     ChangeStage,
@@ -22,7 +21,7 @@ from executor.core.preflight.parameters import (
 )
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
-from missions import Dialect
+from missions import Dialect, dialect_for
 
 HEARD_S = 5.0
 """Without a heartbeat for so long a vehicle does not answer; they come once a second."""
@@ -140,7 +139,7 @@ async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s
         return "does not answer"
     if watch.heartbeat.armed:
         return "is armed"
-    if watch.heartbeat.autopilot != AUTOPILOT_NUMBERS[one.autopilot]:
+    if watch.heartbeat.autopilot != dialect_for(one.autopilot).number:
         return f"is another vehicle now: its autopilot is {watch.heartbeat.autopilot}, expected {one.autopilot}"
     return ""
 

@@ -8,7 +8,7 @@ from executor.core.ports import Clock, Link
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
 from executor.runtime import procedures
-from missions import ARDUPILOT, PX4, Dialect
+from missions import Dialect
 
 STREAMS_HZ = {
     orders.GLOBAL_POSITION_INT: 5.0,
@@ -21,16 +21,11 @@ STREAMS_HZ = {
 }
 """What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
 HEARTBEAT_HZ = 1.0
-OWN_STREAMS_HZ = {
-    ARDUPILOT.name: {orders.WIND: 0.5, orders.FENCE_STATUS: 0.5},
-    PX4.name: {orders.WIND_COV: 0.5},
-}
-"""What only one of the dialects has; PX4 says of its fence in texts alone."""
 
 
 def streams_hz(dialect: Dialect) -> dict[int, float]:
     """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
-    return STREAMS_HZ | OWN_STREAMS_HZ.get(dialect.name, {})
+    return STREAMS_HZ | dict(dialect.own_streams_hz)
 
 
 async def asked_for(link: Link, clock: Clock, dialect: Dialect) -> None:

@@ -14,12 +14,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from executor.core.connection import Connection, parse_connection
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
-from missions import NESTED
+from missions import AUTOPILOTS, NESTED
 from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
@@ -102,6 +103,17 @@ class EnergyTable(_Table):
         return self
 
 
+def _known_autopilot(name: str) -> str:
+    names = [dialect.name for dialect in AUTOPILOTS]
+    if name not in names:
+        raise PydanticCustomError("literal_error", "expected {expected}", {"expected": " or ".join(map(repr, names))})
+    return name
+
+
+AutopilotKey = Annotated[str, AfterValidator(_known_autopilot)]
+"""The name of an autopilot that is known."""
+
+
 class VehicleTable(_Table):
     """One vehicle."""
 
@@ -110,7 +122,7 @@ class VehicleTable(_Table):
     """udpin:// and tcpin://HOST:PORT listen there, udpout:// and tcpout://HOST:PORT call there, serial://DEVICE:BAUD.
     Vehicles with different system ids may share one."""
     sysid: Annotated[int, Field(ge=1, le=254)]
-    autopilot: Literal["ardupilot", "px4"]
+    autopilot: AutopilotKey
     backend: Literal["native", "mavsdk"] = "native"
     """Which software speaks to the vehicle."""
     budget_pct: Percent = 75.0

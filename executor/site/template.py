@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import tomli_w
 
 from executor.site.config import DepotTable, EnergyTable, InspectionTable, VehicleTable
+from missions import AUTOPILOTS
 from planner import PRESETS
 
 COMMENT_AT = 40
@@ -27,7 +27,7 @@ class Wish:
     """Where the vehicles stand; None where the network's file says it."""
     radius_m: float | None
     vehicles: int
-    autopilot: Literal["ardupilot", "px4"]
+    autopilot: str
 
 
 def starter(wish: Wish) -> str:
@@ -74,13 +74,13 @@ def _inspection(*, has_heights: bool) -> Iterator[str]:
     yield _row("layer_m", table.layer_m, "any two vehicles keep this distance")
 
 
-def _vehicle(number: int, autopilot: Literal["ardupilot", "px4"], *, commented: bool) -> Iterator[str]:
+def _vehicle(number: int, autopilot: str, *, commented: bool) -> Iterator[str]:
     table = VehicleTable(
         name=f"uav{number}", connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}", sysid=number, autopilot=autopilot
     )  # fmt: skip
     comments = {
         "connection": "or udpout://, tcpin://, tcpout://HOST:PORT, serial:///dev/ttyUSB0:57600",
-        "autopilot": "ardupilot or px4",
+        "autopilot": " or ".join(dialect.name for dialect in AUTOPILOTS),
         "backend": "or mavsdk: MAVSDK 4 in this process carries the messages",
         "budget_pct": "what a route may use",
         "reserve_pct": "never planned with",

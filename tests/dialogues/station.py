@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from missions import Dialect, MissionItem
+from missions import PX4, Dialect, MissionItem
 from tests.dialogues import words
 from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Until, Upload, What
 from tests.dialogues.answer import Answer, Heard, extension, fold
@@ -242,7 +242,7 @@ class Station:
         message = self._latest("MISSION_CURRENT")
         total = "none" if message.total == 65535 else message.total
         number = extension(message, 6)
-        identity = f", id of {self._missions.get(number, 'another')}" if self._dialect.reports_mission_id else ""
+        identity = f", id of {self._missions.get(number, 'another')}" if self._dialect is PX4 else ""
         return f"item {message.seq} of {total}, {words.MISSION_STATES[message.mission_state]}{identity}"
 
     def _motors_and_ground(self) -> str:

@@ -55,7 +55,6 @@ from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, Stage, VehicleState
 from missions import FlightPath, Phase, encode
 from tests.fakes.solver import Answer, share_out
-from tests.fakes.vehicle import AUTOPILOTS
 
 STEP_S = 0.4
 HOLD_S = 1.0
@@ -188,7 +187,7 @@ class Craft:
 
     def heartbeat(self) -> Heartbeat:
         """What it says of itself."""
-        return Heartbeat(AUTOPILOTS[self.context.vehicles[self.name].dialect.name], self.mode, self.armed, 4)
+        return Heartbeat(self.context.vehicles[self.name].dialect.number, self.mode, self.armed, 4)
 
     def battery(self) -> Battery:
         """What it says of its battery, in whole percents as autopilots do."""

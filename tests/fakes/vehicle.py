@@ -31,9 +31,10 @@ from executor.core.messages import (
 from executor.protocols import orders
 from missions import Command, Dialect, Frame, MissionItem, ModeNumber
 
-AUTOPILOTS = {"ardupilot": 3, "px4": 12}
 ACCEPTED, ERROR, INVALID_SEQUENCE, CANCELLED = 0, 1, 13, 15
 HEARTBEAT_S = 1.0
+ITEM_SILENCE_S = {"ardupilot": 1.0, "px4": 0.25}
+"""It asks again for a missing item after this (measured)."""
 
 
 @dataclass(slots=True)
@@ -70,7 +71,7 @@ class FakeMissions:
         if upload is None:
             return None
         gives_up_s = upload.heard_s + self.dialect.upload_silence_s
-        return gives_up_s if self._mute(upload) else min(gives_up_s, upload.asked_s + self.dialect.item_silence_s)
+        return gives_up_s if self._mute(upload) else min(gives_up_s, upload.asked_s + ITEM_SILENCE_S[self.dialect.name])
 
     def tick(self, now_s: float) -> list[Message]:
         """Ask again, or give up: ArduPilot with an acknowledgement, PX4 without."""
@@ -80,7 +81,7 @@ class FakeMissions:
         if now_s >= upload.heard_s + self.dialect.upload_silence_s:
             self._upload = None
             return [] if self.dialect.upload_is_atomic else [MissionAck(CANCELLED)]
-        if self._mute(upload) or now_s < upload.asked_s + self.dialect.item_silence_s:
+        if self._mute(upload) or now_s < upload.asked_s + ITEM_SILENCE_S[self.dialect.name]:
             return []
         return self._ask(upload, now_s)
 
@@ -203,7 +204,7 @@ class FakeAutopilot:
     def heartbeat(self) -> Heartbeat:
         """What it says of itself."""
         status = 4 if self.armed else 3
-        return Heartbeat(AUTOPILOTS[self.dialect.name], self.mode.custom_mode, self.armed, status, 2)
+        return Heartbeat(self.dialect.number, self.mode.custom_mode, self.armed, status, 2)
 
     def hear(self, message: Outgoing, now_s: float) -> list[Message]:
         """Answer."""

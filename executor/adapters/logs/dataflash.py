@@ -32,8 +32,9 @@ from executor.core.messages import (
 )
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
+from missions import ARDUPILOT
 
-ARDUPILOT, QUADROTOR = 3, 2
+QUADROTOR = 2
 SYSTEM = 1
 """Where the log does not say which system wrote it (MAV_SYSID, SYSID_THISMAV)."""
 BEAT_USEC = 1_000_000
@@ -139,7 +140,7 @@ class DataFlashFile:
             yield t_usec, self.system, told
 
     def _beat(self) -> Heartbeat:
-        return Heartbeat(ARDUPILOT, self._mode, self._armed, ACTIVE if self._armed else STANDBY, QUADROTOR)
+        return Heartbeat(ARDUPILOT.number, self._mode, self._armed, ACTIVE if self._armed else STANDBY, QUADROTOR)
 
     def _moded(self, message: Any) -> Heartbeat:  # noqa: ANN401
         self._mode, self._heartbeat = int(getattr(message, "ModeNum", message.Mode)), True

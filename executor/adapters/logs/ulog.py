@@ -21,8 +21,9 @@ from executor.core.hearing.plausible import plausible
 from executor.core.messages import Battery, FlightMessage, Heartbeat, LandedState, MissionCurrent, Position, StatusText
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
+from missions import PX4
 
-PX4, QUADROTOR = 12, 2
+QUADROTOR = 2
 STANDBY, ACTIVE = 3, 4
 ARMED = 2
 """vehicle_status.arming_state."""
@@ -98,7 +99,7 @@ class UlogFile:
         if beat == self._beat and t_usec - self._beat_usec < BEAT_USEC:
             return None
         self._beat, self._beat_usec = beat, t_usec
-        return Heartbeat(PX4, mode, beat[1], ACTIVE if beat[1] else STANDBY, QUADROTOR)
+        return Heartbeat(PX4.number, mode, beat[1], ACTIVE if beat[1] else STANDBY, QUADROTOR)
 
     def _battery(self, _: int, row: Row) -> Battery:
         remaining, volts, amperes = row["remaining"], row["voltage_v"], row["current_a"]

@@ -33,6 +33,7 @@ from executor.core.messages import (
     Traffic,
 )
 from executor.core.recording import Record, Skipped
+from missions import AUTOPILOTS
 
 V1, V2 = 0xFE, 0xFD
 MARKS = frozenset({V1, V2})
@@ -55,7 +56,9 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
-GCS_TYPE, NO_AUTOPILOT, PX4 = 6, 8, 12
+GCS_TYPE, NO_AUTOPILOT = 6, 8
+ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
+"""MAV_AUTOPILOT."""
 DO_SET_MODE = 176
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})
 """MAV_CMD that a ground station changes a mode with, or what the vehicle does in it."""
@@ -334,7 +337,7 @@ class TelemetryFile:
             if command in MODE_COMMANDS:
                 yield stamp, target, OrderSeen(command)
         elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
-            source.vehicle, source.rounds_twice = True, message.autopilot == PX4
+            source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
             if source.received + source.missing >= ENOUGH_FRAMES:
                 yield stamp, system, Traffic(source.received, source.missing)
                 source.received = source.missing = 0

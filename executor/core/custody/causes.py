@@ -129,7 +129,7 @@ def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool
 def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
     """Return whether a mission's own last items lead to this mode: PX4 leaves mission mode for a landing."""
     dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
-    if vehicle.stage is not Stage.FLYING or leg is None or dialect.name != "px4":
+    if vehicle.stage is not Stage.FLYING or leg is None or not dialect.ends_in_other_mode:
         return False
     low = vehicle.fix is not None and vehicle.fix.alt_rel_m <= context.limits.airborne_m
     itself = is_home_mode(dialect, mode) or (mode == dialect.modes.hold.custom_mode and low)

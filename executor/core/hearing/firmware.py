@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 
 from executor.core.messages import Version
+from missions import AUTOPILOTS
 
-AUTOPILOTS = {3: "ArduPilot", 8: "no autopilot", 12: "PX4"}
+AUTOPILOT_NAMES = {8: "no autopilot"} | {dialect.number: dialect.title for dialect in AUTOPILOTS}
 """MAV_AUTOPILOT, as far as it can be met."""
 MULTICOPTERS = {
     2: "quadrotor", 13: "hexarotor", 14: "octorotor", 15: "tricopter", 29: "dodecarotor", 35: "decarotor",
@@ -46,4 +47,4 @@ def vehicle_words(vehicle_type: int | None) -> str:
 
 def autopilot_words(autopilot: int) -> str:
     """Return a MAV_AUTOPILOT in words."""
-    return AUTOPILOTS.get(autopilot, f"autopilot {autopilot}")
+    return AUTOPILOT_NAMES.get(autopilot, f"autopilot {autopilot}")

@@ -245,11 +245,11 @@ def _unreported(context: Scene, state: VehicleState, now_s: float) -> bool:
 
 
 def _rounds_twice(context: Scene, state: VehicleState) -> bool:
-    """Return whether it is PX4 with nothing finer than its percentage."""
+    """Return whether it rounds its percentage in two ways, and has nothing finer than that."""
     return (
         account.is_blind(state.battery)
         and state.name in context.vehicles
-        and context.vehicles[state.name].dialect.name == "px4"
+        and context.vehicles[state.name].dialect.rounds_twice
     )
 
 

@@ -20,7 +20,6 @@ RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
 SPARE_ROOM = 4.0
 """A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
-AUTOPILOT_NUMBERS = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT."""
 PAD_OFF_M = 15.0
 """What a GPS may be off in height."""
@@ -85,9 +84,8 @@ def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> li
     if kind not in firmware.MULTICOPTERS:
         text = f"its heartbeat says that it is a {firmware.vehicle_words(kind)}, expected a multicopter"
         found.append(Check(Severity.STOP, facts.name, text))
-    expected = AUTOPILOT_NUMBERS[dialect.name]
-    if facts.heartbeat.autopilot != expected:
-        text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({expected})"
+    if facts.heartbeat.autopilot != dialect.number:
+        text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
         found.append(Check(Severity.STOP, facts.name, text))
     found += [Check(Severity.STOP, facts.name, stranger_words(double)) for double in facts.doubles]
     if facts.heartbeat.armed:

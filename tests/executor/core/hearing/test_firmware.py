@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.hearing.firmware import AUTOPILOTS, MULTICOPTERS, OTHERS, banner_version
+from executor.core.hearing.firmware import AUTOPILOT_NAMES, MULTICOPTERS, OTHERS, banner_version
 from executor.core.preflight.prearm import SENSORS, reason_in
 
 
@@ -27,8 +27,8 @@ def test_types_autopilots_and_sensors_have_pymavlinks_numbers() -> None:
     expected = {"QUADROTOR", "HEXAROTOR", "OCTOROTOR", "TRICOPTER", "DODECAROTOR", "DECAROTOR"}
     assert {types[number].removeprefix("MAV_TYPE_") for number in MULTICOPTERS} == expected
     assert all(number in types for number in OTHERS)
-    assert AUTOPILOTS[mav.MAV_AUTOPILOT_PX4] == "PX4"
-    assert AUTOPILOTS[mav.MAV_AUTOPILOT_ARDUPILOTMEGA] == "ArduPilot"
+    assert AUTOPILOT_NAMES[mav.MAV_AUTOPILOT_PX4] == "PX4"
+    assert AUTOPILOT_NAMES[mav.MAV_AUTOPILOT_ARDUPILOTMEGA] == "ArduPilot"
     names = {number: entry.name for number, entry in mav.enums["MAV_SYS_STATUS_SENSOR"].items()}
     assert names[0x20] == "MAV_SYS_STATUS_SENSOR_GPS"
     assert all(bit in names for bit in SENSORS)

@@ -37,7 +37,7 @@ GOOD = {"ardupilot": COPTER, "px4": PIXHAWK}
 def said(dialect: Dialect = ARDUPILOT, /, **changes: float) -> Facts:
     """Return what a vehicle said that is as it should be, but for these parameters."""
     parameters = {**GOOD[dialect.name], **changes}
-    number = checks.AUTOPILOT_NUMBERS[dialect.name]
+    number = dialect.number
     position = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
     return Facts("uav1", Heartbeat(number, 0, False, 3, 2), position, 100.0, VERSIONS[dialect.name], parameters)
 

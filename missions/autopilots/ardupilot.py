@@ -1,0 +1,136 @@
+"""What ArduPilot does in its own way.
+
+'Measured' is what the project found by experiment with ArduPilot Copter 4.7-dev in simulation;
+'guide' is its field guide, which cites the autopilot's sources. Parameters are those of its own reference.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
+from missions.autopilots.failsafes import (
+    BatteryFailsafe,
+    BatteryLevel,
+    Geofence,
+    GroundStationFailsafe,
+    ThresholdUnit,
+    Words,
+)
+from missions.items import Frame
+
+
+def _ardupilot(number: int) -> ModeNumber:
+    return ModeNumber(number, number)
+
+
+OTHER_MODES = MappingProxyType({
+    0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 5: "LOITER", 7: "CIRCLE", 11: "DRIFT", 13: "SPORT", 14: "FLIP",
+    15: "AUTOTUNE", 16: "POSHOLD", 18: "THROW", 19: "AVOID_ADSB", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
+    22: "FLOWHOLD", 23: "FOLLOW", 24: "ZIGZAG", 26: "AUTOROTATE", 27: "AUTO_RTL", 28: "TURTLE",
+})  # fmt: skip
+"""mode.h of ArduCopter."""
+
+_ARDUPILOT_LOW: Words = (
+    (1, "lands"),
+    (2, "returns"),
+    (3, "returns"),  # by the way it came where it can
+    (4, "returns"),  # by the way it came, else it lands
+    (5, "terminates the flight"),
+    (6, "returns"),  # or flies to a landing sequence, which our missions do not have
+    (7, "brakes and lands"),
+)
+
+ARDUPILOT_LINK = GroundStationFailsafe(
+    action="FS_GCS_ENABLE",
+    action_return=1,  # measured: RTL
+    actions=(
+        (1, "returns"),
+        (3, "returns"),  # by the way it came where it can
+        (4, "returns"),  # by the way it came, else it lands
+        (5, "lands"),
+        (6, "returns"),  # or flies to a landing sequence, which our missions do not have
+        (7, "brakes and lands"),
+    ),
+    timeout="FS_GCS_TIMEOUT",
+    timeout_s=5.0,  # recorded parameters
+    pause=None,
+    pause_s=0.0,
+    reacts_after_s=5.0,  # measured
+    returns_after_s=5.0,  # measured
+    exception=("FS_OPTIONS", 1 << 1),  # continue in AUTO (guide 3.3)
+    station_sysid=("MAV_GCS_SYSID", "SYSID_MYGCS"),  # measured: that system's only, 255 by default; renamed in 4.7
+)
+ARDUPILOT_BATTERY = BatteryFailsafe(
+    levels=(
+        BatteryLevel("low", "BATT_FS_LOW_ACT", _ARDUPILOT_LOW, "BATT_LOW_MAH", ThresholdUnit.MAH, "BATT_LOW_VOLT"),
+        BatteryLevel("critical", "BATT_FS_CRT_ACT", _ARDUPILOT_LOW, "BATT_CRT_MAH", ThresholdUnit.MAH, "BATT_CRT_VOLT"),
+    ),
+    capacity="BATT_CAPACITY",
+)
+ARDUPILOT_FENCE = Geofence(
+    enabled_by=("FENCE_ENABLE", "FENCE_AUTOENABLE"),
+    kinds=("FENCE_TYPE", 1 << 0, 1 << 1),
+    height="FENCE_ALT_MAX",
+    radius="FENCE_RADIUS",
+)
+
+ARDUPILOT = Dialect(
+    name="ardupilot",
+    title="ArduPilot",
+    number=3,
+    home_item=True,  # guide 1.4: item 0 is accepted and ignored
+    position_frame=Frame.GLOBAL_RELATIVE_ALT,  # what it reads back itself (AP_Mission.cpp, measured)
+    command_frame=Frame.GLOBAL,  # measured: DO items come back with frame 0
+    takeoff_with_position=False,  # AP_Mission.cpp: only the height of a take-off is used
+    no_yaw=0.0,  # WP_YAW_BEHAVIOR decides; 0 is what comes back
+    stop_radius_m=0.0,  # AP_Mission.cpp stores only the hold of a copter's waypoint; WPNAV_RADIUS decides
+    pass_radius_m=0.0,
+    flag_first=None,  # measured: current is ignored and comes back as 0
+    max_items=700,  # boards with 16 kB of storage hold 724 items of 15 bytes
+    home_reads_back=False,  # measured
+    land_yaw_kept=False,  # AP_Mission.cpp: param4 of a landing comes back as 1 or -1
+    commands_lose_frame=True,  # measured
+    height_step_m=0.01,  # Location keeps centimetres
+    upload_is_atomic=False,  # measured: a mixture of both lists is flown while it is uploaded
+    # Measured: it asks for items with MISSION_REQUEST (40), never _INT, and again after 1 s.
+    upload_silence_s=8.0,  # measured: then ACK 15 and "Mission upload timeout"
+    upload_warnings=frozenset({13}),  # measured: a duplicate item brings INVALID_SEQUENCE and the upload goes on
+    upload_busy=frozenset({14}),  # measured: DENIED while another ground station uploads
+    # Guide 1.4: neither ACK nor MISSION_CURRENT says which list it is.
+    # Measured: each stored item restarts the leg, the same one too; the old index is kept.
+    current_counts_home=True,  # measured: total is count - 1
+    ends_in_other_mode=False,  # measured: it lands in AUTO
+    rounds_twice=False,
+    own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
+    set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
+    # Measured: a change of mode brings WPNAV_SPEED back.
+    # Measured: only HEARTBEAT, TIMESYNC and STATUSTEXT come unasked.
+    start=(StartStep.GUIDED, StartStep.ARM, StartStep.MISSION_START),  # measured; arming in AUTO is refused
+    modes=Modes(  # guide 1.9, mode.h
+        mission=_ardupilot(3),
+        hold=_ardupilot(17),  # BRAKE: LOITER sinks at 2.5 m/s without a remote control (measured)
+        guided=_ardupilot(4),
+        return_home=_ardupilot(6),
+        land=_ardupilot(9),
+        other_ways_home=frozenset({21, 27}),  # SMART_RTL, and AUTO_RTL, which is reported in a landing sequence
+        manual=frozenset({0, 1, 2, 5, 7, 11, 13, 14, 15, 16, 18, 22, 23, 24, 28}),
+        other_names=OTHER_MODES,
+    ),
+    return_parameters=ReturnParameters(
+        height="RTL_ALT",  # centimetres in all firmware up to the measured 4.7-dev (recorded parameters: 1500)
+        unit_m=0.01,
+        newer_height="RTL_ALT_M",  # 4.7.0 renames centimetre parameters and scales them to metres
+        descend_height=None,  # RTL_ALT_FINAL 0 (default) lands without a stop
+        descend_wait=None,
+        cone="RTL_CONE_SLOPE",  # default 3: within a third of the height it climbs less
+        cone_off=0.0,  # ArduPilot's manual: 0 disables the limit
+        cone_least=0.5,  # mode_rtl.cpp: shallower cones are ignored
+        cone_unit="",
+    ),
+    ground_station_failsafe=ARDUPILOT_LINK,
+    battery_failsafe=ARDUPILOT_BATTERY,
+    geofence=ARDUPILOT_FENCE,
+    oldest_version=(4, 6),
+    tested_version="Copter 4.7-dev",
+)

@@ -1,0 +1,124 @@
+"""What PX4 does in its own way.
+
+'Measured' is what the project found by experiment with PX4 v1.17.0 in simulation;
+'guide' is its field guide, which cites the autopilot's sources. Parameters are those of its own reference.
+"""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+
+from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
+from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
+from missions.items import Frame
+
+
+def _px4(main: int, sub: int) -> ModeNumber:
+    # custom_mode = sub << 24 | main << 16, while DO_SET_MODE takes the two apart (guide 1.9; px4_custom_mode.h).
+    return ModeNumber(sub << 24 | main << 16, main, sub)
+
+
+OTHER_MODES = MappingProxyType({
+    1 << 16: "MANUAL", 2 << 16: "ALTCTL", 3 << 16: "POSCTL", 5 << 16: "ACRO", 6 << 16: "OFFBOARD",
+    7 << 16: "STABILIZED", 10 << 16: "TERMINATION", 2 << 24 | 4 << 16: "AUTO.TAKEOFF",
+    8 << 24 | 4 << 16: "AUTO.FOLLOW", 9 << 24 | 4 << 16: "AUTO.PRECLAND",
+})  # fmt: skip
+"""px4_custom_mode.h, sub << 24 | main << 16."""
+
+PX4_LINK = GroundStationFailsafe(
+    action="NAV_DLL_ACT",
+    action_return=2,  # measured: AUTO.LOITER, then RTL
+    actions=((1, "holds"), (2, "returns"), (3, "lands"), (5, "terminates the flight"), (6, "disarms")),
+    timeout="COM_DL_LOSS_T",
+    timeout_s=10.0,  # commander_params.c
+    pause="COM_FAIL_ACT_T",
+    pause_s=5.0,  # commander_params.c
+    reacts_after_s=12.0,  # measured: AUTO.LOITER
+    returns_after_s=17.0,  # measured: RTL, not cancelled when heartbeats return
+    exception=("COM_DLL_EXCEPT", 1 << 0),  # missions are exempt (guide 3.3)
+    station_sysid=(),
+)
+_PX4_LOW = "COM_LOW_BAT_ACT"
+PX4_BATTERY = BatteryFailsafe(
+    levels=(  # failsafe.cpp: the low level only warns; 3 is 'return, and land in an emergency'
+        BatteryLevel(
+            "critical",
+            _PX4_LOW,
+            ((1, "returns"), (2, "lands"), (3, "returns")),
+            "BAT_CRIT_THR",
+            ThresholdUnit.SHARE,
+            None,
+        ),
+        BatteryLevel(
+            "emergency",
+            _PX4_LOW,
+            ((1, "returns"), (2, "lands"), (3, "lands")),
+            "BAT_EMERGEN_THR",
+            ThresholdUnit.SHARE,
+            None,
+        ),
+    ),
+    capacity=None,
+)
+PX4_FENCE = Geofence(enabled_by=("GF_ACTION",), kinds=None, height="GF_MAX_VER_DIST", radius="GF_MAX_HOR_DIST")
+
+PX4 = Dialect(
+    name="px4",
+    title="PX4",
+    number=12,
+    home_item=False,  # guide 1.4: seq 0 is the first real item
+    position_frame=Frame.GLOBAL_RELATIVE_ALT_INT,  # what it reads back itself (mavlink_mission.cpp, integer mode)
+    command_frame=Frame.MISSION,  # recorded flights
+    takeoff_with_position=True,  # recorded flights; NaN would be flown from wherever it stands
+    no_yaw=math.nan,  # recorded flights; 0 would be 'face north'
+    stop_radius_m=1.0,  # its own NAV_ACC_RAD of 10 m would end an inspection 10 m early
+    pass_radius_m=2.0,  # the columns' margin: corners are cut by less than this
+    flag_first=0,  # measured trap: without it a next flight begins where the last one ended
+    max_items=500,  # boards with little memory hold 500, others 2000 (dataman)
+    home_reads_back=True,
+    land_yaw_kept=True,
+    commands_lose_frame=False,
+    height_step_m=0.0,  # float32
+    upload_is_atomic=True,  # guide 1.4: double buffer, swapped at the last item
+    # Measured: it asks for items with MISSION_REQUEST_INT, and again after 0.25 s.
+    upload_silence_s=5.0,  # measured: "Operation timeout", without an ACK
+    upload_warnings=frozenset(),
+    upload_busy=frozenset({1}),  # measured: a second ground station gets ERROR
+    # Measured: ACK and MISSION_CURRENT carry a CRC32 of the list; a list with the same one changes nothing (ACK 0).
+    # Measured: an item with `current` set is flown next when it is uploaded in flight.
+    current_counts_home=False,  # guide 1.4
+    ends_in_other_mode=True,  # measured: AUTO.LAND
+    rounds_twice=True,  # recorded flights
+    own_streams_hz={231: 0.5},  # WIND_COV; of its fence it says in texts alone
+    set_current=SetCurrent.MESSAGE,  # measured: 224 is unsupported
+    # Measured: Hold -> Mission resets the speed.
+    # Measured: position, battery and status come by themselves.
+    start=(StartStep.ARM, StartStep.MISSION_MODE),  # measured: MISSION_START right after an ACK is denied
+    modes=Modes(  # guide 1.9: main 4 (AUTO); sub 3 LOITER, 4 MISSION, 5 RTL, 6 LAND
+        mission=_px4(4, 4),
+        hold=_px4(4, 3),
+        guided=_px4(4, 3),  # it needs no other mode before arming; AUTO.LOITER is its 'wait for orders'
+        return_home=_px4(4, 5),
+        land=_px4(4, 6),
+        other_ways_home=frozenset({9 << 24 | 4 << 16}),
+        manual=frozenset({1 << 16, 2 << 16, 3 << 16, 5 << 16, 6 << 16, 7 << 16, 8 << 24 | 4 << 16}),
+        other_names=OTHER_MODES,
+    ),
+    return_parameters=ReturnParameters(
+        height="RTL_RETURN_ALT",  # rtl_params.c, metres
+        unit_m=1.0,
+        newer_height=None,
+        descend_height="RTL_DESCEND_ALT",
+        descend_wait="RTL_LAND_DELAY",  # rtl_direct.cpp: without a wait a multicopter lands from where it arrives
+        cone="RTL_CONE_ANG",
+        cone_off=0.0,  # PX4's manual: without a cone it returns at RTL_RETURN_ALT or above
+        cone_least=1.0,  # whole degrees
+        cone_unit="deg",
+    ),
+    ground_station_failsafe=PX4_LINK,
+    battery_failsafe=PX4_BATTERY,
+    geofence=PX4_FENCE,
+    oldest_version=(1, 15),
+    tested_version="PX4 1.17.0",
+)
