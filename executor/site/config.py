@@ -179,7 +179,7 @@ class FaultsTable(_Table):
     """Thresholds for link loss and battery faults."""
 
     link_timeout_s: Positive | None = None
-    """Silence until a vehicle is declared lost. Without it: the time until its own GCS failsafe has acted, and a margin.
+    """Silence until a vehicle is declared lost. Without it: until its own GCS failsafe has acted, plus a margin.
     A figure shorter than that time is not taken."""
     link_stale_s: Positive = 3.0
     """Silence until a vehicle's link is called stale: a warning, no fault."""
