@@ -189,6 +189,16 @@ def test_a_file_that_where_names_is_there(file: str) -> None:
     assert (ROOT / file).exists()
 
 
+def test_a_file_that_the_architecture_names_is_there() -> None:
+    """It leaves out `executor/`."""
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    files = set(re.findall(r"`([a-z]\w*/[\w./-]+)`", text))
+    assert len(files) > 30
+    assert [
+        file for file in sorted(files) if not any((ROOT / above / file).exists() for above in ("", "executor"))
+    ] == []
+
+
 def test_where_names_every_kind_of_fault() -> None:
     from executor.simulator.faults import FaultKind
 
