@@ -78,11 +78,21 @@ def _command(name: str, command: TyperCommand) -> Iterator[str]:
         record = parameter.get_help_record(context)
         if record is not None and "--help" not in parameter.opts:
             shown, meaning = record
-            yield f"| `{_cell(shown)}` | {_cell(_ranged(meaning))} |"
+            yield f"| `{_cell(_kind(shown))}` | {_cell(_ranged(meaning))} |"
 
 
 def _usage(name: str, command: TyperCommand, context: Any) -> Iterator[str]:  # noqa: ANN401 - typer's own, not public
     yield " ".join((name, *command.collect_usage_pieces(context)))
+
+
+def _kind(shown: str) -> str:
+    """Return an option with what it takes in one word, where typer names a type of Python.
+
+    >>> _kind("--vehicles <int range>"), _kind("SITE <path>"), _kind("--cost <minmax|minsum>")
+    ('--vehicles NUMBER', 'SITE', '--cost <minmax|minsum>')
+    """
+    text = re.sub(r"<(?:int|float|list\[(?:int|float)\])(?: range)?>", "NUMBER", shown)
+    return re.sub(r"^([A-Z.]+) <\w+(?:\[\w+\])?>$", r"\1", text)
 
 
 def _ranged(meaning: str) -> str:
