@@ -13,11 +13,12 @@ import pytest
 from ruamel.yaml import YAML
 
 from executor.cli import reference
-from executor.cli.main import main
+from executor.cli.main import INTERNAL, INTERRUPTED, main
 from executor.site.config import Site, check_site
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+EXECUTOR = ROOT / "executor"
 PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", ROOT / "CHANGELOG.md", *PAGES]
 FENCED = re.compile(r"^( *)```(\w*)[^\n]*\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
@@ -158,6 +159,19 @@ def test_every_link_to_a_file_leads_somewhere(path: Path) -> None:
     assert [file for file in files if not (path.parent / file).exists()] == []
 
 
+def anchors(path: Path) -> set[str]:
+    """Return what can stand behind # in a link to a page: its headings, as the site writes them."""
+    headings = re.findall(r"^#+ (.+)$", re.sub(FENCED, "", path.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", heading).strip().lower()) for heading in headings}
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=named)
+def test_every_link_to_a_heading_leads_somewhere(path: Path) -> None:
+    links = LINK.findall(re.sub(FENCED, "", path.read_text(encoding="utf-8")))
+    found = [link.partition("#") for link in links if "#" in link and not re.match(r"[a-z]+:", link)]
+    assert [(file, name) for file, _, name in found if name not in anchors(path.parent / file if file else path)] == []
+
+
 def test_a_page_links_to_no_file_that_the_site_does_not_have() -> None:
     outside = [
         (named(page), link)
@@ -178,6 +192,29 @@ def test_every_page_has_its_place_in_the_site() -> None:
             yield from files(one)
 
     assert sorted(files(nav)) == sorted(page.relative_to(DOCS).as_posix() for page in PAGES)
+
+
+def test_every_exit_code_is_in_its_reference() -> None:
+    """130 is the shell's name for an end by SIGINT."""
+    page = (DOCS / "reference" / "exit-codes.md").read_text(encoding="utf-8")
+    assert [int(code) for code in re.findall(r"^\| (\d+) \|", page, re.MULTILINE)] == [0, 1, 2, INTERNAL, INTERRUPTED]
+
+
+def test_every_file_of_a_run_directory_is_in_its_reference() -> None:
+    """Their names stand in what flies, what reports, what simulates."""
+    page = (DOCS / "reference" / "run-directory.md").read_text(encoding="utf-8")
+    writers = [path for folder in ("flight", "analysis", "simulated") for path in (EXECUTOR / folder).rglob("*.py")]
+    writers += [EXECUTOR / "supervised.py", EXECUTOR / "cli" / "flights.py", EXECUTOR / "adapters" / "run_directory.py"]
+    pattern = re.compile(r'"([a-z0-9-]*\.(?:jsonl?|toml|html|png|txt|log|lock))"')
+    names = {name for path in writers for name in pattern.findall(path.read_text(encoding="utf-8"))}
+    assert len(names) >= 12
+    assert [name for name in sorted(names - {".lock"}) if f"`{name}`" not in page] == []
+
+
+def test_the_glossary_has_each_word_once_in_order() -> None:
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    words = [word.casefold() for word in re.findall(r"^\| \*\*(.+?)\*\* \|", text, re.MULTILINE)]
+    assert words == sorted(set(words))
 
 
 def test_where_answers_many_questions() -> None:

@@ -123,7 +123,10 @@ def site_page() -> str:
     for heading, model in _tables(config.Site, ""):
         lines += ["", f"## {heading}", "", inspect.cleandoc(model.__doc__ or ""), ""]
         lines += ["| key | unit | default | values | meaning |", "| --- | --- | --- | --- | --- |"]
-        lines += [_key(name, field, words[model.__name__, name]) for name, field in _plain(model)]
+        for name, field in _plain(model):
+            if (model.__name__, name) not in words:
+                raise LookupError(f"{model.__name__}.{name}: expected a docstring below it, for {SITE_FILE}")
+            lines.append(_key(name, field, words[model.__name__, name]))
     return "\n".join(lines) + "\n"
 
 
