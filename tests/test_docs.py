@@ -73,10 +73,10 @@ SAID = sorted({(named(path), line) for path in TEXTS for line in command_lines(p
 SNIPPETS = [(named(path), content) for path in TEXTS for language, content in fenced(path) if language == "toml"]
 
 
-@pytest.mark.parametrize(("name", "text"), reference.pages().items(), ids=list(reference.pages()))
-def test_a_page_that_is_made_is_current(name: str, text: str) -> None:
+@pytest.mark.parametrize("name", [reference.COMMANDS, reference.SITE_FILE])
+def test_a_page_that_is_made_is_current(name: str) -> None:
     """`./scripts/reference` makes them anew."""
-    assert (DOCS / "reference" / name).read_text(encoding="utf-8") == text
+    assert (DOCS / "reference" / name).read_text(encoding="utf-8") == reference.pages()[name]
 
 
 def test_every_key_of_a_site_file_is_in_its_reference_with_a_meaning() -> None:
