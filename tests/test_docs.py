@@ -236,6 +236,11 @@ def test_a_file_that_the_architecture_names_is_there() -> None:
     ] == []
 
 
+def test_where_names_every_script() -> None:
+    scripts = {f"scripts/{path.name}" for path in (ROOT / "scripts").iterdir() if path.suffix != ".sh"}
+    assert scripts - set(PLACED.findall(WHERE)) == set()
+
+
 def test_where_names_every_kind_of_fault() -> None:
     from executor.simulator.faults import FaultKind
 
