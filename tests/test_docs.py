@@ -14,6 +14,8 @@ from ruamel.yaml import YAML
 
 from executor.cli import reference
 from executor.cli.main import INTERNAL, INTERRUPTED, main
+from executor.simulator.errors import FaultSpecError
+from executor.simulator.faults import parse_fault
 from executor.site.config import Site, check_site
 
 ROOT = Path(__file__).parents[1]
@@ -242,9 +244,12 @@ def test_where_names_every_script() -> None:
 
 
 def test_where_names_every_kind_of_fault() -> None:
-    from executor.simulator.faults import FaultKind
-
-    assert [kind.value for kind in FaultKind if f"`{kind.value}`" not in WHERE] == []
+    """The simulator's own refusal lists them."""
+    with pytest.raises(FaultSpecError, match="unknown kind") as refused:
+        parse_fault("uav1:nothing@0s")
+    kinds = str(refused.value).partition("expected one of ")[2].split(", ")
+    assert len(kinds) >= 20
+    assert [kind for kind in kinds if f"`{kind}`" not in WHERE] == []
 
 
 def test_no_page_asks_for_anything_from_the_network() -> None:
