@@ -1,6 +1,7 @@
 # Sourced by the other scripts: makes .venv once for each state of the lock files, then activates it.
 #   env_make run   what the program needs
 #   env_make dev   the same, and what the tests and linters need
+#   env_make docs  what the site of the documents needs
 
 env_make() {
     local kind=$1 root python stamp wanted
@@ -24,10 +25,14 @@ env_make() {
         if [ "$kind" = dev ]; then
             "${install[@]}" -r "$root/requirements-dev.lock"
             "${install[@]}" --no-deps -r "$root/requirements-peers.lock"
+        elif [ "$kind" = docs ]; then
+            "${install[@]}" -r "$root/requirements-docs.lock"
         else
             "${install[@]}" -r "$root/requirements.lock"
         fi
-        "$root/.venv/bin/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
+        if [ "$kind" != docs ]; then
+            "$root/.venv/bin/python" -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e "$root"
+        fi
         echo "$wanted" > "$stamp"
     fi
     # shellcheck disable=SC1091

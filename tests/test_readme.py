@@ -1,70 +1,60 @@
-"""What README says works as it is written there."""
+"""What README says is so: its figures stand where it says, and its lines are the program's."""
 
 from __future__ import annotations
 
 import re
-import shlex
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from executor.cli.main import main
-
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-SITE = re.search(r"```toml\n(.*?)```", README, re.DOTALL)
-ROWS = re.findall(r"^\| (`faultline .*?) \|", README, re.MULTILINE)
-CALLS = [call for row in ROWS for call in re.findall(r"`faultline ([^`]*)`", row)]
-NEEDS_VEHICLES = ("simulate", "fly", "preflight", "resume", "restore", "demo")
-NEEDS_LOGS_OR_HOURS = ("replay", "bench")
-RUNS = [call for call in CALLS if not call.startswith((*NEEDS_VEHICLES, *NEEDS_LOGS_OR_HOURS))]
-
-
-def call(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[object, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    return ended.value.code, "".join(capsys.readouterr())
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MEASURED = re.findall(r"^\| (.+?) \| .+? \| \[.+?\]\((docs/results/.+?)\) \|$", README, re.MULTILINE)
+PRINTED = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+FIGURE = re.compile(r"\d+(?:\.\d+)?")
+MARK = re.compile(r"^ *(?:ok|warn|STOP) ")
+CHANGES = re.compile(r"uav\d+|run\d+|\w+\.\w+|[\d.,:;%()+]+")
+"""What differs from flight to flight in a line: names, times, numbers, and the marks between them."""
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with README's site, and the plan of its first call."""
-    assert SITE is not None
-    folder = tmp_path_factory.mktemp("readme")
-    (folder / "site.toml").write_text(SITE.group(1), encoding="utf-8")
-    return folder
+@cache
+def source() -> str:
+    """Return the whole program, with texts that go over several lines joined."""
+    texts = [
+        path.read_text(encoding="utf-8")
+        for package in ("executor", "missions", "planner")
+        for path in sorted((ROOT / package).rglob("*.py"))
+    ]
+    return re.sub(r'"\s*\n\s*f?"', "", "\n".join(texts))
 
 
-def test_there_is_something_to_try() -> None:
-    assert len(RUNS) >= 8
-    assert RUNS[1].startswith("plan SITE -o plan.json")
+def test_it_fits_on_a_few_screens() -> None:
+    assert len(README.splitlines()) <= 150
 
 
-@pytest.mark.parametrize("said", RUNS)
-def test_a_call_of_the_table(
-    said: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(folder)
-    names = {"SITE": "site.toml", "PLAN": "plan.json", "DIR": "out", "NETWORK": "default"}
-    if said.startswith("init"):
-        names["SITE"] = "new.toml"
-    if not Path("plan.json").exists():
-        call(capsys, "plan", "site.toml", "--seconds", "0.5", "-o", "plan.json")
-    words = [names.get(word, word) for word in shlex.split(said)]
-    if words[0] == "plan":
-        words += ["--seconds", "2"]
-    if words[0] == "risk":
-        words += ["--samples", "500", "--jobs", "1"]
-    code, text = call(capsys, *words)
-    assert code == 0, text
+def test_what_it_was_flown_on_stands_on_the_first_screen() -> None:
+    top = "\n".join(README.splitlines()[:15])
+    for word in ("Status", "simulation only", "PX4 1.17", "ArduPilot Copter 4.7-dev", "Never on a real aircraft"):
+        assert word in top
 
 
-def test_the_site_is_what_init_writes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert SITE is not None
-    code, text = call(capsys, "init", "default", "--radius", "1500")
-    assert (code, text) == (0, SITE.group(1))
+def test_there_are_figures_and_lines_to_hold() -> None:
+    assert len(MEASURED) >= 6
+    assert len(PRINTED) == 1
+    assert len(PRINTED[0].splitlines()) >= 10
 
 
-def test_every_command_is_one(capsys: pytest.CaptureFixture[str]) -> None:
-    _, text = call(capsys, "--help")
-    commands = {line.split()[0] for line in text.splitlines() if line.startswith("  ") and line.split()}
-    assert {call.split()[0] for call in CALLS} <= commands
+@pytest.mark.parametrize(("said", "page"), MEASURED)
+def test_a_figure_stands_on_the_page_that_it_links(said: str, page: str) -> None:
+    """Counts in the words of the table, such as '3 vehicles', are figures too."""
+    shown = set(FIGURE.findall((ROOT / page).read_text(encoding="utf-8")))
+    assert set(FIGURE.findall(said)) - shown == set()
+
+
+@pytest.mark.parametrize("line", PRINTED[0].splitlines())
+def test_a_line_of_the_demo_is_one_that_the_program_says(line: str) -> None:
+    program = source()
+    constant = [words for piece in CHANGES.split(MARK.sub("", line)) if len(words := piece.strip()) >= 6]
+    assert constant
+    assert [words for words in constant if words not in program] == []

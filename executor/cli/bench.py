@@ -29,8 +29,8 @@ DataOption = Annotated[
     Path | None,
     typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
 ]
-OutOption = Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")]
-FreshOption = Annotated[bool, typer.Option("--fresh", help="Start over; otherwise results that are there are kept.")]
+OutOption = Annotated[Path, typer.Option(metavar="DIR", help="Directory for the results.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Start over; without it existing results are kept.")]
 InstanceOption = Annotated[
     Path | None,
     typer.Option(
@@ -45,8 +45,8 @@ BudgetOption = Annotated[
         min=0,
         callback=finite,
         metavar="X",
-        help="What a route may take: seconds for networks (5 m/s in transit, 1 m/s along the line), length for cities, "
-        "as the value that is printed. Without it there is no limit.",
+        help="Budget of a route, in the unit of the printed value: seconds for networks (5 m/s in transit, 1 m/s along "
+        "the line), length for cities. Without it there is no limit.",
     ),
 ]
 
@@ -60,28 +60,28 @@ def solvers(
             min=1,
             callback=finite,
             metavar="M",
-            help="Of a network, only segments within M metres; without a file, of faultline's own.",
+            help="Only the network's segments within M metres; without --instance, of faultline's own network.",
         ),
     ] = None,
     dynamics: Annotated[
-        bool, typer.Option("--dynamics", help="With the authors' accelerations and turns; else speeds alone.")
+        bool,
+        typer.Option("--dynamics", help="Model accelerations and turns as the authors do; without it, speeds alone."),
     ] = False,
-    vehicles: Annotated[int, typer.Option(min=1, help="How many vehicles.")] = 4,
+    vehicles: Annotated[int, typer.Option(min=1, help="Number of vehicles.")] = 4,
     cost: Annotated[
-        CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")
+        CostName,
+        typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
     ] = CostName.MINMAX,
     budget: BudgetOption = None,
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,
-    solver: Annotated[SolverName, typer.Option(help="Who plans.")] = SolverName.SEARCH,
-    starts: Annotated[
-        int | None, typer.Option(min=1, help="Searches side by side; by default one for each core.")
-    ] = None,
+    solver: Annotated[SolverName, typer.Option(help="The solver.")] = SolverName.SEARCH,
+    starts: Annotated[int | None, typer.Option(min=1, help="Parallel searches; by default one per core.")] = None,
     as_json: JsonOption = False,
     part: Annotated[
         list[PartName] | None, typer.Option(help="Without an instance: measure this part alone; may be repeated.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Only try the parts: a tenth of every time.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Trial run: a tenth of every time limit.")] = False,
     data: DataOption = None,
     out: OutOption = RESULTS,
     fresh: FreshOption = False,
@@ -131,21 +131,23 @@ def table(
         ),
     ] = None,
     radius: Annotated[
-        list[float] | None, typer.Option(min=1, metavar="M", help="Only this one; may be repeated.")
+        list[float] | None, typer.Option(min=1, metavar="M", help="Radius to measure, in metres; may be repeated.")
     ] = None,
     tightness: Annotated[
         list[float] | None,
-        typer.Option(min=0.01, max=1, metavar="SHARE", help="Best MinMax over the budget; may be repeated."),
+        typer.Option(
+            min=0.01, max=1, metavar="SHARE", help="Tightness to measure: best MinMax over the budget; may be repeated."
+        ),
     ] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Plans for each solver and cost function.")] = 10,
-    seconds: Annotated[float, typer.Option(min=0.01, callback=finite, help="For each of those plans.")] = 2.0,
+    seeds: Annotated[int, typer.Option(min=1, help="Plans per solver and cost function.")] = 10,
+    seconds: Annotated[float, typer.Option(min=0.01, callback=finite, help="Seconds per plan.")] = 2.0,
     window_seconds: Annotated[
-        float, typer.Option(min=0.01, callback=finite, help="For each plan that is chosen for its window.")
+        float, typer.Option(min=0.01, callback=finite, help="Seconds per plan that is chosen for its window.")
     ] = 30.0,
     iterations: Annotated[
-        int | None, typer.Option(min=1, help="Instead of all seconds: the same table on every machine.")
+        int | None, typer.Option(min=1, help="Iterations instead of seconds: the same table on every machine.")
     ] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per core.")] = None,
     data: DataOption = None,
     out: OutOption = RESULTS,
     fresh: FreshOption = False,
@@ -175,7 +177,7 @@ def table(
 @cli.command()
 def upload(
     items: Annotated[
-        list[int] | None, typer.Option(min=4, max=500, help="How many items; may be repeated. By default 10, 40, 200.")
+        list[int] | None, typer.Option(min=4, max=500, help="Mission items; may be repeated. By default 10, 40, 200.")
     ] = None,
     loss: Annotated[
         list[float] | None,
@@ -186,10 +188,10 @@ def upload(
     delay: Annotated[
         list[float] | None,
         typer.Option(
-            min=0, max=5, metavar="S", help="Of every datagram, each way; may be repeated. By default 0, 0.05, 0.3."
+            min=0, max=5, metavar="S", help="Delay of datagrams, each way; may be repeated. By default 0, 0.05, 0.3."
         ),
     ] = None,
-    repeats: Annotated[int, typer.Option(min=1, help="Uploads of each program in each case.")] = 5,
+    repeats: Annotated[int, typer.Option(min=1, help="Uploads per program and case.")] = 5,
     seed: SeedOption = 1,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write upload.md and upload.json there.")] = None,
     as_json: JsonOption = False,
@@ -224,13 +226,13 @@ def _stop_name(stop: int | dict[str, int | bool]) -> str:
 def fleet(
     vehicles: Annotated[
         list[int] | None,
-        typer.Option(min=1, max=200, help="How many; may be repeated. By default 1, 10, 20, 50, 100."),
+        typer.Option(min=1, max=200, help="Number of vehicles; may be repeated. By default 1, 10, 20, 50, 100."),
     ] = None,
     minutes: Annotated[
-        float, typer.Option(min=0.1, max=600, callback=finite, help="Of flight, for each number of vehicles.")
+        float, typer.Option(min=0.1, max=600, callback=finite, help="Minutes of flight for each number of vehicles.")
     ] = 5.0,
     speedup: Annotated[
-        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
+        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Speed in multiples of real time.")
     ] = 2.0,
     fault: FaultOption = None,
     garbage: Annotated[
@@ -240,10 +242,10 @@ def fleet(
             max=100,
             callback=finite,
             metavar="RATIO",
-            help="Datagrams of noise, damaged frames and strangers' frames to the vehicles' ports, for each of theirs.",
+            help="Datagrams of noise, damaged and foreign frames to the vehicles' ports, for each of theirs.",
         ),
     ] = 0.0,
-    browsers: Annotated[int, typer.Option(min=0, max=20, help="How many follow the page.")] = 0,
+    browsers: Annotated[int, typer.Option(min=0, max=20, help="Browsers that follow the page.")] = 0,
     seed: SeedOption = 1,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write fleet.md, fleet.json and fleet.png there.")
@@ -253,7 +255,7 @@ def fleet(
     """Fly simulated fleets and measure the ground station: its work for each vehicle, how long it is blocked, memory.
 
     The executor is held to one core. `--vehicles 50 --minutes 60` is an hour of fifty, `--fault uav7:silent@10%` a
-    re-plan for them, `--garbage 10 --browsers 1` a flood of what no vehicle sent, and the page open.
+    re-plan for them, `--garbage 10 --browsers 1` a flood of foreign datagrams with the page open.
     """
     from executor.bench.fleet import COUNTS, Burden, make_fleet
 
@@ -265,18 +267,22 @@ def fleet(
 @cli.command()
 def resume(
     vehicles: Annotated[
-        list[int] | None, typer.Option(min=1, max=200, help="How many; may be repeated. By default 6.")
+        list[int] | None, typer.Option(min=1, max=200, help="Number of vehicles; may be repeated. By default 6.")
     ] = None,
-    hours: Annotated[float, typer.Option(min=0.1, max=100, callback=finite, help="Of log before the flight.")] = 10.0,
-    minutes: Annotated[float, typer.Option(min=0.5, max=60, callback=finite, help="Of flight until the kill.")] = 2.0,
+    hours: Annotated[
+        float, typer.Option(min=0.1, max=100, callback=finite, help="Hours of log before the flight.")
+    ] = 10.0,
+    minutes: Annotated[
+        float, typer.Option(min=0.5, max=60, callback=finite, help="Minutes of flight until the kill.")
+    ] = 2.0,
     speedup: Annotated[
-        float, typer.Option(min=0.1, max=6, callback=finite, metavar="X", help="Times real time.")
+        float, typer.Option(min=0.1, max=6, callback=finite, metavar="X", help="Speed in multiples of real time.")
     ] = 4.0,
     seed: SeedOption = 1,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write resume.md and resume.json there.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Kill the ground station of a simulated fleet after hours of log, and measure how soon it is in charge again."""
+    """Kill the ground station of a simulated fleet after hours of log; measure how soon `resume` supervises again."""
     from executor.bench.resume import make_resume
 
     content, text = make_resume(vehicles or [6], out, minutes=minutes, hours=hours, speedup=speedup, seed=seed)
@@ -286,12 +292,14 @@ def resume(
 @cli.command()
 def detection(
     healthy: Annotated[int, typer.Option(min=1, help="Healthy flights, with wind, ageing, noise and losses.")] = 720,
-    faulty: Annotated[int, typer.Option(min=1, help="Flights with each kind of fault.")] = 120,
+    faulty: Annotated[int, typer.Option(min=1, help="Flights per kind of fault.")] = 120,
     seed: SeedOption = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one per processor if not given.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")] = None,
     logs: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Recorded flights with truths; by default ../shared/logs, if it is there."),
+        typer.Option(
+            metavar="DIR", help="Recorded flights with ground truth; by default ../shared/logs, if it is there."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write detection.md and detection.json there.")
@@ -302,8 +310,8 @@ def detection(
 
     Healthy flights have wind, gusts, worn packs, noisy sensors, rounded and re-estimated percentages and lossy links;
     faulty ones have steps, drains of 1.3 to 4 times the normal, failing cells and silent links of 2 to 200 s. A
-    detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the same
-    figures, however many processes fly.
+    baseline detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the
+    same figures for any number of processes.
     """
     from executor.bench.detection import campaign, detection_summary
     from executor.bench.detectionpage import (

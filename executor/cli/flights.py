@@ -62,18 +62,27 @@ DEMO_PLAN_S = 3.0
 
 
 def demo(
-    network: Annotated[Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file.")] = None,
+    network: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
+    ] = None,
     radius: Annotated[
-        float, typer.Option(min=1, callback=finite, metavar="M", help="Segments within M metres of the depot.")
+        float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
     ] = 700.0,
-    vehicles: Annotated[int, typer.Option(min=2, max=50, help="How many vehicles fly.")] = 4,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
     speedup: Annotated[
-        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Times real time.")
+        float,
+        typer.Option(
+            min=0.1, max=100, callback=finite, metavar="X", help="Speed of the simulation, in multiples of real time."
+        ),
     ] = 10.0,
     seed: SeedOption = 1,
     fault: FaultOption = None,
-    autopilot: Annotated[AutopilotName, typer.Option(help="Whose behaviour is simulated.")] = FIRST_AUTOPILOT,
-    flat: Annotated[bool, typer.Option("--flat", help="Of a network without heights: its ground is flat.")] = False,
+    autopilot: Annotated[
+        AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
+    ] = FIRST_AUTOPILOT,
+    flat: Annotated[
+        bool, typer.Option("--flat", help="For a network without heights: take its ground to be flat.")
+    ] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -99,22 +108,30 @@ def demo(
 def simulate(
     site: SiteArgument,
     speedup: Annotated[
-        float | None, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Instead of the site's.")
+        float | None,
+        typer.Option(
+            min=0.1,
+            max=100,
+            callback=finite,
+            metavar="X",
+            help="Speed in multiples of real time, instead of the site's.",
+        ),
     ] = None,
     fault: FaultOption = None,
     seed: SeedOption = 1,
     wind: Annotated[
         float,
-        typer.Option(min=0.1, max=5, callback=finite, metavar="FACTOR", help="What the wind makes of consumption."),
+        typer.Option(min=0.1, max=5, callback=finite, metavar="FACTOR", help="Factor on energy consumption, for wind."),
     ] = 1.0,
     truth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write what really happens, a JSON line each.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the ground truth of the simulation there, one JSON object a line."),
     ] = None,
     failsafe: Annotated[
         bool,
         typer.Option(
             "--failsafe",
-            help="Return when the ground station falls silent; else they fly on.",
+            help="Vehicles have a GCS failsafe: RTL when the ground station is silent. Without it they fly on.",
         ),
     ] = False,
 ) -> None:
@@ -150,7 +167,7 @@ def fly(
 ) -> None:
     """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
 
-    Without --plan it plans as `plan` does with the same options; the checklist shows what is asked for.
+    Without --plan it plans as `plan` does with the same options; the checklist shows the options in force.
     """
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
@@ -180,7 +197,7 @@ def preflight(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Ask every vehicle and go through the checklist; nothing is put on board, nothing moves."""
+    """Read out every vehicle and run the checklist; nothing is uploaded, nothing moves."""
     from executor.flight.examination import examine
 
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
@@ -202,11 +219,11 @@ def preflight(
 
 def resume(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the flight is resumed.")] = False,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Take up a flight whose ground station died, from its run directory; on another computer too."""
+    """Resume a flight whose ground station died, from its run directory; on another computer too."""
     from executor.flight import resume as resuming
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)

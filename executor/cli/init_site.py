@@ -21,19 +21,21 @@ def init(
         str, typer.Argument(metavar="NETWORK", help="GeoJSON or a graph file; 'default' is faultline's own network.")
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="SITE", help="Write it there, to a new file.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="SITE", help="Write the site file there; it must not exist yet."),
     ] = None,
     depot: Annotated[
         str | None,
-        typer.Option(metavar="LAT,LON,ALT", help="Where the vehicles stand, where the network's file does not say it."),
+        typer.Option(metavar="LAT,LON,ALT", help="The depot, where the network's file does not give it."),
     ] = None,
     radius: Annotated[
-        float | None, typer.Option(min=1, callback=finite, metavar="M", help="Segments within M metres of the depot.")
+        float | None,
+        typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot."),
     ] = None,
-    vehicles: Annotated[int, typer.Option(min=1, max=50, help="How many vehicles.")] = 3,
-    autopilot: Annotated[AutopilotName, typer.Option(help="Of all of them.")] = FIRST_AUTOPILOT,
+    vehicles: Annotated[int, typer.Option(min=1, max=50, help="Number of vehicles.")] = 3,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Autopilot of all vehicles.")] = FIRST_AUTOPILOT,
 ) -> None:
-    """Write a site file to begin with, with what each line means."""
+    """Write a commented site file to start from."""
     can_be_written(output)
     if output is not None and output.exists():
         raise SiteError(f"{output}: expected a new file, this one exists already")

@@ -69,23 +69,29 @@ MOST_SEED = 2**31 - 1
 SiteArgument = Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML).")]
 PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, as `faultline plan -o` writes it.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="Say only what comes of it, and what needs an answer.")]
-CostOption = Annotated[CostName, typer.Option(help="minmax: the longest route; minsum: all routes; mincomb: both.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Print only the result, and questions that need an answer.")]
+CostOption = Annotated[
+    CostName,
+    typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
+]
 SecondsOption = Annotated[
-    float, typer.Option(min=0.01, max=MOST_SECONDS, callback=finite, help="How long the solver may take.")
+    float, typer.Option(min=0.01, max=MOST_SECONDS, callback=finite, help="Time limit of the solver, in seconds.")
 ]
 SeedOption = Annotated[
-    int, typer.Option(min=0, max=MOST_SEED, help="Of all chance; the same seed gives the same result.")
+    int, typer.Option(min=0, max=MOST_SEED, help="Random seed; the same seed reproduces the result.")
 ]
 PlanCostOption = Annotated[
     PlanCostName,
     typer.Option(
-        help="minmax: the longest route; minsum: all routes; mincomb: both; window: the largest re-plan window, so "
-        "that any one vehicle may be lost as early as possible."
+        help="What to optimise: minmax, the longest route; minsum, all routes together; mincomb, both; window, the "
+        "re-plan window, so that any one vehicle may be lost as early as possible."
     ),
 ]
 SolverOption = Annotated[
-    SolverName, typer.Option(help="search: the strongest; grasp: the paper's; exact: proven, up to 18 segments.")
+    SolverName,
+    typer.Option(
+        help="search, faultline's own; grasp, the paper's, as a baseline; exact, proven optima up to 18 segments."
+    ),
 ]
 StretchOption = Annotated[
     float,
@@ -94,12 +100,14 @@ StretchOption = Annotated[
         max=1000,
         callback=finite,
         metavar="PCT",
-        help="With --cost window: how much longer than the shortest possible the longest route may be. A window is "
-        "bought with time.",
+        help="With --cost window: how much longer than the shortest possible the longest route may be, in percent. A "
+        "larger window costs flight time.",
     ),
 ]
-EverybodyOption = Annotated[bool, typer.Option("--all-vehicles", help="Keep no vehicle on the ground.")]
-StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Searches side by side; 0 for one on each processor.")]
+EverybodyOption = Annotated[
+    bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
+]
+StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
 DEFAULT_COST = PlanCostName.WINDOW if DEFAULT.cost is None else PlanCostName(DEFAULT.cost.value)
 DEFAULT_REPLAN_COST = CostName.MINMAX if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
 DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
@@ -109,17 +117,21 @@ FaultOption = Annotated[
         metavar="SPEC",
         help="VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40% or uav3:battery-step=30@300s; may be repeated. Kinds: "
         "silent[=20s], battery-step=30, drain=3, crash, reboot[=pad], refuse-upload, half-upload, loss=0.2, delay=0.3, "
-        "duplicate=0.1, reorder=0.1, wreck, fence, emergency[=RTL], ekf; of people: pilot=MODE, sticks, station=MODE, "
-        "kill, disarm. 'all' names every vehicle. Besides s and %, WHEN may be a height: 2.5m on its way up, 20m-down.",
+        "duplicate=0.1, reorder=0.1, wreck, fence, emergency[=RTL], ekf; acts of people: pilot=MODE, sticks, "
+        "station=MODE, kill, disarm. 'all' means every vehicle. WHEN is a time (300s), a share of the route (40%) or a "
+        "height (2.5m in the climb, 20m-down in the descent).",
     ),
 ]
 AfterOption = Annotated[
     Path | None,
     typer.Option(
-        "--after", metavar="DIR", help="Only what the flight of that run directory left over: the next sortie."
+        "--after", metavar="DIR", help="Plan only what the flight of that run directory left over: the next sortie."
     ),
 ]
 FlownPlanOption = Annotated[
-    Path | None, typer.Option("--plan", metavar="PLAN", help="Fly this plan, exactly; otherwise one is made.")
+    Path | None, typer.Option("--plan", metavar="PLAN", help="Fly exactly this plan; without it a new one is made.")
 ]
-RunOption = Annotated[Path | None, typer.Option("--run", metavar="DIR", help="Where the record goes; new or empty.")]
+RunOption = Annotated[
+    Path | None,
+    typer.Option("--run", metavar="DIR", help="The run directory, new or empty; by default a dated one in runs/."),
+]

@@ -66,8 +66,8 @@ FrontOption = Annotated[
     bool,
     typer.Option(
         "--front",
-        help="Find the plans that are best trade-offs between longest route, energy and window, to choose from; -o "
-        "names a directory then, for a plan file each.",
+        help="Find the best trade-offs between longest route, energy and re-plan window, to choose from; -o is then a "
+        "directory, with a plan file for each.",
     ),
 ]
 
@@ -83,13 +83,15 @@ def plan(
     starts: StartsOption = 0,
     front: FrontOption = False,
     after: AfterOption = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan there.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file.")
+    ] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan a route for each vehicle within its budget; exit 1 if something is left over.
+    """Plan a route for each vehicle within its budget; exit 1 if segments are left over.
 
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
@@ -183,14 +185,17 @@ def window(
     plan: PlanArgument,
     seed: SeedOption = 0,
     picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw consumption over time, with the re-plans at the earliest.")
+        Path | None,
+        typer.Option(
+            metavar="PNG", help="Draw battery consumption over time, with the re-plans of the earliest losses."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say how early any one vehicle may be lost so that the others can still finish, and what breaks it before.
+    """Compute how early any one vehicle may be lost with the others still able to finish, and what breaks it before.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
-    that was found and checked. The certified time is a bound: before it some loss certainly cannot be repaired.
+    that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
     """
     can_be_written(picture)
     content = read_plan(plan)
@@ -209,16 +214,22 @@ def replan(
     at: Annotated[
         float,
         typer.Option(
-            min=0, max=MOST_SECONDS, callback=finite, metavar="SECONDS", help="When, since the start of the plan."
+            min=0,
+            max=MOST_SECONDS,
+            callback=finite,
+            metavar="SECONDS",
+            help="Time of the loss, from the start of the plan.",
         ),
     ],
     cost: CostOption = DEFAULT_REPLAN_COST,
     seconds: SecondsOption = 2.0,
     seed: SeedOption = 1,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the new plan.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the new plan to this file.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what the others would do if one vehicle were lost at a time; exit 1 if they cannot finish everything."""
+    """Plan what the others would do if one vehicle were lost at a given time; exit 1 if segments are left over."""
     can_be_written(output)
     result = planning.after_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
     if output is not None:
@@ -230,9 +241,15 @@ def replan(
 
 def export(
     plan: PlanArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A file per vehicle goes there.")],
-    to: Annotated[FormatName, typer.Option("--format", help="QGroundControl's .plan, or .waypoints.")] = FormatName.QGC,
-    autopilot: Annotated[AutopilotName, typer.Option(help="For whom the items are.")] = FIRST_AUTOPILOT,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for the files, one per vehicle.")
+    ],
+    to: Annotated[
+        FormatName, typer.Option("--format", help="qgc: QGroundControl .plan; waypoints: Mission Planner .waypoints.")
+    ] = FormatName.QGC,
+    autopilot: Annotated[
+        AutopilotName, typer.Option(help="Autopilot that the mission items are for.")
+    ] = FIRST_AUTOPILOT,
 ) -> None:
     """Write a file per vehicle for other ground stations."""
     content = read_plan(plan)

@@ -41,19 +41,19 @@ class _Done:
 def replay_logs(
     logs: LogsArgument,
     site: Annotated[
-        Path | None, typer.Option(metavar="SITE", help="The vehicles, reserves and thresholds by which to judge.")
+        Path | None, typer.Option(metavar="SITE", help="Judge by the vehicles, reserves and thresholds of this site.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="A timeline and a page for each log go there.")
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for a timeline and a page per log.")
     ] = None,
     tune: Annotated[
-        bool, typer.Option("--tune", help="Sweep the thresholds over logs whose truths lie beside them.")
+        bool, typer.Option("--tune", help="Sweep the thresholds over logs with ground-truth files beside them.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Run recorded flights through the watchpoints of a live one: what would have been declared, when, and why.
+    """Run recorded flights through the fault detection of a live flight: what it declares, when and why.
 
-    A run directory goes through the very same decisions; exit 1 if they are not those of the flight.
+    For a run directory every decision is made again; exit 1 if one differs from the flight's.
     """
     rules = rules_of(None if site is None else read_site(site))
     paths = [path for given in logs for path in _logs_in(given)]

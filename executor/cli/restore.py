@@ -19,11 +19,11 @@ from executor.runtime import turns
 
 def restore(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before parameters are set.")] = False,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Give the vehicles of a run directory the parameters back that its flight changed."""
+    """Restore the parameters that the flight of a run directory changed on its vehicles."""
     from executor.flight import restore as restoring
 
     waiting = restoring.read_open(directory)[1]

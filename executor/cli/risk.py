@@ -32,18 +32,18 @@ ReserveOption = Annotated[
     float,
     typer.Option(
         min=0, max=100, callback=finite, metavar="PCT",
-        help="Beyond its budget, in percent of a full battery; a vehicle that has used up both is lost.",
+        help="Reserve beyond the budget, in percent of a full battery; a vehicle that has used up both is lost.",
     ),
 ]  # fmt: skip
-SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N", help="Flights that are simulated.")]
+SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N", help="Number of simulated flights.")]
 LossesOption = Annotated[
-    int, typer.Option(min=1, max=50, metavar="K", help="Losses in one flight that are re-planned at most.")
+    int, typer.Option(min=1, max=50, metavar="K", help="Re-plan at most this many losses in one flight.")
 ]  # fmt: skip
 DaskOption = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with the scheduler there.")
+    str | None, typer.Option(metavar="ADDRESS", help="Run on the Dask cluster whose scheduler is at ADDRESS.")
 ]  # fmt: skip
 JobsOption = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; one per processor if not given.")
+    int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; by default one per processor.")
 ]
 PictureOption = Annotated[
     Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
@@ -65,9 +65,9 @@ def risk(
 ) -> None:
     """Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.
 
-    A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. What a
-    lost vehicle has not finished the others take over by a re-plan, where one is found that inspects everything.
-    Without one it is left undone. The same seed gives the same answer, however many processes fly.
+    A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. The
+    others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without
+    one it is left over. The same seed gives the same answer for any number of processes.
     """
     can_be_written(picture)
     content = read_plan(plan)

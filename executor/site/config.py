@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from executor.core.connection import Connection, parse_connection
@@ -41,60 +41,73 @@ class _Table(BaseModel):
 
 
 class DepotTable(_Table):
-    """Where the vehicles start and land."""
+    """Where the vehicles start and land. May be left out where the network's file has a depot."""
 
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
+    """WGS 84."""
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    """WGS 84."""
     alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
-    """Above mean sea level; must be known where the network knows its ground, from here or from the network's file."""
+    """Ground above mean sea level. Needed, here or in the network's file, where the network knows its ground."""
 
 
 class NetworkTable(_Table):
     """The power line."""
 
     file: FileName
+    """GeoJSON, or a graph file of pylon offsets, relative to the site file; `default` is faultline's own network."""
     radius_m: Positive | None = None
-    """Takes the segments whose two pylons are both nearer to the depot than this."""
+    """Only segments whose two pylons are both nearer to the depot than this; without it all of them."""
     crs: str | None = None
-    """The grid of a graph file's metres, such as EPSG:32633; without it they are true east and north."""
+    """The map grid of a graph file's metres, such as `EPSG:32633`; without it they are true east and north."""
     tallest_m: Positive | None = None
-    """Of all structures: says of a line of giants that its heights are metres over ground."""
+    """Height of the tallest structure. Confirms that heights which look too large for pylons are metres over ground."""
 
 
 class InspectionTable(_Table):
     """How the line is flown."""
 
     height_m: Metres = 15.0
-    """Over the pylon tops where the network knows them, else over the depot's ground."""
+    """Inspection height over the pylon tops where the network knows them, else over the depot's ground."""
     heights: Literal["known", "flat"] = "known"
-    """flat claims that the ground is everywhere as high as the depot's, where the network does not know it."""
+    """`flat` claims that the ground is everywhere as high as the depot's, where the network does not know it."""
     ceiling_m: Metres = 120.0
-    """No mission goes higher than this over the ground; more needs a permit."""
+    """No mission goes higher than this over the ground; to fly higher needs a permit."""
     return_ceiling_m: Metres | None = None
-    """The same for the vehicles' own returns, which are level and higher over hills; by default `ceiling_m`."""
+    """The same for the RTL height, which is level and so higher over valleys; without it `ceiling_m` holds."""
     standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 5.0
-    """Beside the line, always on the same side."""
+    """Horizontal distance from the line, always on the same side."""
     speed_m_s: Speed = 3.0
+    """Speed along the line."""
     transit_speed_m_s: Speed = 8.0
+    """Speed between segments, and from and to the pad."""
     wind_m_s: tuple[WindSpeed, WindSpeed] = (0.0, 0.0)
-    """Where the air moves to, east and north."""
+    """The wind by where the air moves to: east, north. Plans count with it."""
     layer_m: Metres = 5.0
-    """Any two vehicles keep at least this far apart."""
+    """Least distance between any two vehicles; heights are layered by it."""
     corridor_m: Metres = 10.0
-    """How far from the planned track a segment still counts as inspected."""
+    """A segment counts as inspected only where the flown track is within this of the planned one."""
 
 
 class EnergyTable(_Table):
-    """Which multicopter: a preset, and what differs from it."""
+    """The multicopter: a preset, and what differs from it."""
 
     drone: str = "mavic3"
+    """Preset: mavic2, mavic3, matrice200, matrice600, anafi-ai or skydio2. The other keys change figures of it."""
     mass_kg: Annotated[float, Field(ge=0.05, le=1000)] | None = None
+    """Take-off mass, with battery and payload."""
     rotors: Annotated[int, Field(ge=3, le=16)] | None = None
+    """Number of rotors."""
     propeller_radius_m: Annotated[float, Field(ge=0.01, le=10)] | None = None
+    """Radius of one propeller."""
     cells: Annotated[int, Field(ge=1, le=24)] | None = None
+    """Battery cells in series."""
     capacity_ah: Annotated[float, Field(ge=0.01, le=1e6)] | None = None
+    """Capacity of the battery."""
     area_m2: Annotated[float, Field(ge=1e-4, le=100)] | None = None
+    """Area of the vehicle seen from above."""
     efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None
+    """Efficiency of propeller times motor."""
 
     @model_validator(mode="after")
     def _known(self) -> EnergyTable:
@@ -110,7 +123,11 @@ def _known_autopilot(name: str) -> str:
     return name
 
 
-AutopilotKey = Annotated[str, AfterValidator(_known_autopilot)]
+AutopilotKey = Annotated[
+    str,
+    AfterValidator(_known_autopilot),
+    WithJsonSchema({"type": "string", "enum": [dialect.name for dialect in AUTOPILOTS]}),
+]
 """The name of an autopilot that is known."""
 
 
@@ -118,15 +135,20 @@ class VehicleTable(_Table):
     """One vehicle."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    """Name of the vehicle everywhere: a letter, then letters, digits, - and _."""
     connection: str
-    """udpin:// and tcpin://HOST:PORT listen there, udpout:// and tcpout://HOST:PORT call there, serial://DEVICE:BAUD.
-    Vehicles with different system ids may share one."""
+    """`udpin://HOST:PORT` and `tcpin://HOST:PORT` listen, `udpout://HOST:PORT` and `tcpout://HOST:PORT` call,
+    `serial:///dev/ttyUSB0:57600` opens a port. Vehicles with different system ids may share a connection."""
     sysid: Annotated[int, Field(ge=1, le=254)]
+    """MAVLink system id; each vehicle needs its own."""
     autopilot: AutopilotKey
+    """Firmware of the vehicle."""
     backend: Literal["native", "mavsdk"] = "native"
-    """Which software speaks to the vehicle."""
+    """Library that carries the messages; `mavsdk` does not sign frames."""
     budget_pct: Percent = 75.0
+    """Most of a full battery that a route may use."""
     reserve_pct: Percent = 15.0
+    """Share of a full battery that is never planned with."""
 
     @model_validator(mode="after")
     def _sane(self) -> VehicleTable:
@@ -151,42 +173,47 @@ class FlightTable(_Table):
     """How the flight is run."""
 
     speedup: Annotated[float, Field(gt=0, le=100)] = 1.0
-    """The factor at which a simulation runs; time-outs and heartbeats follow it."""
+    """Speed of a simulation in multiples of real time; time-outs and heartbeats follow it. Real aircraft: 1."""
     solve_s: Annotated[float, Field(gt=0, le=60)] = 0.5
-    """Real seconds that the solver may take for a re-plan."""
+    """Time limit of the solver for a re-plan, in real time."""
     connect_timeout_s: Positive = 15.0
-    """Real seconds until a vehicle that says nothing is given up before the flight."""
+    """Before the flight: how long a vehicle that sends nothing is waited for, in real time."""
     ready_timeout_s: Positive = 120.0
-    """Seconds of the vehicle's time until it must be ready to arm."""
+    """Before the flight: how long a vehicle may take until it is ready to arm, in the vehicle's time."""
     fly_again: Literal["ask", "never", "auto"] = "ask"
-    """Whether a vehicle on the ground takes off for a re-plan: when the crew says that its pad is clear, never once it
-    has landed, or by itself, for simulation."""
+    """Whether a vehicle on the ground takes off for a re-plan: `ask`, once the crew says that its pad is clear; `never`
+    after it has landed; `auto`, by itself, for simulation only."""
     offer_s: Positive = 300.0
-    """How long the crew may take to say so once nobody flies any more."""
+    """How long the crew may take to answer such an offer once no vehicle flies any more."""
     pilot_grace_s: Annotated[float, Field(ge=0, le=3600)] = 30.0
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
     pilot_return: Literal["ask", "auto"] = "ask"
-    """Whether a vehicle that its pilot has put back on its mission waits for the operator to be in the plan again."""
+    """When a pilot has put the vehicle back on its mission: `ask` waits for the operator's include, `auto` does not."""
 
 
 class FaultsTable(_Table):
-    """When a vehicle is judged to be lost."""
+    """Thresholds for link loss and battery faults."""
 
     link_timeout_s: Positive | None = None
-    """Silence until a vehicle is lost; by default its autopilot's own time for coming home, and a margin."""
+    """Silence until a vehicle is declared lost. Without it: until its own GCS failsafe has acted, plus a margin.
+    A figure shorter than that time is not taken."""
     link_stale_s: Positive = 3.0
+    """Silence until a vehicle's link is called stale: a warning, no fault."""
     battery_step_pct: Positive = 8.0
+    """A loss of this much at once, beyond what the flight costs, is a battery fault."""
     battery_excess_pct: Positive = 2.0
+    """A loss of this much beyond the usual consumption is a battery drain."""
     battery_window_s: Positive = 90.0
+    """Time in which an excess of consumption is forgotten but for a third."""
 
 
 class SigningTable(_Table):
     """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
 
     key_file: FileName | None = None
-    """64 hexadecimal digits, or a passphrase, of which the SHA-256 is the key, as in other ground stations."""
+    """File with 64 hexadecimal digits, or a passphrase, whose SHA-256 is the key, as in other ground stations."""
     key_env: str | None = None
-    """The name of a variable that holds the same."""
+    """Environment variable that holds the same. Either `key_file` or `key_env` must be there."""
 
     @model_validator(mode="after")
     def _one(self) -> SigningTable:
@@ -199,15 +226,17 @@ class RadioTable(_Table):
     """A telemetry radio, by what its RADIO_STATUS names as its sender."""
 
     system: Annotated[int, Field(ge=1, le=255)]
+    """MAVLink system id of the radio; SiK radios use 51."""
     component: Annotated[int, Field(ge=1, le=255)]
+    """MAVLink component id of the radio; SiK radios use 68."""
 
 
 class LinkTable(_Table):
-    """Who else is on the links."""
+    """Other senders on the links."""
 
     radios: tuple[RadioTable, ...] | None = None
-    """Whose reports of the radio link are shown, though radios cannot sign; SiK radios are system 51, component 68.
-    Without this key: everybody's where nothing is signed, nobody's where frames are."""
+    """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
+    unsigned flight, and none on a signed one."""
 
     @model_validator(mode="after")
     def _distinct(self) -> LinkTable:
@@ -226,23 +255,28 @@ class LinkTable(_Table):
 
 
 class MqttTable(_Table):
-    """Where the flight is published, and where intents are taken from."""
+    """The MQTT broker where the flight is published and intents are taken from."""
 
     host: HostName = "127.0.0.1"
+    """Host name or address of the broker."""
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
-    """1883 by default, 8883 with TLS."""
+    """Port of the broker; without it 1883, and 8883 with TLS."""
     prefix: Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")] = "faultline"
-    """What all topics begin with; flights that are published at the same time need one each."""
+    """First part of all topics; flights that are published at the same time need one each."""
     telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
-    """How often, in real seconds."""
+    """How often telemetry is published, in real time."""
     tls: bool = False
+    """Connect with TLS."""
     ca_file: FileName | None = None
-    """The certificate that the broker's is signed with (PEM); without one the system's own are trusted."""
+    """CA certificate of the broker (PEM), relative to the site file; without it the system's own are trusted."""
     username_env: EnvironmentName | None = None
+    """Environment variable that holds the user name at the broker."""
     password_env: EnvironmentName | None = None
+    """Environment variable that holds the password; needs `username_env`."""
     token_env: EnvironmentName | None = None
-    """The environment variable with the token that intents must carry."""
+    """Environment variable that holds the token which every intent must carry."""
     intent_max_age_s: Annotated[float, Field(gt=0, le=3600)] = 10.0
+    """Intents whose timestamp is further than this from the ground station's clock are refused."""
 
     @model_validator(mode="after")
     def _fitting(self) -> MqttTable:
@@ -265,14 +299,15 @@ class WebTable(_Table):
     """The page to fly by."""
 
     enabled: bool = True
+    """Whether the page is served at all."""
     host: str = "127.0.0.1"
-    """An address of this computer: 0.0.0.0 lets phones in the field look, too."""
+    """Address to listen on: `0.0.0.0` for phones in the field; then `token_env` is needed."""
     port: Annotated[int, Field(ge=0, le=65535)] = 0
-    """0 takes a free one; the address is printed."""
+    """Port to listen on; 0 takes a free one, and the address is printed."""
     token_env: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")] | None = None
-    """The environment variable that holds the token which has to be shown."""
+    """Environment variable that holds the token which browsers must show."""
     names: tuple[str, ...] = ()
-    """Host names under which it is called, beside its own."""
+    """Further host names under which browsers may call the page."""
 
     @model_validator(mode="after")
     def _guarded(self) -> WebTable:
