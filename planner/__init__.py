@@ -9,11 +9,10 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
-from planner.costs import K_C, Cost, build_instance
+from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import PRESETS, Drone, pct_per_s, power_w, range_speed_m_s, usable_wh
 from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
-    BUDGET_TOLERANCE_PCT,
     Evaluation,
     completions_s,
     cost_value,
@@ -25,6 +24,7 @@ from planner.evaluate import (
 from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, covers, solve_exact
 from planner.front import FrontPlan, front
 from planner.grasp import grasp
+from planner.instance import build_instance
 from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, SteadyWind, Travel, travel_for
@@ -75,6 +75,7 @@ __all__ = [
     "Chance",
     "Chunk",
     "Cost",
+    "CostFunction",
     "Drone",
     "Dynamics",
     "Evaluation",

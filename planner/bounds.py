@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from planner.costs import TABLES_UP_TO
+from planner.cost import BUDGET_TOLERANCE_PCT
 from planner.errors import PlanError
-from planner.evaluate import BUDGET_TOLERANCE_PCT
+from planner.instance import TABLES_UP_TO
 from planner.model import Instance
 from planner.moves import FloatArray
 

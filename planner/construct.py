@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from planner.costs import Cost
-from planner.evaluate import BUDGET_TOLERANCE_PCT
+from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.kernels.arrays import Memory, Problem, RandomState, State, Weights
 from planner.kernels.insertion import insert_by_regret
 from planner.kernels.tours import measure
@@ -72,9 +71,9 @@ def guide_weights(
         soft: whether the search may pass through routes beyond their budgets.
     """
     return Weights(
-        total=0.02 if cost is Cost.MINMAX else 1.0,
-        peak=1 / len(problem.budget) if cost is Cost.MINCOMB else 0.0,
-        norm=1.0 if cost is Cost.MINMAX else 0.0,
+        total=0.02 if cost.function.only_longest else cost.function.total,
+        peak=0.0 if cost.function.only_longest else cost.function.peak_weight(len(problem.budget)),
+        norm=1.0 if cost.function.only_longest else 0.0,
         power=power,
         scale=scale if scale > 0 else 1.0,
         prize=PRIZE_WEIGHT,
@@ -87,8 +86,8 @@ def guide_weights(
 def true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights:
     """Return the cost function itself; among plans of equal MinMax the one that uses less is better."""
     return Weights(
-        total=1e-6 if cost is Cost.MINMAX else 1.0,
-        peak={Cost.MINMAX: 1.0, Cost.MINSUM: 0.0, Cost.MINCOMB: 1 / len(problem.budget)}[cost],
+        total=1e-6 if cost.function.only_longest else cost.function.total,
+        peak=cost.function.peak_weight(len(problem.budget)),
         norm=0.0,
         power=1.0,
         scale=1.0,

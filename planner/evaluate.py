@@ -6,12 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
-from planner.costs import K_C, Cost
+from planner.cost import Cost, overspent_pct
 from planner.errors import PlanError
 from planner.model import Instance, Plan, Route, segment_of
-
-BUDGET_TOLERANCE_PCT = 1e-6
-"""A route spends more than its budget when it does so by more than this: sums depend on their order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,14 +87,7 @@ def cost_value(instance: Instance, plan: Plan, cost: Cost) -> float:
 
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
     """Return the paper's cost of routes that use ``energies_pct``, one for each vehicle."""
-    longest = max(energies_pct)
-    if cost is Cost.MINMAX:
-        return longest
-    budgets = [vehicle.budget_pct for vehicle in instance.vehicles]
-    soft_sum = sum(
-        energy + K_C * _excess_pct(energy, budget) for energy, budget in zip(energies_pct, budgets, strict=True)
-    )
-    return soft_sum if cost is Cost.MINSUM else soft_sum + longest / len(energies_pct)
+    return cost.function.value(energies_pct, [vehicle.budget_pct for vehicle in instance.vehicles])
 
 
 def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
@@ -127,18 +117,13 @@ def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
 
 def _violations(instance: Instance, plan: Plan, energies_pct: tuple[float, ...]) -> Iterator[str]:
     for vehicle, energy in zip(instance.vehicles, energies_pct, strict=True):
-        if _excess_pct(energy, vehicle.budget_pct) > 0:
+        if overspent_pct(energy, vehicle.budget_pct) > 0:
             yield f"{vehicle.name} spends {energy:.3f} % of its budget of {vehicle.budget_pct:.3f} %"
     accounted = {segment_of(visit) for route in plan.routes for visit in route.visits} | set(plan.uncovered)
     for segment in sorted(accounted - set(range(instance.segments))):
         yield f"segment {segment} is not in the instance"
     for segment in sorted(set(range(instance.segments)) - accounted):
         yield f"segment {segment} is neither visited nor named as uncovered"
-
-
-def _excess_pct(energy_pct: float, budget_pct: float) -> float:
-    excess = energy_pct - budget_pct
-    return excess if excess > BUDGET_TOLERANCE_PCT else 0.0
 
 
 def _check_known(instance: Instance, route: Route) -> None:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan, Route
 from planner.partition import SAME, partition, prove

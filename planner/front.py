@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.bounds import why_impossible
-from planner.costs import K_C, Cost
+from planner.cost import Cost
 from planner.errors import InstanceError
 from planner.evaluate import Evaluation, evaluate
 from planner.model import Instance, Plan
@@ -102,7 +102,7 @@ class _Baseline:
         self._cost = cost
         self._impossible = why_impossible(instance)
         self._problem = problem_of(instance)
-        soft = 0.0 if cost is Cost.MINMAX else K_C
+        soft = cost.function.excess
         self._weights = true_weights(self._problem, cost, all_vehicles=all_vehicles)._replace(excess=soft)
         self._rng = random_state(seed)
         self._iterations = 0

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.bounds import why_impossible
-from planner.costs import Cost
-from planner.evaluate import BUDGET_TOLERANCE_PCT, cost_of, evaluate, route_energy_pct
+from planner.cost import BUDGET_TOLERANCE_PCT, Cost
+from planner.evaluate import cost_of, evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.parts import curve_order, part_of, split
 from planner.result import Result
@@ -59,6 +59,7 @@ class LargeSearch:
         self._impossible = why_impossible(instance)
         self._instance = instance
         self._cost = cost
+        self._balances = cost.function.counts_longest and not cost.function.only_longest
         self._all_vehicles = all_vehicles
         self._watch = watch
         self._starts = starts
@@ -99,7 +100,7 @@ class LargeSearch:
 
     def _first(self, initial: Plan | None) -> list[tuple[int, ...]]:
         if initial is None:
-            everybody = self._cost is Cost.MINMAX or self._all_vehicles
+            everybody = self._cost.function.only_longest or self._all_vehicles
             return split(self._instance, curve_order(self._middle_m), everybody=everybody)
         routes = [route.visits for route in initial.routes]
         for vehicle, visits in enumerate(routes):
@@ -155,7 +156,7 @@ class LargeSearch:
             self._routes[vehicle] = visits
         self._route_of[list(region.segments)] = -1
         self._enter(region.vehicles)
-        if self._cost is Cost.MINCOMB and not self._all_vehicles and self._key() > before:
+        if self._balances and not self._all_vehicles and self._key() > before:
             for vehicle, visits in zip(region.vehicles, old, strict=True):
                 self._routes[vehicle] = visits
             self._route_of[list(region.segments)] = -1
@@ -173,7 +174,7 @@ class LargeSearch:
         claimed = np.zeros(self._instance.segments, dtype=np.bool_)
         regions: list[_Region] = []
         for place in range(self._starts):
-            longest = place == 0 and self._cost is not Cost.MINSUM and self._chance.random() < 0.5
+            longest = place == 0 and self._cost.function.counts_longest and self._chance.random() < 0.5
             seed = self._seed_segment(longest=longest)
             if regions and (claimed[seed] or (self._route_of[seed] >= 0 and taken[self._route_of[seed]])):
                 continue
@@ -213,7 +214,7 @@ class LargeSearch:
         idle = [vehicle for vehicle, visits in enumerate(self._routes) if not visits and not taken[vehicle]]
         if idle:
             vehicles.append(idle[int(self._chance.integers(len(idle)))])
-        cost = Cost.MINSUM if self._cost is Cost.MINCOMB and not longest else self._cost
+        cost = Cost.MINSUM if self._balances and not longest else self._cost
         return _Region(tuple(sorted(vehicles)), tuple(sorted(set(segments))), cost)
 
     def _open(self) -> npt.NDArray[np.int64]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from planner.bounds import why_certainly_impossible
 from planner.construct import copy_of, empty_state, problem_of, random_state
-from planner.evaluate import BUDGET_TOLERANCE_PCT, completions_s, route_duration_s, route_energy_pct, spent_pct
+from planner.cost import BUDGET_TOLERANCE_PCT
+from planner.evaluate import completions_s, route_duration_s, route_energy_pct, spent_pct
 from planner.exact import covers
 from planner.kernels.arrays import FloatArray, Problem, State
 from planner.kernels.loss import SAME_TIME_S, Loss, LossClock, LossTiming, set_clock

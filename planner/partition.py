@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from planner.costs import K_C, Cost
+from planner.cost import Cost
 from planner.model import Instance
 from planner.moves import FloatArray
 from planner.subsets import Subsets, kinds, members
@@ -77,15 +77,17 @@ def partition(
         least_value: the value that a plan must inspect; infinite for everything.
     """
     fleet = _fleet(instance)
-    most = ceiling * (1 + SAME) if cost is Cost.MINMAX else np.inf
+    most = ceiling * (1 + SAME) if cost.function.only_longest else np.inf
     routes = [_routes(instance, subsets[vehicles[0]], vehicles[0], most) for vehicles in fleet]
     price = [np.where(chosen > 0, 0.0, grounded) for chosen, _ in routes]
-    if cost is not Cost.MINMAX:
+    if not cost.function.only_longest:
         price = [
-            paid + energy + K_C * np.maximum(0.0, energy - instance.vehicles[vehicles[0]].budget_pct) * (chosen == 0)
+            paid
+            + energy
+            + cost.function.excess * np.maximum(0.0, energy - instance.vehicles[vehicles[0]].budget_pct) * (chosen == 0)
             for paid, (chosen, energy), vehicles in zip(price, routes, fleet, strict=True)
         ]
-    of_peak = {Cost.MINMAX: 1.0, Cost.MINSUM: 0.0, Cost.MINCOMB: 1.0 / len(subsets)}[cost]
+    of_peak = cost.function.peak_weight(len(subsets))
     lower, upper = _limits(len(value), fleet, least_value)
     return Partition(
         fleet=fleet,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import completions_s, route_duration_s, route_energy_pct, spent_pct
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.aftermath import Aftermath, repair_plan, underway
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import evaluate
 from planner.loss import LossRow

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.construct import copy_of, problem_of, random_state
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
 from planner.kernels.loss import Loss

@@ -28,7 +28,7 @@ from planner.construct import (
     state_of,
     true_weights,
 )
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.evaluate import Evaluation, evaluate
 from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan

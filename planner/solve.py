@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from planner.costs import Cost, build_instance
+from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import evaluate
+from planner.instance import build_instance
 from planner.model import Instance, Plan, Route, Vehicle, segment_of
 from planner.moves import Travel
 from planner.result import Result

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from planner.cost import BUDGET_TOLERANCE_PCT
 from planner.errors import InstanceError
-from planner.evaluate import BUDGET_TOLERANCE_PCT
 from planner.model import Instance
 from planner.moves import FloatArray
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import takewhile
 
-from planner.costs import Cost
+from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import Evaluation, completions_s, evaluate, route_duration_s
 from planner.loss import LossRow, Repair

@@ -14,7 +14,7 @@ from executor.bench.parts.setting import Setting
 from executor.bench.problems import PAPER_S, line_instance
 from executor.bench.store import Json
 from planner import Cost, Progress, Seconds, Stopwatch, solve, warm_up
-from planner.costs import TABLES_UP_TO
+from planner.instance import TABLES_UP_TO
 from planner.synthetic import generated_network
 
 TITLE = "Scale"

@@ -1,9 +1,8 @@
-"""The names of the cost functions; from segment end points and a fleet to an instance."""
+"""From segment end points and a fleet to an instance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
@@ -11,21 +10,6 @@ import numpy.typing as npt
 from planner.errors import InstanceError
 from planner.model import Instance, Vehicle
 from planner.moves import FloatArray, MoveGeometry, Moves, Travel, moves_from, tables, transits
-
-K_C = 1000.0
-"""k_c of the paper: the weight of what a tour spends beyond its budget."""
-
-
-class Cost(Enum):
-    """What a plan is chosen by; c(T) is a route's energy in percent of a full battery."""
-
-    MINMAX = "minmax"
-    """max c(T)."""
-    MINSUM = "minsum"
-    """c-MinSum: sum of c(T) + K_C max(0, c(T) - budget)."""
-    MINCOMB = "mincomb"
-    """c-MinSum + MinMax / number of vehicles."""
-
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
