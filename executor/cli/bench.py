@@ -71,7 +71,7 @@ def solvers(
     cost: Annotated[
         CostName,
         typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
-    ] = CostName.MINMAX,
+    ] = CostName(Cost.MINMAX.value),
     budget: BudgetOption = None,
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,

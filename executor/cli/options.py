@@ -11,6 +11,7 @@ import typer
 
 from executor.site.planning import DEFAULT
 from missions import AUTOPILOTS
+from planner import Cost
 
 
 def finite(value: float | None) -> float | None:
@@ -23,17 +24,17 @@ def finite(value: float | None) -> float | None:
 class CostName(StrEnum):
     """What a re-plan is chosen by."""
 
-    MINMAX = "minmax"
-    MINSUM = "minsum"
-    MINCOMB = "mincomb"
+    _ignore_ = "known"
+    for known in Cost:
+        vars()[known.name] = known.value
 
 
 class PlanCostName(StrEnum):
     """What a first plan is chosen by."""
 
-    MINMAX = "minmax"
-    MINSUM = "minsum"
-    MINCOMB = "mincomb"
+    _ignore_ = "known"
+    for known in Cost:
+        vars()[known.name] = known.value
     WINDOW = "window"
 
 
@@ -109,7 +110,7 @@ EverybodyOption = Annotated[
 ]
 StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
 DEFAULT_COST = PlanCostName.WINDOW if DEFAULT.cost is None else PlanCostName(DEFAULT.cost.value)
-DEFAULT_REPLAN_COST = CostName.MINMAX if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
+DEFAULT_REPLAN_COST = CostName(Cost.MINMAX.value) if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
 DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
 FaultOption = Annotated[
     list[str] | None,
