@@ -11,7 +11,16 @@ import typer
 
 from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
-from executor.cli.options import CostName, FaultOption, JsonOption, SecondsOption, SeedOption, SolverName, finite
+from executor.cli.options import (
+    MINMAX_COST,
+    CostName,
+    FaultOption,
+    JsonOption,
+    SecondsOption,
+    SeedOption,
+    SolverName,
+    finite,
+)
 from planner import Cost
 
 cli = typer.Typer(
@@ -71,7 +80,7 @@ def solvers(
     cost: Annotated[
         CostName,
         typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
-    ] = CostName(Cost.MINMAX.value),
+    ] = MINMAX_COST,
     budget: BudgetOption = None,
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,

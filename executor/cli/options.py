@@ -109,8 +109,9 @@ EverybodyOption = Annotated[
     bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
 ]
 StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
+MINMAX_COST = CostName(Cost.MINMAX.value)
 DEFAULT_COST = PlanCostName.WINDOW if DEFAULT.cost is None else PlanCostName(DEFAULT.cost.value)
-DEFAULT_REPLAN_COST = CostName(Cost.MINMAX.value) if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
+DEFAULT_REPLAN_COST = MINMAX_COST if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
 DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
 FaultOption = Annotated[
     list[str] | None,
