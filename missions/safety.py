@@ -140,7 +140,8 @@ def separation_m(path_a: FlightPath, path_b: FlightPath, *, home_alt_m: tuple[fl
         path_b: Another's.
         home_alt_m: Height above mean sea level of the two homes, to which the paths' heights are relative.
     """
-    return _nearest_legs(path_a, path_b, home_alt_m)[0]
+    nearest = _nearest_legs(path_a, path_b, home_alt_m)
+    return math.inf if nearest is None else nearest[0]
 
 
 def check_separation(
@@ -156,9 +157,10 @@ def check_separation(
     violations = []
     for path_a, path_b in itertools.combinations(paths, 2):
         homes = (0.0, 0.0) if home_alt_m is None else (home_alt_m[path_a.vehicle], home_alt_m[path_b.vehicle])
-        least_m, leg_a, leg_b = _nearest_legs(path_a, path_b, homes)
+        nearest = _nearest_legs(path_a, path_b, homes)
         # A millimetre for the rounding of coordinates.
-        if least_m < layer_m - 1e-3:
+        if nearest is not None and nearest[0] < layer_m - 1e-3:
+            least_m, leg_a, leg_b = nearest
             violations.append(
                 f"{path_a.vehicle} on leg {leg_a} ({path_a.waypoints[leg_a].phase.value}) and {path_b.vehicle} on leg "
                 f"{leg_b} ({path_b.waypoints[leg_b].phase.value}) come within {least_m:.2f} m, {layer_m:g} m expected"
@@ -185,10 +187,12 @@ def _flight_heights_m(network: Network, height_m: float) -> FloatArray:
     return np.array(tops_m, dtype=np.float64) + height_m
 
 
-def _nearest_legs(path_a: FlightPath, path_b: FlightPath, homes_m: tuple[float, float]) -> tuple[float, int, int]:
-    """Return the least distance and the two legs, by the waypoint that each ends at."""
+def _nearest_legs(
+    path_a: FlightPath, path_b: FlightPath, homes_m: tuple[float, float]
+) -> tuple[float, int, int] | None:
+    """Return the least distance and the two legs, by the waypoint that each ends at; None where one stays down."""
     if not path_a.waypoints or not path_b.waypoints:
-        return math.inf, -1, -1
+        return None
     first = path_a.waypoints[0]
     frame = LocalFrame(first.lat_deg, first.lon_deg)
     legs_a, legs_b = legs_m(path_a, frame, homes_m[0]), legs_m(path_b, frame, homes_m[1])
@@ -214,7 +218,7 @@ def _leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
     ao, bo = (along_a * offset).sum(axis=2), (along_b * offset).sum(axis=2)
     determinant = aa * bb - ab * ab
     # Parallel legs have no single perpendicular: their ends decide.
-    crossing = determinant > 1e-9 * np.maximum(aa * bb, 1e-12)
+    crossing = determinant > 1e-9 * aa * bb
     safe = np.where(crossing, determinant, 1.0)
     share_a, share_b = (ab * bo - bb * ao) / safe, (aa * bo - ab * ao) / safe
     inside = crossing & (share_a > 0) & (share_a < 1) & (share_b > 0) & (share_b < 1)

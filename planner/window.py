@@ -8,6 +8,7 @@ through from the end and the first loss without a re-plan ends the window.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -146,13 +147,7 @@ def loss_table(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    _check_fleet(instance, plan)
-    events = events_s(instance, plan)
-    if len(events) < 2 or instance.segments == 0:
-        return ()
-    from planner.losses import Losses
-
-    return tuple(Losses(instance, plan, events, seed=seed, fly_again=fly_again).rows(effort))
+    return tuple(_rows(instance, plan, effort, seed, fly_again=fly_again))
 
 
 def repairs_at(
@@ -166,13 +161,7 @@ def repairs_at(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    _check_fleet(instance, plan)
-    events = events_s(instance, plan)
-    if len(events) < 2 or instance.segments == 0:
-        return ()
-    from planner.losses import Losses
-
-    rows = Losses(instance, plan, events, seed=seed, fly_again=fly_again).rows(effort)
+    rows = _rows(instance, plan, effort, seed, fly_again=fly_again)
     after = (row for row in rows if row.from_s <= at_s + SAME_TIME_S)
     here = takewhile(lambda row: row.to_s > at_s + SAME_TIME_S, after)
     return tuple(
@@ -180,6 +169,16 @@ def repairs_at(
         for row in here
         if row.plan is not None
     )
+
+
+def _rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: bool) -> Iterator[LossRow]:
+    """Return all losses of a plan, those at the end first; a row is computed when it is asked for."""
+    _check_fleet(instance, plan)
+    if instance.segments == 0:
+        return iter(())
+    from planner.losses import Losses
+
+    return Losses(instance, plan, events_s(instance, plan), seed=seed, fly_again=fly_again).rows(effort)
 
 
 def events_s(instance: Instance, plan: Plan) -> tuple[float, ...]:

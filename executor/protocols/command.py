@@ -43,7 +43,7 @@ class CommandDialogue:
                     case 0:
                         return self._ended(Accepted()), ()
                     case 1:
-                        return replace(self, refusal="temporarily rejected"), ()
+                        return replace(self, refusal=RESULT_NAMES[result]), ()
                     case 5:
                         return replace(self, deadline_s=now_s + IN_PROGRESS_S), ()
                     case _:

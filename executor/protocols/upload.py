@@ -59,7 +59,7 @@ class UploadDialogue:
     """The item answered last, at `answered_s`."""
     answered_s: float = float("-inf")
     heard_s: float = 0.0
-    """When the vehicle last took part."""
+    """When the vehicle last asked for an item."""
     refusal: int | None = None
     """The error that it sent since its last request."""
 
@@ -70,7 +70,7 @@ class UploadDialogue:
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Announce the number of items."""
-        state = replace(self, counts_sent=1, deadline_s=now_s + COUNT_PERIOD_S, heard_s=now_s)
+        state = replace(self, counts_sent=1, deadline_s=now_s + COUNT_PERIOD_S)
         return state, (SendMissionCount(len(self.items)),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:

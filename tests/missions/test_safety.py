@@ -25,7 +25,7 @@ from missions import (
     tracks_m,
 )
 from missions.geo import FloatArray
-from missions.safety import FLAT_M, legs_m
+from missions.safety import FLAT_M, _leg_distances_m, legs_m
 from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
 
 
@@ -52,6 +52,14 @@ def test_with_heights_layers_count_from_the_pylon_tops() -> None:
     assert layers.track_heights_m.tolist() == [[50.0, 57.0]]
     assert layers.height_m("uav1", 200.0, -5.0) == pytest.approx(53.5, abs=0.1)
     assert layers.height_m("uav3", 200.0, -5.0) == pytest.approx(53.5 + 2 * layers.spacing_m, abs=0.1)
+
+
+def test_pylons_at_the_level_of_the_sea_and_without_height_count_as_they_are() -> None:
+    network = network_of(
+        [(0.0, 0.0), (0.0, 100.0), (0.0, 200.0)], [(0, 1), (1, 2)], [(0.0, 30.0), (0.0, 0.0), (20.0, 0.0)]
+    )
+    layers = plan_layers(network, FLEET, height_m=10.0, layer_m=5.0, standoff_m=5.0)
+    assert layers.track_heights_m.tolist() == [[-410.0, -440.0], [-440.0, -420.0]]
 
 
 def test_a_vehicle_without_a_layer_is_refused() -> None:
@@ -140,6 +148,24 @@ def test_homes_at_different_heights_count() -> None:
     path_b = path_through("b", [(50.0, -50.0, 27.0), (50.0, 50.0, 27.0)])
     assert separation_m(path_a, path_b, home_alt_m=(457.0, 450.0)) == pytest.approx(0.0, abs=1e-3)
     assert separation_m(path_a, path_b, home_alt_m=(450.0, 453.0)) == pytest.approx(10.0, abs=1e-3)
+
+
+def test_legs_that_touch_at_an_end_and_legs_that_cross() -> None:
+    flat = np.array([[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]])
+    for other, expected_m in [
+        ([[5.0, -5.0, 3.0], [5.0, 5.0, 3.0]], 3.0),
+        ([[5.0, 0.0, 3.0], [5.0, 9.0, 3.0]], 3.0),
+        ([[5.0, -9.0, 3.0], [5.0, 0.0, 3.0]], 3.0),
+        ([[5.0, 4.0, 3.0], [5.0, 9.0, 3.0]], 5.0),
+        ([[10.0, -5.0, 3.0], [10.0, 5.0, 3.0]], 3.0),
+        ([[14.0, -5.0, 3.0], [14.0, 5.0, 3.0]], 5.0),
+        ([[-4.0, -5.0, 3.0], [-4.0, 5.0, 3.0]], 5.0),
+        ([[2.0, 4.0, 3.0], [8.0, 4.0, 3.0]], 5.0),
+        ([[5.0, 4.0, 3.0], [5.0, 4.0, 3.0]], 5.0),
+    ]:
+        legs = np.array([other])
+        assert _leg_distances_m(flat, legs).tolist() == [[pytest.approx(expected_m)]], other
+        assert _leg_distances_m(legs, flat).tolist() == [[pytest.approx(expected_m)]], other
 
 
 def test_a_vehicle_on_the_ground_counts_for_nothing() -> None:

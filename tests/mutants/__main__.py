@@ -10,8 +10,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.mutants.judge import AlreadyFailing, Limits, Verdict
+from tests.mutants.judge import AlreadyFailing, Limits
 from tests.mutants.modules import MODULES
+from tests.mutants.mutate import Verdict
 from tests.mutants.run import EQUIVALENTS, BadList, at_place, candidates, chosen, equivalents, run
 
 ROOT = Path(__file__).parents[2]

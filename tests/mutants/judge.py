@@ -8,49 +8,37 @@ import importlib
 import json
 import os
 import re
-import resource
-import signal
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import cache
 from itertools import accumulate
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TypedDict, TypeVar
+from typing import TypedDict
 
 import coverage
 import pytest
-from hypothesis import Phase, settings
 
-from tests.mutants.mutate import Mutant
+from tests.mutants.forks import OPTIONS, Chosen, Died, TookTooLong, in_fork
+from tests.mutants.mutate import Mutant, Verdict
+from tests.mutants.quick import Collected
 
-OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning")
 TIMES = 3.0
 """The tests of a mutant may take so many times what they took before, while they were watched."""
+OWN = 0.2
+"""A test of a file that is named like it comes before others that take more than this share of its time."""
 LEARNING_S = 1800.0
-MEMORY_B = 4 << 30
-T = TypeVar("T")
-CAN_FORK = get_context("fork")
-
-
-class Verdict(Enum):
-    """What became of a mutant."""
-
-    KILLED = "killed"
-    SURVIVED = "survived"
-    TIMED_OUT = "timed out"
-    EQUIVALENT = "equivalent"
+FORM = 3
+"""Of what is stored."""
 
 
 class Learnt(TypedDict):
     """What was seen while a test file ran."""
 
     at: dict[str, dict[str, list[str]]]
+    imported: dict[str, list[int]]
+    """Lines that were executed while it was imported, with the project or alone."""
     took_s: dict[str, float]
     installed: list[str]
     """What it imports beside the project."""
@@ -75,6 +63,8 @@ class Known:
     tests_at: dict[str, dict[int, set[str]]]
     """By file and line; what is executed while modules are imported is not in it."""
     took_s: dict[str, float]
+    imported: dict[str, set[int]]
+    """By file, the lines that are executed while test files are imported."""
 
     def judging(self, mutant: Mutant, sources: Mapping[str, str], patience_s: float) -> list[str]:
         """Return the tests that can notice a change, the best ones first, as many as there is patience for.
@@ -93,119 +83,113 @@ class Known:
                     if number in at and name.search(line_text):
                         chosen |= at[number]
             chosen |= {test for test in self.took_s if _imports(Path(test.partition("::")[0]), mutant.path)}
-        # Those that are named after the file know it best.
+        # The quickest first; those that are named after the file know it best, and may take some time.
         own = f"/test_{Path(mutant.path).name}::"
-        quickest = sorted(chosen, key=lambda test: (own not in test, self.took_s[test], test))
+        quickest = sorted(chosen, key=lambda test: (self.took_s[test] * (OWN if own in test else 1.0), test))
         sums_s = accumulate(self.took_s[test] for test in quickest)
         return [
             test for test, sum_s in zip(quickest, sums_s, strict=True) if sum_s <= patience_s or test == quickest[0]
         ]
 
 
-class _Chosen:
-    """A plugin: runs these tests in this order, and does not look for the smallest example of a failure."""
-
-    def __init__(self, tests: Sequence[str]) -> None:
-        self.ranks = {test: rank for rank, test in enumerate(tests)}
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_configure(self) -> None:
-        settings.register_profile("mutants", settings(), phases=(Phase.explicit, Phase.generate))
-        settings.load_profile("mutants")
-
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = sorted((item for item in items if item.nodeid in self.ranks), key=lambda one: self.ranks[one.nodeid])
-        if len(items) < len(self.ranks):
-            raise pytest.UsageError("the change made tests disappear")
-
-
 class _Recording:
-    """A plugin: which test executes which lines, and how long it takes."""
+    """A plugin: which test executes which lines, how long it takes, and what is executed while its file is imported."""
 
     def __init__(self, recorder: coverage.Coverage) -> None:
         self.recorder = recorder
         self.took_s: dict[str, float] = {}
+        self.failed = ""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(self, collector: pytest.Collector) -> Iterator[None]:
+        with self._context(collector.nodeid if isinstance(collector, pytest.Module) else ""):
+            return (yield)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        self.recorder.switch_context(item.nodeid)
-        try:
+        with self._context(item.nodeid):
             return (yield)
+
+    @contextlib.contextmanager
+    def _context(self, name: str) -> Iterator[None]:
+        self.recorder.switch_context(name)
+        try:
+            yield
         finally:
             self.recorder.switch_context("")
 
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        if report.failed:
+            self.failed = self.failed or report.nodeid
+
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         self.took_s[report.nodeid] = self.took_s.get(report.nodeid, 0.0) + report.duration
+        if report.failed:
+            self.failed = self.failed or report.nodeid
 
 
-def _quiet() -> None:
-    """Make this process one that can be ended with all that it starts, and that prints nothing."""
-    os.setsid()
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for number in (0, 1, 2):
-        os.dup2(nowhere, number)
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_B, MEMORY_B))
-    sys.dont_write_bytecode = True
-
-
-def _in_fork(work: Callable[[], T], most_s: float) -> T | None:
-    """Return what a function returns in a fork of this process; None when it takes too long or dies."""
-    ours, theirs = CAN_FORK.Pipe(duplex=False)
-
-    def child(answer: Connection) -> None:
-        _quiet()
-        answer.send(work())
-        answer.close()
-        os._exit(0)
-
-    process = CAN_FORK.Process(target=child, args=(theirs,))
-    process.start()
-    theirs.close()
-    assert process.pid is not None
-    try:
-        return ours.recv() if ours.poll(most_s) else None
-    except EOFError:
-        return None
-    finally:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.kill()
-        process.join()
-        ours.close()
+def _helpers(test: Path, seen: frozenset[Path] = frozenset()) -> frozenset[Path]:
+    """Return the files of the tests that a test file imports, itself among them."""
+    seen |= {test}
+    for package, names in re.findall(
+        r"^from (tests[\w.]*) import ([^#\n]*)", test.read_text(encoding="utf-8"), re.MULTILINE
+    ):
+        folder = Path(package.replace(".", "/"))
+        for file in (folder.with_suffix(".py"), *(folder / f"{name}.py" for name in re.findall(r"\w+", names))):
+            if file not in seen and file.exists():
+                seen = _helpers(file, seen)
+    return seen
 
 
 def _fingerprint(test: Path) -> str:
-    """Return what changes with the test file, the project, or what tests share."""
-    files = [path for path in Path().rglob("*.py") if not path.name.startswith("test_") and "mutants" not in path.parts]
-    borrowed = re.findall(r"^from (tests\.\S*\.test_\w+) import", test.read_text(encoding="utf-8"), re.MULTILINE)
-    files += [Path(name.replace(".", "/") + ".py") for name in borrowed]
-    digest = hashlib.sha256(repr(sys.version_info).encode())
-    for path in [*sorted(files), test]:
+    """Return what changes with the test file, the project, or what the test imports of other tests."""
+    files = [path for path in Path().rglob("*.py") if path.parts[0] != "tests" or path.name == "conftest.py"]
+    digest = hashlib.sha256(repr((FORM, sys.version_info)).encode())
+    for path in [*sorted({*files, *_helpers(test)} - {test}), test]:
         digest.update(f"{path}\n".encode() + path.read_bytes())
     return digest.hexdigest()[:32]
 
 
-def _learn(test: Path, sources: Sequence[str]) -> Learnt | None:
-    """Run a test file once, unchanged, in a fork."""
+def _learn(tests: Sequence[Path], sources: Sequence[str]) -> dict[str, Learnt] | str:
+    """Run test files once, unchanged, in a fork; return what was seen of each, or a test that does not pass."""
 
-    def work() -> Learnt | None:
+    def work() -> dict[str, Learnt] | str:
         include = [str(Path.cwd() / path) for path in sources]
         recorder = coverage.Coverage(data_file=None, include=include, config_file=False)
         recording = _Recording(recorder)
         recorder.start()
-        code = pytest.main([*OPTIONS, str(test)], plugins=[recording])
+        code = pytest.main([*OPTIONS, *map(str, tests)], plugins=[recording])
         recorder.stop()
-        data = recorder.get_data()
-        at = {}
-        for path in sources:
-            lines = data.contexts_by_lineno(str(Path.cwd() / path))
-            at[path] = {str(line): sorted(filter(None, contexts)) for line, contexts in lines.items() if any(contexts)}
+        if recording.failed or code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+            return recording.failed or f"one of {', '.join(map(str, tests))}"
         files = {name: getattr(module, "__file__", None) or "" for name, module in list(sys.modules.items())}
         installed = [name for name, file in files.items() if "site-packages" in file]
-        passed = code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
-        return {"at": at, "took_s": recording.took_s, "installed": installed} if passed else None
+        learnt = {str(test): Learnt(at={}, imported={}, took_s={}, installed=installed) for test in tests}
+        for name, took_s in recording.took_s.items():
+            learnt[_file(name)]["took_s"][name] = took_s
+        for path in sources:
+            for line, names in recorder.get_data().contexts_by_lineno(str(Path.cwd() / path)).items():
+                for name in sorted(filter(None, names)):
+                    one = learnt[_file(name)]
+                    if name in one["took_s"]:
+                        one["at"].setdefault(path, {}).setdefault(str(line), []).append(name)
+                    else:
+                        one["imported"].setdefault(path, []).append(line)
+        return learnt
 
-    return _in_fork(work, LEARNING_S)
+    try:
+        return in_fork(work, LEARNING_S)
+    except (TookTooLong, Died):
+        return f"one of {', '.join(map(str, tests))}"
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]
+
+
+def files_of(tests: Sequence[str]) -> list[Path]:
+    """Return the test files that some files and folders are."""
+    return [file for name in tests for file in (sorted(Path(name).rglob("test_*.py")) or [Path(name)])]
 
 
 def learn(tests: Sequence[str], sources: Sequence[str], store: Path) -> Known:
@@ -219,35 +203,40 @@ def learn(tests: Sequence[str], sources: Sequence[str], store: Path) -> Known:
     Raises:
         AlreadyFailing: They do not pass without any change.
     """
-    known = Known({path: {} for path in sources}, {})
-    for test in (file for name in tests for file in (sorted(Path(name).rglob("test_*.py")) or [Path(name)])):
-        kept = store / f"{_fingerprint(test)}.json"
-        if kept.exists():
-            learnt: Learnt | None = json.loads(kept.read_text(encoding="utf-8"))
-        else:
-            learnt = _learn(test, sources)
-        if learnt is None:
-            raise AlreadyFailing(f"without any change it does not pass: {test}")
-        store.mkdir(exist_ok=True)
-        kept.write_text(json.dumps(learnt), encoding="utf-8")
+    store.mkdir(exist_ok=True)
+    kept = {test: store / f"{_fingerprint(test)}.json" for test in files_of(tests)}
+    if new := [test for test, file in kept.items() if not file.exists()]:
+        found = _learn(new, sources)
+        if isinstance(found, str):
+            raise AlreadyFailing(f"without any change it does not pass: {found}")
+        for test in new:
+            kept[test].write_text(json.dumps(found[str(test)]), encoding="utf-8")
+    known = Known({path: {} for path in sources}, {}, {path: set() for path in sources})
+    installed: set[str] = set()
+    for file in kept.values():
+        learnt: Learnt = json.loads(file.read_text(encoding="utf-8"))
         known.took_s.update(learnt["took_s"])
         for path in sources:
             for line, names in learnt["at"].get(path, {}).items():
                 known.tests_at[path].setdefault(int(line), set()).update(names)
-        for name in learnt["installed"]:
-            with contextlib.suppress(Exception), warnings.catch_warnings(action="ignore"):
-                importlib.import_module(name)
+            known.imported[path].update(learnt["imported"].get(path, []))
+        installed.update(learnt["installed"])
+    for name in sorted(installed):
+        with contextlib.suppress(Exception), warnings.catch_warnings(action="ignore"):
+            importlib.import_module(name)
     return known
 
 
-def passes(tests: Sequence[str], most_s: float) -> bool | None:
-    """Tell whether these tests pass, in this order; None when they take too long."""
+def _from_anew(tests: Sequence[str], most_s: float) -> Verdict:
+    """Return what these tests, in this order, make of the tree as it is now."""
     files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
-    began_s = time.monotonic()
-    code = _in_fork(lambda: int(pytest.main([*OPTIONS, *files], plugins=[_Chosen(tests)])), most_s)
-    if code is None and time.monotonic() - began_s >= most_s:
-        return None
-    return code == 0
+    try:
+        code = in_fork(lambda: int(pytest.main([*OPTIONS, *files], plugins=[Chosen(tests)])), most_s)
+    except TookTooLong:
+        return Verdict.TIMED_OUT
+    except Died:
+        return Verdict.KILLED
+    return Verdict.SURVIVED if code == 0 else Verdict.KILLED
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,19 +252,25 @@ class Limits:
     """What the tests of a mutant may take beside, before it is called endless."""
 
 
-def judge(mutant: Mutant, text: bytes, known: Known, sources: Mapping[str, str], limits: Limits) -> Verdict:
-    """Change the file, run what can notice it, and put the file back as it was."""
+def judge(
+    mutant: Mutant, text: bytes, known: Known, sources: Mapping[str, str], limits: Limits, collected: Collected
+) -> Verdict:
+    """Exchange a function, or change the file and put it back as it was, and run what can notice it."""
     tests = known.judging(mutant, sources, limits.patience_s)
     if not tests:
         return Verdict.SURVIVED
+    most_s = limits.slack_s + TIMES * sum(known.took_s[test] for test in tests)
+    verdict = collected.judged(mutant.path, mutant.apply(text), tests, most_s)
+    # What a test file made of the function while it was imported did not see the change.
+    unseen = known.imported[mutant.path].intersection(range(mutant.lines[0], mutant.lines[1] + 1))
+    if verdict is not None and not (verdict is Verdict.SURVIVED and unseen):
+        return verdict
     path = Path(mutant.path)
     stamp = path.stat()
     path.write_bytes(mutant.apply(text))
     try:
-        took_s = sum(known.took_s[test] for test in tests)
-        passed = passes(tests, limits.slack_s + TIMES * took_s)
+        return _from_anew(tests, most_s)
     finally:
         path.write_bytes(text)
         # What was compiled from it before is still what it says.
         os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-    return Verdict.TIMED_OUT if passed is None else Verdict.SURVIVED if passed else Verdict.KILLED

@@ -9,6 +9,7 @@ import ast
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 
 COMPARISONS: dict[type[ast.cmpop], tuple[str, tuple[str, ...]]] = {
@@ -38,6 +39,15 @@ CHANGERS = {"replace", "changed"}
 
 Statement = ast.stmt | ast.match_case | ast.ExceptHandler
 Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+class Verdict(Enum):
+    """What became of a mutant."""
+
+    KILLED = "killed"
+    SURVIVED = "survived"
+    TIMED_OUT = "timed out"
+    EQUIVALENT = "equivalent"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.mutants.judge import Known, Limits, Verdict, judge, learn
+from tests.mutants.judge import AlreadyFailing, Known, Limits, files_of, judge, learn
 from tests.mutants.modules import Module
-from tests.mutants.mutate import Mutant, mutants, readable
+from tests.mutants.mutate import Mutant, Verdict, mutants, readable
+from tests.mutants.quick import Collected
 
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 TOLD_S = 30.0
@@ -125,7 +126,8 @@ def run(
     todo: Sequence[Candidate], modules: Mapping[str, Module], reasons: Mapping[Key, str], store: Path, limits: Limits
 ) -> Results:
     """Judge the mutants in the tree that is the working directory; print what survives."""
-    results, learnt, began_s = Results(), dict[str, Known](), time.monotonic()
+    results, began_s = Results(), time.monotonic()
+    learnt: dict[str, tuple[Known, Collected]] = {}
     told_s = began_s
     root = Path.cwd()
     sources = {
@@ -140,12 +142,23 @@ def run(
             results.judged.append((one, Verdict.EQUIVALENT))
             continue
         if one.module not in learnt:
-            learnt[one.module] = learn(modules[one.module].tests, list(sources), store)
-        verdict = judge(one.mutant, one.text, learnt[one.module], sources, limits)
+            learnt[one.module] = _ready(modules[one.module], list(sources), store)
+        known, collected = learnt[one.module]
+        verdict = judge(one.mutant, one.text, known, sources, limits, collected)
         results.judged.append((one, verdict))
         if verdict is Verdict.SURVIVED:
             print(f"{one.shown()}\n", flush=True)
         if time.monotonic() - told_s >= TOLD_S:
             told_s = time.monotonic()
             print(f"  {len(results.judged)} of {len(todo)}, {results.rate():.0%} noticed", file=sys.stderr, flush=True)
+    for _, collected in learnt.values():
+        collected.end()
     return results
+
+
+def _ready(module: Module, sources: list[str], store: Path) -> tuple[Known, Collected]:
+    known = learn(module.tests, sources, store)
+    collected = Collected(tuple(sources))
+    if not collected.begin([str(file) for file in files_of(module.tests)]):
+        raise AlreadyFailing("without any change the tests cannot be collected")
+    return known, collected

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants.judge import AlreadyFailing, Limits, Verdict
+from tests.mutants.judge import AlreadyFailing, Limits
 from tests.mutants.modules import MODULES, Module
-from tests.mutants.mutate import mutants, readable
+from tests.mutants.mutate import Verdict, mutants, readable
+from tests.mutants.quick import swaps
 from tests.mutants.run import (  # fmt: skip
     EQUIVALENTS,
     BadList,
@@ -113,6 +114,33 @@ def test_what_was_learnt_holds_until_the_test_changes(toy: Path) -> None:
     second = judged(toy, "return value >= LIMIT")
     assert [results.judged[0][1] for results in (first, second)] == [Verdict.SURVIVED, Verdict.KILLED]
     assert len(list((toy / "store").iterdir())) == 2
+
+
+def test_what_a_test_made_of_the_project_while_it_was_imported_is_made_anew(toy: Path) -> None:
+    text = "from toy import over\n\nSEEN = over(12)\n\n\ndef test_seen():\n    over(12)\n    assert SEEN\n"
+    (toy / "test_toy.py").write_text(text)
+    results = judged(toy, "return value <= LIMIT", "return value >= LIMIT")
+    assert {one.key[2]: verdict for one, verdict in results.judged} == {
+        "return value <= LIMIT": Verdict.KILLED,
+        "return value >= LIMIT": Verdict.SURVIVED,
+    }
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "exchanged"),
+    [
+        ("def f():\n    return 1\n", "def f():\n    return 2\n", ["f"]),
+        ("def f():\n    return 1\n", "def f():\n    return 1\n", []),
+        ("class A:\n    def f(self):\n        return 1\n", "class A:\n    def f(self):\n        return 2\n", ["A.f"]),
+        ("def f(a=1):\n    return a\n", "def f(a=2):\n    return a\n", None),
+        ("B = 1\n", "B = 2\n", None),
+        ("class A:\n    b = 1\n", "class A:\n    b = 2\n", None),
+        ("g = lambda: 1\n", "g = lambda: 2\n", ["<lambda>"]),
+    ],
+)
+def test_which_functions_are_exchanged(before: str, after: str, exchanged: list[str] | None) -> None:
+    found = swaps(compile(before, "a.py", "exec"), compile(after, "a.py", "exec"))
+    assert (None if found is None else [old.co_qualname for old, _ in found]) == exchanged
 
 
 def test_the_seed_decides_the_choice(toy: Path) -> None:

@@ -212,3 +212,36 @@ def test_a_hopeless_loss_ends_at_once_and_says_why() -> None:
     assert result.impossible is not None
     assert result.plan.uncovered
     assert result.evaluation.violations == ()
+
+
+# Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.
+ROUTES = Plan((Route(0, (0, 2)), Route(1, (4, 6)), Route(2, ())))
+
+
+@pytest.mark.parametrize(
+    ("at_s", "completed", "finishing", "tail", "free_s", "spent_pct", "left_pct"),
+    [
+        (0.0, (), 0, (2,), 10.0, 10.0, 31.0),
+        (9.9, (), 0, (2,), 10.0, 10.0, 31.0),
+        (10.0, (0,), 2, (), 20.0, 20.0, 21.0),
+        (20.0, (0, 2), None, (), 40.0, 40.0, 1.0),
+        (50.0, (0, 2), None, (), 50.0, 40.0, 1.0),
+    ],
+)
+def test_what_a_survivor_has_done_and_may_do(
+    at_s: float, completed: tuple[int, ...], finishing: int | None, tail: tuple[int, ...], free_s: float,
+    spent_pct: float, left_pct: float,
+) -> None:  # fmt: skip
+    left = remaining(line(4, 41.0, 99.0, 70.0), ROUTES, 1, at_s)
+    one, spare = left.survivors
+    assert (one.completed, one.finishing, one.tail) == (completed, finishing, tail)
+    assert (one.free_s, one.spent_pct, one.budget_left_pct) == (free_s, spent_pct, left_pct)
+    assert (spare.completed, spare.finishing, spare.free_s, spare.budget_left_pct) == ((), None, at_s, 70.0)
+    assert left.instance.idle_s.tolist()[1] == left.instance.idle_pct.tolist()[1] == 0.0
+    assert left.instance.idle_s.tolist()[0] == (0.0 if finishing is None else 10.0 + 5.0 * finishing)
+
+
+@pytest.mark.parametrize("at_s", [0.0, 15.0, 50.0])
+def test_a_budget_that_is_overdrawn_leaves_nothing(at_s: float) -> None:
+    left = remaining(line(4, 5.0, 99.0, 70.0), ROUTES, 1, at_s)
+    assert left.survivors[0].budget_left_pct == 0.0

@@ -48,6 +48,13 @@ def test_events_are_completions_and_landings() -> None:
     assert events_s(line(4, 99.0, 99.0), PLAN) == (0, 10, 20, 30, 40, 80)
 
 
+def test_events_at_the_same_time_are_one() -> None:
+    nearly = 10.0 + 1e-10
+    ends_m = [[[0.0, 0.0], [10.0, 0.0]], [[0.0, 0.0], [0.0, nearly]]]
+    instance = build_instance(ends_m, (0.0, 0.0), fleet(99.0, 99.0), UNIT)
+    assert events_s(instance, Plan((Route(0, (0,)), Route(1, (2,))))) == (0, 10, 20)
+
+
 def test_a_generous_budget_gives_a_full_window() -> None:
     window = replan_window(line(4, 200.0, 200.0), PLAN)
     assert (window.window_pct, window.earliest_s, window.certified_earliest_s) == (100, 0, 0)
@@ -111,6 +118,9 @@ def test_the_re_plans_of_a_time_are_those_of_its_interval() -> None:
 def test_the_shares_are_of_the_longest_route() -> None:
     window = ReplanWindow(30.0, 10.0, 40.0, None)
     assert (window.window_pct, window.certified_window_pct) == (25.0, 75.0)
+    short = ReplanWindow(0.5, 0.25, 1.0, None)
+    assert (short.window_pct, short.certified_window_pct) == (50.0, 75.0)
+    assert ReplanWindow(0.0, 0.0, 0.0, None).window_pct == 100.0
 
 
 def test_a_plan_that_leaves_everything_out_has_an_empty_window_without_a_time() -> None:
@@ -144,9 +154,35 @@ def test_nothing_to_do_is_a_full_window() -> None:
     assert loss_table(line(0, 1.0, 1.0), idle) == ()
 
 
+def test_nobody_who_flies_can_be_lost() -> None:
+    idle = Plan((Route(0, ()), Route(1, ())), (0,))
+    assert repairs_at(line(1, 99.0, 99.0), idle, 0.0) == ()
+    assert loss_table(line(1, 99.0, 99.0), idle) == ()
+
+
+def test_the_only_one_who_flies_and_has_nothing_to_do_can_be_lost() -> None:
+    vehicles = [*fleet(200.0), Vehicle("b", (0.0, 10.0), 200.0, airborne=True)]
+    instance = build_instance([[[0.0, 0.0], [10.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
+    idle = Plan((Route(0, ()), Route(1, ())), (0,))
+    [row] = loss_table(instance, idle)
+    assert (row.vehicle, row.from_s, row.to_s, row.verdict) == (1, 0, 10, Repair.FEASIBLE)
+    assert [one.remainder.lost for one in repairs_at(instance, idle, 5.0)] == [1]
+
+
+def test_a_loss_on_a_line_of_one_segment_is_one() -> None:
+    instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (0,)), Route(1, ())))
+    assert [(row.from_s, row.to_s) for row in loss_table(instance, plan)] == [(10, 20), (0, 10)]
+    assert [one.remainder.open_segments for one in repairs_at(instance, plan, 5.0)] == [(0,)]
+
+
 def test_one_vehicle_has_nobody_left() -> None:
-    with pytest.raises(PlanError, match="only vehicle"):
-        replan_window(line(1, 99.0), Plan((Route(0, (0,)),)))
+    instance, plan = line(1, 99.0), Plan((Route(0, (0,)),))
+    with pytest.raises(PlanError, match="when it is lost"):
+        replan_window(instance, plan)
+    with pytest.raises(PlanError, match="when it is lost"):
+        loss_table(instance, plan)
+    with pytest.raises(PlanError, match="when it is lost"):
+        repairs_at(instance, plan, 5.0)
 
 
 def test_the_re_plans_of_the_earliest_time_are_complete() -> None:
@@ -180,3 +216,10 @@ def test_an_airborne_vehicle_without_a_visit_may_take_some() -> None:
     plan = Plan((Route(0, (0,)), Route(1, ())))
     assert replan_window(instance, plan).window_pct == 100
     check_rows(instance, plan)
+
+
+def test_a_plan_of_another_instance_is_refused() -> None:
+    instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (99,)), Route(1, ())))
+    for look in (replan_window, loss_table, lambda one, other: repairs_at(one, other, 5.0)):
+        with pytest.raises(PlanError, match="99"):
+            look(instance, plan)

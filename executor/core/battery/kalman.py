@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-QUANTUM_PCT = 1.0
-"""Both autopilots report whole percents."""
+ROUNDED_VAR = 1.0 / 12.0
+"""Of a report, in percent squared: both autopilots report whole percents."""
 SAWTOOTH_S = 12.0
 """A whole percent lasts this long in an ordinary flight (0.083 %/s in the recorded ones): reports nearer to each other
 share one rounding error, and count as one."""
@@ -75,7 +75,7 @@ class Projection:
 
 def first_estimate(reported_pct: float, prior: Prior) -> BatteryEstimate:
     """Return what the first report says."""
-    return BatteryEstimate(reported_pct, prior.factor, QUANTUM_PCT**2 / 12, 0.0, prior.sd**2)
+    return BatteryEstimate(reported_pct, prior.factor, ROUNDED_VAR, 0.0, prior.sd**2)
 
 
 def flown(estimate: BatteryEstimate, modelled_pct: float, elapsed_s: float) -> BatteryEstimate:
@@ -106,7 +106,7 @@ def corrected(
         since_s: since the report before.
         roughness_pct: how much the reports are known to waver.
     """
-    single = QUANTUM_PCT**2 / 12 + roughness_pct**2 / 4
+    single = ROUNDED_VAR + roughness_pct**2 / 4
     innovation = reported_pct - estimate.remaining_pct
     if abs(innovation) > max(OUTLIER_PCT, OUTLIER_SD * math.sqrt(estimate.var_remaining + single)):
         return jumped(estimate, reported_pct)
@@ -135,7 +135,7 @@ def _updated(estimate: BatteryEstimate, innovation: float, noise: float) -> Batt
 
 def jumped(estimate: BatteryEstimate, reported_pct: float) -> BatteryEstimate:
     """Take a report that no consumption explains: the charge is another one, the consumption is not."""
-    return replace(estimate, remaining_pct=reported_pct, var_remaining=QUANTUM_PCT**2 / 12, covariance=0.0)
+    return replace(estimate, remaining_pct=reported_pct, var_remaining=ROUNDED_VAR, covariance=0.0)
 
 
 def projected(estimate: BatteryEstimate, modelled_pct: float) -> Projection:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.changed import changed
 from executor.core.commands import CancelSolve, Command, Disarm, Level, Say
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
@@ -13,7 +12,7 @@ from executor.core.homing.homeward import Answer
 from executor.core.homing.places import fell, last_heard, mission_over, over_its_pad
 from executor.core.replan import replanning
 from executor.core.state import FleetState
-from executor.core.vehicle import Errand, Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
 from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -58,8 +57,7 @@ def _at_home(context: Context, vehicle: VehicleState) -> bool:
 
 
 def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:
-    vehicle = changed(state.vehicles[name], errand=Errand(now_s))
-    found = homeward.advice(context, vehicle, now_s)
+    found = homeward.advice(context, state.vehicles[name], now_s)
     match found.answer:
         case Answer.RETURN:
             return "it is told to return"

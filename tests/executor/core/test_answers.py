@@ -1,0 +1,487 @@
+"""What a vehicle's answer leads to, and what becomes of a wish without one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from executor.core.commands import Level, Say, SendHome
+from executor.core.events import OrderEnded, ReturnEnded, Tick
+from executor.core.intents import Action, Outcome
+from executor.core.state import ReplanRecord
+from executor.core.vehicle import Errand, Stage
+from tests.executor.core.faults.test_watchpoints import NOW_S, flying
+from tests.executor.core.steps import (
+    BATTERY_FAULT,
+    HOLD,
+    HOMEWARD,
+    SECOND,
+    STILL,
+    TOLD_HOME,
+    Row,
+    beat,
+    plan_of,
+    wished,
+)
+
+HOLDS = flying(held_s=NOW_S - 9.0, heartbeat=beat(HOLD), hold_asked_s=NOW_S - 9.0)
+COMES = flying(**HOMEWARD | {"heartbeat": beat()}, errand=Errand(NOW_S - 9.0, told=True))
+LIES = flying(stage=Stage.DOWN, fix=STILL)
+SENT_ON = flying(held_s=NOW_S - 90.0, mode_since_s=NOW_S - 20.1, ordered_mode_s=NOW_S - 90.0)
+HELD_LATE = flying(
+    heartbeat=beat(HOLD), hold_asked_s=NOW_S - 120.0, ordered_mode_s=NOW_S - 120.0, mode_since_s=NOW_S - 0.5
+)
+REPLANNED = ReplanRecord(4, "why", True, (), 0.5, NOW_S - 9.0, NOW_S - 5.0, 1.0)
+
+
+def answer(
+    action: Action, *, accepted: bool = True, reason: str = "", lost: bool = False, refused: bool = False
+) -> OrderEnded:
+    return OrderEnded("uav1", action, accepted, reason, lost, refused)
+
+
+def returns(*, accepted: bool = True, reason: str = "", lost: bool = False, refused: bool = False) -> ReturnEnded:
+    return ReturnEnded("uav1", accepted, reason, lost, refused)
+
+
+ROWS = [
+    Row(
+        "it holds",
+        HOLDS,
+        answer(Action.HOLD),
+        [Say(Level.INFO, "uav1: holds")],
+        {},
+        {"intents": {"wish": wished(Action.HOLD, ended_s=NOW_S, outcome=Outcome.DONE, text="it holds")}},
+        {"intents": {"wish": wished(Action.HOLD, "uav1")}},
+    ),
+    Row(
+        "it holds, with a remark",
+        HOLDS,
+        answer(Action.HOLD, reason="in BRAKE"),
+        [Say(Level.WARNING, "uav1: holds; in BRAKE")],
+        {},
+        {"intents": {"wish": wished(Action.HOLD, ended_s=NOW_S, outcome=Outcome.DONE, text="it holds; in BRAKE")}},
+        {"intents": {"wish": wished(Action.HOLD, "uav1")}},
+    ),
+    Row(
+        "it holds, and others are asked for more",
+        HOLDS,
+        answer(Action.HOLD),
+        [Say(Level.INFO, "uav1: holds")],
+        {},
+        {},
+        {"intents": {"wish": wished(Action.HOLD, "uav2"), "b": wished(Action.RETURN, "uav1")}},
+    ),
+    Row(
+        "it did not hold",
+        HOLDS,
+        answer(Action.HOLD, accepted=False, reason="no answer"),
+        [Say(Level.WARNING, "uav1: did not follow the order: hold (no answer)")],
+        {"uav1": {"ordered_mode_s": NOW_S}},
+        {"intents": {"wish": wished(Action.HOLD, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no answer")}},
+        {"intents": {"wish": wished(Action.HOLD, "uav1")}},
+    ),
+    Row(
+        "it did not hold and was sent on since",
+        flying(),
+        answer(Action.HOLD, accepted=False, reason="no answer"),
+        [Say(Level.WARNING, "uav1: did not follow the order: hold (no answer)")],
+        {},
+        {},
+    ),
+    Row(
+        "it goes on",
+        HOLDS,
+        answer(Action.RESUME),
+        [Say(Level.INFO, "uav1: flies on")],
+        {"uav1": {"ordered_mode_s": NOW_S, "anchor": None, "held_s": None, "hold_asked_s": -math.inf}},
+        {"intents": {"wish": wished(Action.RESUME, ended_s=NOW_S, outcome=Outcome.DONE, text="it flies on")}},
+        {"intents": {"wish": wished(Action.RESUME, "uav1")}},
+    ),
+    Row("it goes on that did not hold", flying(), answer(Action.RESUME), [Say(Level.INFO, "uav1: flies on")], {}, {}),
+    Row(
+        "it does not go on",
+        HOLDS,
+        answer(Action.RESUME, accepted=False, reason="no answer"),
+        [Say(Level.WARNING, "uav1: did not follow the order: resume (no answer)")],
+        {},
+        {"intents": {"wish": wished(Action.RESUME, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no answer")}},
+        {"intents": {"wish": wished(Action.RESUME, "uav1")}},
+    ),
+    Row(
+        "it lands",
+        COMES,
+        answer(Action.LAND),
+        [Say(Level.INFO, "uav1: lands")],
+        {"uav1": {"errand": None}},
+        {
+            "intents": {
+                "wish": wished(Action.LAND, ended_s=NOW_S, outcome=Outcome.DONE, text="it lands"),
+                "b": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.DONE, text="it returns"),
+                "c": wished(Action.HOLD, "uav1"),
+            }
+        },
+        {
+            "intents": {
+                "wish": wished(Action.LAND, "uav1"),
+                "b": wished(Action.RETURN, "uav1"),
+                "c": wished(Action.HOLD, "uav1"),
+            }
+        },
+    ),
+    Row(
+        "it does not land",
+        COMES,
+        answer(Action.LAND, accepted=False, reason="no", refused=True),
+        [Say(Level.WARNING, "uav1: did not follow the order: land (no)")],
+        {"uav1": {"errand": Errand(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
+        {"intents": {"wish": wished(Action.LAND, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no")}},
+        {"intents": {"wish": wished(Action.LAND, "uav1")}},
+    ),
+    Row(
+        "its motors are off",
+        LIES,
+        answer(Action.DISARM),
+        [Say(Level.WARNING, "uav1: disarmed; down at 49.600138, 15.603617, disarmed")],
+        {},
+        {"intents": {"wish": wished(Action.DISARM, ended_s=NOW_S, outcome=Outcome.DONE, text="its motors are off")}},
+        {"intents": {"wish": wished(Action.DISARM, "uav1")}},
+    ),
+    Row(
+        "its motors are off before it flew",
+        flying(stage=Stage.RETURNING),
+        answer(Action.DISARM),
+        [Say(Level.INFO, "uav1: disarmed")],
+        {},
+        {},
+    ),
+    Row(
+        "its motors run on where it lies",
+        LIES,
+        answer(Action.DISARM, accepted=False, reason="no"),
+        [Say(Level.WARNING, "uav1: did not follow the order: disarm (no)")],
+        {},
+        {"intents": {"wish": wished(Action.DISARM, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no")}},
+        {"intents": {"wish": wished(Action.DISARM, "uav1")}},
+    ),
+    Row(
+        "its motors run on where it is not any more",
+        flying(stage=Stage.RETURNING),
+        answer(Action.DISARM, accepted=False, reason="no"),
+        [Say(Level.WARNING, "uav1: did not follow the order: disarm (no)"), SendHome("uav1")],
+        {"uav1": TOLD_HOME},
+        {},
+    ),
+    Row(
+        "it returns",
+        COMES,
+        returns(),
+        [Say(Level.INFO, "uav1: returns")],
+        {"uav1": {"errand": None}},
+        {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.DONE, text="it returns")}},
+        {"intents": {"wish": wished(Action.RETURN, "uav1")}},
+    ),
+    Row(
+        "it returns, of two",
+        COMES,
+        returns(),
+        [Say(Level.INFO, "uav1: returns")],
+        {"uav1": {"errand": None}},
+        {"intents": {"wish": wished(Action.ABORT, "uav2")}},
+        {"intents": {"wish": wished(Action.ABORT, "uav1", "uav2")}},
+    ),
+    Row(
+        "it returns, after another did not",
+        COMES,
+        returns(),
+        [Say(Level.INFO, "uav1: returns")],
+        {"uav1": {"errand": None}},
+        {"intents": {"wish": wished(Action.ABORT, ended_s=5.0, outcome=Outcome.FAILED)}},
+        {"intents": {"wish": wished(Action.ABORT, "uav1", outcome=Outcome.FAILED, ended_s=5.0)}},
+    ),
+    Row(
+        "it returns, out of the plan",
+        COMES,
+        returns(reason="late"),
+        [Say(Level.INFO, "uav1: returns")],
+        {"uav1": {"errand": None}},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.EXCLUDE, ended_s=NOW_S, outcome=Outcome.DONE, text="it is out of the plan and returns; late"
+                )
+            }
+        },
+        {"intents": {"wish": wished(Action.EXCLUDE, "uav1")}},
+    ),
+    Row(
+        "it refuses to return",
+        COMES,
+        returns(accepted=False, reason="no", refused=True),
+        [Say(Level.WARNING, "uav1: refused the return (no)")],
+        {"uav1": {"errand": Errand(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
+        {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no")}},
+        {"intents": {"wish": wished(Action.RETURN, "uav1")}},
+    ),
+    Row(
+        "its answer is lost",
+        COMES,
+        returns(accepted=False, reason="nothing", lost=True),
+        [Say(Level.WARNING, "uav1: did not acknowledge the return (nothing)")],
+        {"uav1": {"errand": Errand(NOW_S - 9.0)}},
+        {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: nothing")}},
+        {"intents": {"wish": wished(Action.RETURN, "uav1")}},
+    ),
+    Row(
+        "it acknowledged and does not return",
+        COMES,
+        returns(accepted=False, reason="flies on"),
+        [
+            Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)"),
+            Say(Level.WARNING, "uav1: acknowledged the order and does not follow it; it is not told again"),
+        ],
+        {"uav1": {"errand": None}},
+        {},
+    ),
+    Row(
+        "it acknowledged and is not heard",
+        replace(COMES, heartbeat_s=NOW_S - 5.0),
+        returns(accepted=False, reason="flies on"),
+        [Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)")],
+        {"uav1": {"errand": None}},
+        {},
+    ),
+    Row(
+        "it acknowledged and was just heard",
+        replace(COMES, heartbeat_s=NOW_S - 4.9),
+        returns(accepted=False, reason="flies on"),
+        [
+            Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)"),
+            Say(Level.WARNING, "uav1: acknowledged the order and does not follow it; it is not told again"),
+        ],
+        {"uav1": {"errand": None}},
+        {},
+    ),
+    Row(
+        "it acknowledged and was never heard",
+        replace(COMES, heartbeat_s=None),
+        returns(accepted=False, reason="flies on"),
+        [Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)")],
+        {"uav1": {"errand": None}},
+        {},
+    ),
+    Row(
+        "it answers what it was not told",
+        replace(COMES, errand=Errand(NOW_S)),
+        returns(accepted=False, reason="no", refused=True),
+        [Say(Level.WARNING, "uav1: refused the return (no)")],
+        {},
+        {},
+    ),
+    Row("somebody else has sent on who held", SENT_ON, Tick(), [], {"uav1": {"anchor": None, "held_s": None}}, {}),
+    Row("who held flies on since a moment", replace(SENT_ON, mode_since_s=NOW_S - 20.0), Tick(), [], {}, {}),
+    Row("who was just told to hold flies on", replace(SENT_ON, ordered_mode_s=NOW_S - 20.0), Tick(), [], {}, {}),
+    Row(
+        "who held and is not heard may hold",
+        replace(SENT_ON, stale=True, heard_s=NOW_S - 4.0, spoke_s=NOW_S - 4.0),
+        Tick(),
+        [],
+        {},
+        {},
+        beside=(SECOND,),
+    ),
+    Row("who holds late holds", HELD_LATE, Tick(), [], {"uav1": {"held_s": NOW_S}}, {}),
+    Row("who holds later does so by itself", replace(HELD_LATE, hold_asked_s=NOW_S - 120.1), Tick(), [], {}, {}),
+    Row("who was told to hold and flies does not hold", replace(HELD_LATE, heartbeat=beat()), Tick(), [], {}, {}),
+    Row(
+        "who holds late on its way home only comes home",
+        replace(HELD_LATE, stage=Stage.RETURNING, left_s=NOW_S, errand=Errand(NOW_S, told=True)),
+        Tick(),
+        [],
+        {},
+        {},
+    ),
+    Row(
+        "a wish is not answered",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.RETURN, at_s=NOW_S - 90.1, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1 did not answer"
+                )
+            }
+        },
+        {"intents": {"wish": wished(Action.RETURN, "uav1", at_s=NOW_S - 90.1)}},
+    ),
+    Row(
+        "a wish may be answered still",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {},
+        {"intents": {"wish": wished(Action.RETURN, "uav1", at_s=NOW_S - 90.0)}},
+    ),
+    Row(
+        "a wish of who is lost",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav2 is not heard any more")
+            }
+        },
+        {"intents": {"wish": wished(Action.RETURN, "uav1", "uav2")}},
+        beside=(replace(SECOND, stage=Stage.LOST),),
+    ),
+    Row(
+        "a hold of who does not fly its mission any more",
+        flying(**HOMEWARD, fault=BATTERY_FAULT),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.HOLD, ended_s=NOW_S, outcome=Outcome.FAILED, text="overtaken, uav1 is returning: why"
+                )
+            }
+        },
+        {"intents": {"wish": wished(Action.HOLD, "uav1")}},
+    ),
+    Row(
+        "a resumption of who does not fly its mission any more",
+        flying(**HOMEWARD),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.RESUME, ended_s=NOW_S, outcome=Outcome.FAILED, text="overtaken, uav1 is returning"
+                )
+            }
+        },
+        {"intents": {"wish": wished(Action.RESUME, "uav1")}},
+    ),
+    Row(
+        "a return of who returns is waited for",
+        flying(**HOMEWARD),
+        Tick(),
+        [],
+        {},
+        {},
+        {"intents": {"wish": wished(Action.RETURN, "uav1")}},
+    ),
+    Row(
+        "a wish that has ended is not looked at",
+        flying(**HOMEWARD),
+        Tick(),
+        [],
+        {},
+        {},
+        {"intents": {"wish": wished(Action.HOLD, "uav1", outcome=Outcome.FAILED)}},
+    ),
+    Row(
+        "a re-plan is on board",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {
+            "orphans_since_s": NOW_S,
+            "intents": {
+                "wish": wished(Action.REPLAN, ended_s=NOW_S, outcome=Outcome.DONE, text="re-plan 4 is on board")
+            },
+        },
+        {"intents": {"wish": wished(Action.REPLAN)}, "records": (REPLANNED,), "recalled": False},
+    ),
+    Row(
+        "a re-plan is on board that leaves some over",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.REPLAN,
+                    ended_s=NOW_S,
+                    outcome=Outcome.DONE,
+                    text="re-plan 4 is on board, 2 segments are left over",
+                )
+            }
+        },
+        {"intents": {"wish": wished(Action.REPLAN)}, "records": (replace(REPLANNED, uncovered=(1, 2)),)},
+    ),
+    Row(
+        "a re-plan from before the wish",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(Action.REPLAN, ended_s=NOW_S, outcome=Outcome.FAILED, text="everybody was sent home")
+            }
+        },
+        {"intents": {"wish": wished(Action.REPLAN)}, "records": (replace(REPLANNED, ended_s=NOW_S - 10.0),)},
+    ),
+    Row(
+        "a re-plan while another goes on",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {},
+        {"intents": {"wish": wished(Action.REPLAN)}, "records": (REPLANNED,), "replan": plan_of(), "recalled": False},
+    ),
+    Row(
+        "a re-plan that is about to begin",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {"orphans_since_s": NOW_S},
+        {"intents": {"wish": wished(Action.REPLAN)}, "recalled": False, "urgent": True, "wait_until_s": NOW_S + 1.0},
+    ),
+    Row(
+        "a re-plan that was asked for is about to begin",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {"orphans_since_s": NOW_S},
+        {"intents": {"wish": wished(Action.REPLAN)}, "recalled": False, "ordered": True, "wait_until_s": NOW_S + 1.0},
+    ),
+    Row(
+        "a re-plan that nobody needs",
+        flying(),
+        Tick(),
+        [],
+        {},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.REPLAN,
+                    ended_s=NOW_S,
+                    outcome=Outcome.FAILED,
+                    text="there was nothing to plan, or nobody to fly it",
+                )
+            }
+        },
+        {"intents": {"wish": wished(Action.REPLAN)}, "recalled": False, "given_up": frozenset(range(6))},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row.what for row in ROWS])
+def test_everything_that_comes_of_it(row: Row) -> None:
+    assert row.shows() == row.expected()

@@ -1,0 +1,617 @@
+"""When a flight is over, and what becomes of who was away, or of whom we were away from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from executor.core import coverage
+from executor.core.commands import AskStreams, Finish, Level, Say
+from executor.core.coverage import Run, Sample, _Pace
+from executor.core.events import Tick
+from executor.core.faults.warnings import Told
+from executor.core.state import Absence, Offer
+from executor.core.vehicle import Before, Cause, Errand, Fault, FaultKind, Fix, Stage, Watch
+from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
+from tests.executor.core.steps import (
+    BATTERY_FAULT,
+    CREW,
+    HOLD,
+    HOMEWARD,
+    LEAVES,
+    LOW,
+    SECOND,
+    STILL,
+    TAKEN,
+    Row,
+    beat,
+    landed,
+    over_pad,
+    plan_of,
+)
+
+DONE = {"inspected": dict.fromkeys(range(6), "uav2")}
+STANDS = landed(stage=Stage.LANDED)
+WITH_FAILSAFE = replace(
+    FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": replace(FLEET.context.vehicles["uav1"], failsafe_s=5.0)}
+)
+RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+CAME_HOME = flying(
+    heartbeat=beat(RTL), cause=Cause.FAILSAFE, mode_since_s=NOW_S - 10.0, watches=(("mode", Watch(NOW_S - 3.0)),),
+    run=RUN,
+)  # fmt: skip
+AWAY = Absence(NOW_S - 2.0, 20.0, restarted=False)
+ALONE = flying(heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, heartbeat_s=NOW_S - 10.0, run=CAME_HOME.run, run_visit=0)
+WAS = Before(at(age_s=70.0), 1, None, None, 95.0, NOW_S - 70.0)
+BACK = flying(before=WAS, regained_s=NOW_S - 1.0, spoke_s=NOW_S, mode_since_s=NOW_S - 90.0)
+
+
+ROWS = [
+    Row(
+        "all is inspected, and everybody has landed",
+        STANDS,
+        Tick(),
+        [Finish("every segment is inspected")],
+        {},
+        {"finished": True},
+        {"recalled": False, "finished": False, "inspected": DONE["inspected"]},
+    ),
+    Row(
+        "something is left that was given up",
+        STANDS,
+        Tick(),
+        [Finish("5 segments are not inspected")],
+        {},
+        {"finished": True},
+        {"recalled": False, "finished": False, "given_up": frozenset(range(6)), "inspected": {0: "uav1"}},
+    ),
+    Row(
+        "something is left, and everybody was sent home",
+        STANDS,
+        Tick(),
+        [Finish("6 segments are not inspected")],
+        {},
+        {"finished": True},
+        {"finished": False},
+    ),
+    Row(
+        "something is left, and somebody is asked for it",
+        STANDS,
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment 4, "
+                    "segment 5): is the pad of uav1 clear of people?; include each that may take off"
+                ),
+            )
+        ],
+        {},
+        {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S), "offer_wanted_s": NOW_S},
+        {"recalled": False, "finished": False, "given_up": frozenset(range(6))},
+        context=CREW,
+    ),
+    Row(
+        "something is left, and nobody can",
+        replace(STANDS, battery=pack(10.0)),
+        Tick(),
+        [Finish("6 segments are not inspected")],
+        {},
+        {"finished": True},
+        {"recalled": False, "finished": False, "given_up": frozenset(range(6))},
+        context=CREW,
+    ),
+    Row(
+        "a re-plan goes on",
+        STANDS,
+        Tick(),
+        [],
+        {},
+        {},
+        {
+            "recalled": False,
+            "finished": False,
+            "replan": plan_of(pending=frozenset({"uav1"})),
+            "inspected": DONE["inspected"],
+        },
+    ),
+    Row("it has not begun", STANDS, Tick(), [], {}, {}, {"launched_s": None, "finished": False}),
+    Row("it is over already", STANDS, Tick(), [], {}, {}),
+    Row("somebody flies", flying(), Tick(), [], {}, {}, {"finished": False}),
+    Row("somebody starts", flying(stage=Stage.STARTING), Tick(), [], {}, {}, {"finished": False}),
+    Row("somebody comes home", flying(**HOMEWARD), Tick(), [], {}, {}, {"finished": False}),
+    Row(
+        "somebody is with a pilot",
+        flying(stage=Stage.PILOT, taken=TAKEN, heartbeat=beat(HOLD), cause=Cause.PERSON),
+        Tick(),
+        [],
+        {},
+        {},
+        {"finished": False},
+    ),
+    Row(
+        "somebody is lost",
+        flying(stage=Stage.LOST),
+        Tick(),
+        [Finish("6 segments are not inspected")],
+        {},
+        {"finished": True},
+        {"finished": False},
+    ),
+    Row(
+        "who came home as we were away is well",
+        CAME_HOME,
+        Tick(),
+        [Say(Level.WARNING, "uav1: ended its mission while the ground station was away; it comes home")],
+        {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
+        {"urgent": True, "trigger": "uav1: ended its mission while the ground station was away", "trigger_s": NOW_S},
+        {"absences": (AWAY,)},
+        context=WITH_FAILSAFE,
+    ),
+    Row(
+        "who came home as we were away for less than that is not",
+        CAME_HOME,
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+            )
+        ],
+        {
+            "uav1": LEAVES
+            | {
+                "run": None,
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "errand": Errand(NOW_S),
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
+        {"absences": (replace(AWAY, pause_s=3.9),)},
+        context=WITH_FAILSAFE,
+    ),
+    Row(
+        "who came home long after we were away is not",
+        CAME_HOME,
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+            )
+        ],
+        {
+            "uav1": LEAVES
+            | {
+                "run": None,
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "errand": Errand(NOW_S),
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
+        {"absences": (replace(AWAY, until_s=NOW_S - 30.1),)},
+        context=WITH_FAILSAFE,
+    ),
+    Row(
+        "who came home before we were away is not",
+        CAME_HOME,
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+            )
+        ],
+        {
+            "uav1": LEAVES
+            | {
+                "run": None,
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "errand": Errand(NOW_S),
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
+        {"absences": (replace(AWAY, pause_s=7.9),)},
+        context=WITH_FAILSAFE,
+    ),
+    Row(
+        "who has no failsafe is not",
+        CAME_HOME,
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+            )
+        ],
+        {
+            "uav1": LEAVES
+            | {
+                "run": None,
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "errand": Errand(NOW_S),
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
+        {"absences": (AWAY,)},
+    ),
+    Row(
+        "who was not away is not",
+        CAME_HOME,
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+            )
+        ],
+        {
+            "uav1": LEAVES
+            | {
+                "run": None,
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "errand": Errand(NOW_S),
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who held as we were away comes home",
+        replace(CAME_HOME, heartbeat=beat(HOLD)),
+        Tick(),
+        [Say(Level.WARNING, "uav1: ended its mission while the ground station was away; it comes home")],
+        {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
+        {"urgent": True, "trigger": "uav1: ended its mission while the ground station was away", "trigger_s": NOW_S},
+        {"absences": (AWAY,)},
+        context=WITH_FAILSAFE,
+    ),
+    Row(
+        "what a fall over the pad is, after a fault",
+        landed(stage=Stage.RETURNING, fault=BATTERY_FAULT, fix=over_pad(5.1, age_s=1.0), disarmed_s=NOW_S - 1.4),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                ("uav1: came down other than it lands; last position 49.600138, 15.599467, 5 m over its home"),
+            )
+        ],
+        {
+            "uav1": {
+                "stage": Stage.DOWN,
+                "anchor": Fix(
+                    at_s=NOW_S - 1.0,
+                    boot_s=NOW_S - 1.0,
+                    place_m=(-38.50000000000001, 15.400000000000002),
+                    alt_rel_m=5.1,
+                    alt_msl_m=455.1,
+                    velocity_m_s=(0.0, 0.0, 0.0),
+                ),
+            }
+        },
+        {},
+    ),
+    Row(
+        "what a landing on a hill over the pad is, after a fault",
+        landed(stage=Stage.RETURNING, fault=BATTERY_FAULT, fix=over_pad(5.0, age_s=1.0), disarmed_s=NOW_S - 1.4),
+        Tick(),
+        [],
+        {},
+        {},
+    ),
+    Row(
+        "who comes home with a fault that shows again and was just seen",
+        flying(**HOMEWARD | {"heartbeat": beat(RTL, status=8)}, fault=BATTERY_FAULT, errand=Errand(NOW_S, told=True)),
+        Tick(),
+        [],
+        {},
+        {},
+    ),
+    Row(
+        "nobody is heard",
+        ALONE,
+        Tick(),
+        [
+            Say(Level.WARNING, "nobody is heard any more: is it our own radio? Nothing is re-planned yet"),
+            Say(Level.WARNING, "uav1: nothing heard for 10.0 s"),
+        ],
+        {
+            "uav1": {
+                "run": None,
+                "stale": True,
+                "before": Before(
+                    fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
+                    waypoint=2,
+                    run=Run(
+                        furthest_m=50.0,
+                        recent=((5.0, 50.0),),
+                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                    ),
+                    run_visit=0,
+                    remaining_pct=90.0,
+                    until_s=NOW_S - 10.0,
+                ),
+            }
+        },
+        {"silent_since_s": NOW_S - 10.0},
+    ),
+    Row(
+        "nobody is heard for long enough to break an inspection",
+        ALONE,
+        Tick(),
+        [Say(Level.WARNING, "uav1: nothing heard for 10.0 s")],
+        {
+            "uav1": {
+                "run": None,
+                "stale": True,
+                "before": Before(
+                    fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
+                    waypoint=2,
+                    run=Run(
+                        furthest_m=50.0,
+                        recent=((5.0, 50.0),),
+                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                    ),
+                    run_visit=0,
+                    remaining_pct=90.0,
+                    until_s=NOW_S - 10.0,
+                ),
+            }
+        },
+        {},
+        {"silent_since_s": NOW_S - 10.0},
+    ),
+    Row(
+        "nobody is heard for a minute",
+        replace(ALONE, heard_s=NOW_S - 60.0, spoke_s=NOW_S - 60.0),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "nobody was heard for 60 s; in the air when last heard: uav1. The flight stays open and "
+                    "takes up whoever is heard again"
+                ),
+            ),
+            Say(Level.WARNING, "uav1: nothing heard for 60.0 s"),
+        ],
+        {
+            "uav1": {
+                "run": None,
+                "stale": True,
+                "before": Before(
+                    fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
+                    waypoint=2,
+                    run=Run(
+                        furthest_m=50.0,
+                        recent=((5.0, 50.0),),
+                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                    ),
+                    run_visit=0,
+                    remaining_pct=90.0,
+                    until_s=NOW_S - 60.0,
+                ),
+            }
+        },
+        {"silence_told_s": NOW_S},
+        {"silent_since_s": NOW_S - 60.0},
+    ),
+    Row(
+        "nobody was heard, and nobody can fly any more",
+        replace(ALONE, heard_s=NOW_S - 9000.0, spoke_s=NOW_S - 9000.0),
+        Tick(),
+        [
+            Say(Level.WARNING, "uav1: nothing heard for 9000.0 s"),
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: link, silent for 9000.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 "
+                    "m over its home"
+                ),
+            ),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.LOST,
+                "ordered_mode_s": NOW_S,
+                "anchor": None,
+                "run": None,
+                "stale": True,
+                "fault": Fault(FaultKind.LINK, "silent for 9000.0 s, time-out 10 s", NOW_S),
+                "before": Before(
+                    fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
+                    waypoint=2,
+                    run=Run(
+                        furthest_m=50.0,
+                        recent=((5.0, 50.0),),
+                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                    ),
+                    run_visit=0,
+                    remaining_pct=90.0,
+                    until_s=-8000.0,
+                ),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: link, silent for 9000.0 s, time-out 10 s", "trigger_s": NOW_S},
+        {"silent_since_s": NOW_S - 9000.0, "silence_told_s": NOW_S - 10.0},
+    ),
+    Row(
+        "somebody is heard again",
+        replace(ALONE, heard_s=NOW_S, spoke_s=NOW_S),
+        Tick(),
+        [Say(Level.INFO, "vehicles are heard again")],
+        {"uav1": {"excused_s": NOW_S}, "uav2": {"heard_s": NOW_S, "excused_s": NOW_S}},
+        {
+            "silent_since_s": None,
+            "silence_told_s": None,
+            "absences": (Absence(until_s=NOW_S, pause_s=60.0, restarted=False, deaf=True),),
+        },
+        {"silent_since_s": NOW_S - 60.0, "silence_told_s": NOW_S - 5.0},
+        beside=(replace(SECOND, heard_s=NOW_S - 60.0),),
+    ),
+    Row(
+        "who is heard again has not said where it is",
+        replace(BACK, fix=at(age_s=70.0)),
+        Tick(),
+        [Say(Level.WARNING, "uav1: no position for 70 s, while other messages come"), AskStreams("uav1")],
+        {"uav1": {"streams_asked_s": NOW_S}},
+        {"told": {"uav1": Told(at_s=(("positions", NOW_S),))}},
+    ),
+    Row(
+        "who is heard again has not said where it is for five seconds",
+        replace(BACK, fix=at(age_s=70.0), regained_s=NOW_S - 5.0),
+        Tick(),
+        [
+            Say(Level.WARNING, "uav1: no position for 70 s, while other messages come"),
+            AskStreams("uav1"),
+            Say(Level.FAULT, "uav1: interruption, no position for 70 s, while other messages come"),
+        ],
+        {
+            "uav1": LEAVES
+            | {
+                "fault": Fault(FaultKind.INTERRUPTION, "no position for 70 s, while other messages come", NOW_S),
+                "streams_asked_s": NOW_S,
+                "before": None,
+                "errand": Errand(NOW_S),
+            }
+        },
+        {
+            "urgent": True,
+            "trigger": "uav1: interruption, no position for 70 s, while other messages come",
+            "trigger_s": NOW_S,
+            "told": {"uav1": Told(at_s=(("positions", NOW_S),))},
+        },
+    ),
+    Row(
+        "who is heard again has not said its mode",
+        replace(BACK, heartbeat_s=NOW_S - 71.0),
+        Tick(),
+        [Say(Level.WARNING, "uav1: no HEARTBEAT for 71 s, while other messages come"), AskStreams("uav1")],
+        {"uav1": {"streams_asked_s": NOW_S}},
+        {"told": {"uav1": Told(at_s=(("heartbeat", NOW_S),))}},
+    ),
+    Row(
+        "who is heard again has not said its item",
+        replace(BACK, item_s=NOW_S - 71.0),
+        Tick(),
+        [
+            Say(Level.WARNING, "uav1: no word of the waypoint it flies to for 71 s, while other messages come"),
+            AskStreams("uav1"),
+        ],
+        {"uav1": {"streams_asked_s": NOW_S}},
+        {"told": {"uav1": Told(at_s=(("items", NOW_S),))}},
+    ),
+    Row(
+        "who is heard again and stands has no item to say",
+        replace(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
+        Tick(),
+        [
+            Say(Level.WARNING, "uav1: what it flew meanwhile does not count: 70 s are too short for its way of 154 s"),
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, disarmed over its pad in the midst of its mission; last position "
+                    "49.600138, 15.599467, 0 m over its home"
+                ),
+            ),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.DOWN,
+                "ordered_mode_s": NOW_S,
+                "anchor": None,
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed over its pad in the midst of its mission", NOW_S),
+                "before": None,
+                "left_s": NOW_S,
+            }
+        },
+        {
+            "urgent": True,
+            "trigger": "uav1: interruption, disarmed over its pad in the midst of its mission",
+            "trigger_s": NOW_S,
+        },
+    ),
+    Row("who is heard again is not heard yet", replace(BACK, regained_s=NOW_S - 71.0), Tick(), [], {}, {}),
+    Row(
+        "who is heard again was asked already",
+        replace(BACK, before=replace(WAS, until_s=-math.inf)),
+        Tick(),
+        [],
+        {"uav1": {"before": None}},
+        {},
+    ),
+    Row("who is heard again has no position", replace(BACK, fix=None), Tick(), [], {"uav1": {"before": None}}, {}),
+    Row(
+        "who is heard again is at fault before it is taken up",
+        replace(BACK, heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, item_s=NOW_S - 71.0, stale=True),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: link, silent for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m "
+                    "over its home"
+                ),
+            )
+        ],
+        {
+            "uav1": {
+                "stage": Stage.LOST,
+                "ordered_mode_s": NOW_S,
+                "anchor": None,
+                "fault": Fault(FaultKind.LINK, "silent for 10.0 s, time-out 10 s", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: link, silent for 10.0 s, time-out 10 s", "trigger_s": NOW_S},
+        beside=(SECOND,),
+    ),
+    Row(
+        "who is heard again is where it can be",
+        replace(
+            BACK,
+            before=replace(
+                WAS, fix=replace(at(age_s=40.0), place_m=(150.0, -5.0)), waypoint=2, run=CAME_HOME.run, run_visit=0
+            ),
+            waypoint=3,
+            fix=replace(at(), place_m=(250.0, -5.0)),
+        ),
+        Tick(),
+        [Say(Level.INFO, "uav1: flew segment 0 meanwhile, by its clock and where it is now")],
+        {
+            "uav1": {
+                "run": Run(
+                    furthest_m=50.0,
+                    recent=((NOW_S, 50.0),),
+                    pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                ),
+                "run_visit": 1,
+                "before": None,
+            }
+        },
+        {"inspected": {0: "uav1"}, "inferred": frozenset({0, 1})},
+    ),
+    Row(
+        "who is heard again is where it cannot be",
+        replace(
+            BACK,
+            before=replace(
+                WAS, fix=replace(at(age_s=60.0), place_m=(150.0, -5.0)), waypoint=2, run=CAME_HOME.run, run_visit=0
+            ),
+            waypoint=3,
+            fix=replace(at(), place_m=(250.0, -5.0)),
+        ),
+        Tick(),
+        [Say(Level.WARNING, "uav1: what it flew meanwhile does not count: it took 60 s where its way takes 36 s")],
+        {"uav1": {"before": None}},
+        {},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row.what for row in ROWS])
+def test_everything_that_comes_of_it(row: Row) -> None:
+    assert row.shows() == row.expected()

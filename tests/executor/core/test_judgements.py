@@ -1,0 +1,640 @@
+"""What is right for a vehicle that should come home, who has it, and whether it is down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from executor.core.custody import causes
+from executor.core.homing import down, homeward, places
+from executor.core.messages import Attitude, Heartbeat
+from executor.core.state import Absence
+from executor.core.vehicle import Cause, Errand, Stage, VehicleState
+from tests.executor.builders import fleet_of, vehicle
+from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, pack
+from tests.executor.core.steps import HOLD, HOMEWARD, LAND, STILL, TAKEN, Changes, beat, landed, over_pad, rounded
+
+CONTEXT = FLEET.context
+COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=Errand(NOW_S))
+PX4_FLEET = fleet_of(autopilot="px4")
+PX4_HOLD, PX4_MISSION, PX4_RTL, PX4_LAND = (number << 24 | 4 << 16 for number in (3, 4, 5, 6))
+
+
+def advice(**given: Any) -> str:
+    """Return what is to be done, and why."""
+    found = homeward.advice(CONTEXT, replace(COMES, **given), NOW_S)
+    return f"{found.answer.value}: {found.words}"
+
+
+def caused(mode: int, before: VehicleState, **given: Any) -> str:
+    """Return the cause of a mode that is new, and whether nothing can change that."""
+    after = replace(before, heartbeat=beat(mode), mode_since_s=NOW_S, **given)
+    judged = causes.judged(CONTEXT, (), before, after, NOW_S)
+    return judged.cause.value + (", for certain" if judged.certain else "")
+
+
+def ends(mode: int, **given: Any) -> str:
+    """Return why a vehicle of PX4's is in a mode at the end of its mission."""
+    before = vehicle(
+        PX4_FLEET,
+        "uav1",
+        **{"stage": Stage.FLYING, "heartbeat": Heartbeat(12, PX4_MISSION, True, 4), "waypoint": 5, **given},
+    )
+    after = replace(before, heartbeat=Heartbeat(12, mode, True, 4), mode_since_s=NOW_S)
+    return causes.cause_of(PX4_FLEET.context, (), before, after, NOW_S).value
+
+
+def missed(**given: Any) -> bool:
+    """Return whether a change of mode ten seconds ago is explained by our absence."""
+    absence = {"until_s": NOW_S - 5.0, "pause_s": 20.0, "restarted": False, "deaf": False}
+    setup = replace(CONTEXT.vehicles["uav1"], failsafe_s=given.pop("failsafe_s", 5.0))
+    one = flying(mode_since_s=given.pop("mode_since_s", NOW_S - 10.0), unseen_until_s=given.pop("unseen_until_s", None))
+    context = replace(CONTEXT, vehicles={"uav1": setup})
+    return causes.missed_us(context, (Absence(**absence | given),), one, NOW_S)
+
+
+def unseen(failsafe_s: float | None = None, **given: Any) -> bool:
+    """Return whether a hold that was found after a silence is a person's."""
+    told: Changes = {
+        "heartbeat": beat(HOLD),
+        "mode_since_s": NOW_S - 2.0,
+        "unseen_until_s": NOW_S - 2.0,
+        "unseen_from_boot_s": NOW_S - 17.0,
+    }
+    context = replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=failsafe_s)})
+    return causes.held_unseen(context, flying(**told | given))
+
+
+def down_words(**given: Any) -> str:
+    told: Changes = {**HOMEWARD, "fix": at(up_m=1.0), "anchor": at(up_m=1.0, age_s=30.0)}
+    return down.found_down(CONTEXT, flying(**told | given), NOW_S)
+
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    ("the way home", lambda: advice(waypoint=2), "return: "),
+    (
+        "a pilot's",
+        lambda: [advice(taken=TAKEN), advice(cause=Cause.PERSON), advice(cause=Cause.PERSON, heartbeat=DISARMED)],
+        [
+            "leave: it is with its pilot and is not commanded",
+            "leave: it is with its pilot and is not commanded",
+            "return: ",
+        ],
+    ),
+    (
+        "an order to land",
+        lambda: [advice(errand=Errand(NOW_S, land=True)), advice(errand=Errand(NOW_S, land=True), heartbeat=beat(RTL))],
+        ["land: ", "land: "],
+    ),
+    (
+        "who comes home by itself",
+        lambda: [advice(heartbeat=beat(mode)) for mode in (RTL, LAND, 21, HOLD)],
+        [
+            "leave: it comes home or lands by itself and is left to that",
+            "leave: it comes home or lands by itself and is left to that",
+            "leave: it comes home or lands by itself and is left to that",
+            "return: ",
+        ],
+    ),
+    (
+        "who comes home by itself, and the order is to be forced",
+        lambda: advice(heartbeat=beat(RTL), errand=Errand(NOW_S, force=True)),
+        "return: ",
+    ),
+    (
+        "whose failsafe acts",
+        lambda: [
+            advice(
+                cause=Cause.FAILSAFE,
+                heartbeat=beat(mode),
+                mode_since_s=NOW_S - since_s,
+                errand=Errand(NOW_S, force=force),
+            )
+            for mode, since_s, force in ((4, 0.0, False), (HOLD, 14.9, False), (HOLD, 15.0, False), (HOLD, 14.9, True))
+        ],
+        [
+            "leave: it is left to its own failsafe",
+            "wait: its own failsafe holds it and is waited for",
+            "return: ",
+            "return: ",
+        ],
+    ),
+    (
+        "where nobody knows it to be",
+        lambda: [
+            advice(fix=fix, errand=Errand(NOW_S - since_s))
+            for fix, since_s in ((None, 1.4), (None, 1.5), (at(age_s=3.0), 0.0), (at(age_s=3.1), 0.0))
+        ],
+        ["wait: ", "return: ", "return: ", "wait: "],
+    ),
+    (
+        "over its pad",
+        lambda: [advice(fix=over_pad(20.0, north_m=-north_m), waypoint=2, heartbeat=beat(4)) for north_m in (6.0, 6.1)],
+        ["land: ", "return: "],
+    ),
+    (
+        "over its pad on its mission",
+        lambda: [
+            advice(fix=fix, waypoint=waypoint, anchor=None)
+            for fix in (over_pad(20.0), over_pad(20.0, climbs_m_s=-0.3), over_pad(20.0, climbs_m_s=-0.4))
+            for waypoint in (1, 4, 5)
+        ],
+        [
+            "land: ",
+            "leave: it comes down on its pad and is left to that",
+            "leave: it comes down on its pad and is left to that",
+            "land: ",
+            "leave: it comes down on its pad and is left to that",
+            "leave: it comes down on its pad and is left to that",
+            "leave: it comes down on its pad and is left to that",
+            "leave: it comes down on its pad and is left to that",
+            "leave: it comes down on its pad and is left to that",
+        ],
+    ),
+    (
+        "over its pad for longer",
+        lambda: [advice(fix=over_pad(20.0), waypoint=5, anchor=over_pad(20.0, age_s=age_s)) for age_s in (9.9, 10.0)],
+        ["leave: it comes down on its pad and is left to that", "land: "],
+    ),
+    (
+        "landing on its mission away from its pad",
+        lambda: [advice(waypoint=5, heartbeat=beat(mode)) for mode in (AUTO, 4)],
+        ["leave: it is landing and is left to that", "return: "],
+    ),
+    ("beyond its mission", lambda: advice(waypoint=6), "return: "),
+    ("a stick's mode", lambda: caused(0, flying()), "person"),
+    (
+        "an ordered mode",
+        lambda: [
+            caused(HOLD, flying(ordered_modes=frozenset({HOLD}), ordered_mode_s=NOW_S - age_s))
+            for age_s in (120.0, 120.1)
+        ],
+        ["ours", "person"],
+    ),
+    (
+        "its mission's mode",
+        lambda: [caused(AUTO, flying(heartbeat=beat(4), stage=stage)) for stage in Stage],
+        ["person", "ours", "ours", "person", "person", "person", "person", "ours"],
+    ),
+    (
+        "a return that ends in a landing",
+        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause)) for cause in Cause],
+        ["ours", "mission", "failsafe", "person, for certain"],
+    ),
+    ("a mode in which it is still", lambda: caused(HOLD, flying(heartbeat=beat(HOLD), cause=Cause.MISSION)), "mission"),
+    (
+        "a mode that it was armed in",
+        lambda: [
+            caused(HOLD, flying(stage=stage, heartbeat=beat(HOLD, armed=False), cause=Cause.FAILSAFE))
+            for stage in (Stage.STARTING, Stage.FLYING, Stage.GROUND)
+        ],
+        ["ours", "person", "person"],
+    ),
+    ("the first mode that is heard", lambda: caused(HOLD, flying(heartbeat=None, cause=Cause.FAILSAFE)), "ours"),
+    (
+        "who disarms is nobody's",
+        lambda: causes.judged(CONTEXT, (), flying(), flying(heartbeat=DISARMED, cause=Cause.PERSON), NOW_S).cause,
+        Cause.OURS,
+    ),
+    (
+        "nobody's mode",
+        lambda: causes.judged(CONTEXT, (), flying(), flying(heartbeat=None, cause=Cause.PERSON), NOW_S).cause,
+        Cause.PERSON,
+    ),
+    (
+        "what a failsafe's text explains",
+        lambda: [
+            caused(mode, flying(), alarm=(text, NOW_S - age_s))
+            for mode in (RTL, HOLD, 4)
+            for text, age_s in (
+                ("Radio Failsafe", 15.0),
+                ("Radio Failsafe", 15.1),
+                ("Failsafe cleared", 0.0),
+                ("Low battery", 0.0),
+            )
+        ],
+        [
+            "failsafe",
+            "person",
+            "person",
+            "person",
+            "failsafe",
+            "person",
+            "person",
+            "person",
+            "person",
+            "person",
+            "person",
+            "person",
+        ],
+    ),
+    (
+        "what else explains a failsafe",
+        lambda: [
+            caused(RTL, flying(), **given)
+            for given in (
+                {"fence_breached": True},
+                {"battery": pack(90.0, charge_state=4)},
+                {"battery": pack(90.0, charge_state=3)},
+                {"unseen_until_s": NOW_S},
+                {"unseen_until_s": NOW_S - 1.0},
+            )
+        ],
+        ["failsafe", "failsafe", "person", "failsafe", "person"],
+    ),
+    (
+        "what its state explains",
+        lambda: [
+            causes.judged(
+                CONTEXT, (), flying(), flying(heartbeat=beat(RTL, status=status), mode_since_s=NOW_S), NOW_S
+            ).cause
+            for status in (4, 5, 6)
+        ],
+        [Cause.PERSON, Cause.FAILSAFE, Cause.FAILSAFE],
+    ),
+    (
+        "a person's still",
+        lambda: [
+            caused(
+                RTL,
+                flying(heartbeat=beat(0), cause=Cause.PERSON, mode_since_s=NOW_S - 9.0),
+                alarm=(text, NOW_S - age_s),
+            )
+            for text, age_s in (
+                ("", 0.0),
+                ("Radio Failsafe", 8.9),
+                ("Radio Failsafe", 9.0),
+                ("Radio Failsafe", 9.1),
+                ("hello", 0.0),
+            )
+        ],
+        ["person, for certain", "failsafe", "failsafe", "person, for certain", "person, for certain"],
+    ),
+    (
+        "no failsafe holds after it returned",
+        lambda: [
+            caused(HOLD, flying(heartbeat=beat(RTL), cause=cause), fence_breached=True)
+            for cause in (Cause.FAILSAFE, Cause.OURS)
+        ],
+        ["person, for certain", "failsafe"],
+    ),
+    (
+        "an order that was followed and left",
+        lambda: [
+            sorted(
+                causes.judged(
+                    CONTEXT,
+                    (),
+                    flying(heartbeat=beat(before), ordered_modes=frozenset({RTL, LAND})),
+                    flying(heartbeat=beat(after), ordered_modes=frozenset({RTL, LAND})),
+                    NOW_S,
+                ).ordered_modes
+            )
+            for before, after in ((RTL, HOLD), (RTL, LAND), (AUTO, HOLD), (AUTO, RTL))
+        ],
+        [[], [6, 9], [6, 9], [6, 9]],
+    ),
+    (
+        "the end of a mission of PX4's",
+        lambda: [
+            ends(mode, **given)
+            for mode in (PX4_HOLD, PX4_RTL, PX4_LAND)
+            for given in (
+                {},
+                {"waypoint": 4},
+                {"fix": at(up_m=2.0)},
+                {"fix": at(up_m=2.1)},
+                {"stage": Stage.RETURNING, "fix": at(up_m=1.0)},
+                {"waypoint": 6},
+            )
+        ],
+        [
+            "person",
+            "person",
+            "mission",
+            "person",
+            "person",
+            "person",
+            "mission",
+            "person",
+            "mission",
+            "mission",
+            "person",
+            "person",
+            "mission",
+            "person",
+            "mission",
+            "mission",
+            "person",
+            "person",
+        ],
+    ),
+    (
+        "who never landed",
+        lambda: [
+            causes.never_landed(CONTEXT, flying(**{"stage": Stage.LANDED, **given}))
+            for given in (
+                {},
+                {"fix": at(up_m=5.0)},
+                {"fix": at(up_m=5.1)},
+                {"fix": at(age_s=0.9)},
+                {"fix": at(age_s=1.0)},
+                {"heartbeat": DISARMED},
+                {"took_off": False},
+                {"fix": None},
+                {"stage": Stage.GROUND},
+                {"heartbeat_s": None},
+            )
+        ],
+        [True, False, True, True, False, False, False, False, False, False],
+    ),
+    (
+        "whose failsafe missed us",
+        lambda: [
+            missed(**given)
+            for given in (
+                {},
+                {"pause_s": 4.0, "mode_since_s": NOW_S},
+                {"pause_s": 3.9, "mode_since_s": NOW_S},
+                {"failsafe_s": None},
+                {"failsafe_s": None, "deaf": True},
+                {"failsafe_s": None, "deaf": True, "unseen_until_s": NOW_S - 10.0},
+                {"mode_since_s": NOW_S - 25.0},
+                {"mode_since_s": NOW_S - 25.1},
+                {"until_s": NOW_S - 30.0},
+                {"until_s": NOW_S - 30.1, "mode_since_s": NOW_S},
+            )
+        ],
+        [True, True, False, False, False, True, True, False, True, False],
+    ),
+    (
+        "whose failsafe missed us the last time",
+        lambda: [
+            causes.missed_us(
+                replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=5.0)}),
+                absences,
+                flying(mode_since_s=NOW_S - 10.0),
+                NOW_S,
+            )
+            for old, last in ((Absence(100.0, 20.0, restarted=False), Absence(NOW_S - 5.0, 20.0, restarted=False)),)
+            for absences in ((old, last), (last, old))
+        ],
+        [True, False],
+    ),
+    ("nobody was away", lambda: causes.missed_us(CONTEXT, (), flying(), NOW_S), False),
+    (
+        "a hold that no failsafe explains",
+        lambda: [
+            unseen(**given)
+            for given in (
+                {},
+                {"unseen_from_boot_s": NOW_S - 16.9},
+                {"failsafe_s": 10.0},
+                {"failsafe_s": 10.1},
+                {"failsafe_s": 9.9},
+                {"heartbeat": beat(RTL)},
+                {"fix": None},
+                {"unseen_from_boot_s": None},
+                {"unseen_until_s": None},
+                {"fix": at(age_s=2.0)},
+                {"fix": at(age_s=2.1)},
+                {"heartbeat": None},
+            )
+        ],
+        [True, False, True, False, True, False, False, False, False, True, False, False],
+    ),
+    ("a hold, by its own clock", lambda: unseen(fix=replace(at(), boot_s=NOW_S - 1.0)), False),
+    (
+        "whose hands",
+        lambda: [
+            causes.in_other_hands(flying(**given))
+            for given in ({}, {"taken": TAKEN}, {"cause": Cause.PERSON}, {"cause": Cause.PERSON, "heartbeat": DISARMED})
+        ],
+        [False, True, True, False],
+    ),
+    (
+        "who is taken for certain",
+        lambda: [
+            causes.takes_over(flying(mode_since_s=NOW_S - since_s, **given), NOW_S)
+            for since_s, given in (
+                (1.0, {}),
+                (1.0, {"cause": Cause.PERSON}),
+                (0.9, {"cause": Cause.PERSON}),
+                (1.0, {"cause": Cause.PERSON, "heartbeat": DISARMED}),
+            )
+        ],
+        [False, True, False, False],
+    ),
+    (
+        "a change of mode is looked at again",
+        lambda: [
+            causes.looked_at_again(
+                CONTEXT,
+                (),
+                flying(
+                    heartbeat=beat(RTL),
+                    cause=Cause.PERSON,
+                    mode_since_s=NOW_S - since_s,
+                    alarm=("Radio Failsafe", NOW_S),
+                    certain=certain,
+                ),
+                NOW_S,
+            ).cause
+            for since_s, certain in ((4.0, False), (4.1, False), (1.0, True))
+        ],
+        [Cause.FAILSAFE, Cause.PERSON, Cause.PERSON],
+    ),
+    (
+        "who is down",
+        lambda: [
+            down_words(**given)
+            for given in (
+                {},
+                {"anchor": at(up_m=1.0, age_s=29.9)},
+                {"left_s": NOW_S - 5.0},
+                {"left_s": NOW_S - 4.9},
+                {"left_s": None},
+                {"anchor": None},
+                {"fix": at(up_m=1.0, age_s=3.0), "anchor": at(up_m=1.0, age_s=33.0)},
+                {"fix": at(up_m=1.0, age_s=3.1), "anchor": at(up_m=1.0, age_s=43.0)},
+                {"heartbeat": beat(4)},
+                {"heartbeat": beat(RTL, armed=False)},
+                {"stage": Stage.FLYING},
+                {"stage": Stage.LOST},
+            )
+        ],
+        [
+            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            "",
+            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            "",
+            "",
+            "",
+            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            "",
+            "",
+            "",
+            "",
+            "",
+        ],
+    ),
+    (
+        "who says that it is on the ground",
+        lambda: [bool(down_words(on_ground=True, anchor=at(up_m=1.0, age_s=age_s))) for age_s in (4.9, 5.0)],
+        [False, True],
+    ),
+    (
+        "who says that it hangs in the air",
+        lambda: [
+            bool(down_words(on_ground=False, fix=at(up_m=up_m), anchor=at(up_m=up_m, age_s=age_s)))
+            for up_m, age_s in ((5.0, 30.0), (5.1, 149.0), (5.1, 150.0))
+        ],
+        [True, False, True],
+    ),
+    (
+        "who is over its pad",
+        lambda: [
+            bool(down_words(fix=over_pad(up_m), anchor=over_pad(up_m, age_s=age_s), on_ground=on_ground))
+            for up_m, age_s, on_ground in ((2.0, 30.0, None), (2.1, 300.0, None), (0.0, 29.0, True), (0.0, 30.0, True))
+        ],
+        [True, False, False, True],
+    ),
+    (
+        "who says nothing of its mode",
+        lambda: [
+            down_words(heartbeat=beat(4), heartbeat_s=heartbeat_s, excused_s=excused_s)
+            for heartbeat_s, excused_s in (
+                (NOW_S - 10.0, 5.0),
+                (NOW_S - 9.9, 5.0),
+                (NOW_S - 90.0, NOW_S - 9.9),
+                (None, 5.0),
+            )
+        ],
+        [
+            ("does not move, down at 49.600138, 15.603617; no HEARTBEAT says that it is disarmed: keep away"),
+            "",
+            "",
+            ("does not move, down at 49.600138, 15.603617; no HEARTBEAT says that it is disarmed: keep away"),
+        ],
+    ),
+    (
+        "who leans",
+        lambda: [
+            down_words(tilted_since_s=NOW_S - since_s, attitude=attitude, left_s=NOW_S)
+            for since_s, attitude in (
+                (2.9, Attitude(80.0, 0.0)),
+                (3.0, Attitude(80.0, 0.0)),
+                (3.0, Attitude(-80.0, 85.0)),
+                (3.0, None),
+            )
+        ],
+        [
+            "",
+            "leans by 80 degrees, down at 49.600138, 15.603617, armed: keep away",
+            "leans by 85 degrees, down at 49.600138, 15.603617, armed: keep away",
+            "leans by 0 degrees, down at 49.600138, 15.603617, armed: keep away",
+        ],
+    ),
+    (
+        "who flies again",
+        lambda: [
+            down.flies_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
+            for given in (
+                {},
+                {"fix": replace(STILL, alt_rel_m=5.0)},
+                {"fix": replace(STILL, alt_rel_m=5.1)},
+                {"fix": replace(STILL, alt_rel_m=-5.1)},
+                {"fix": replace(STILL, velocity_m_s=(1.5, 0.0, 0.0))},
+                {"fix": replace(STILL, velocity_m_s=(1.0, 1.0, 1.0))},
+                {"fix": at(), "heartbeat": DISARMED},
+                {"fix": at(), "tilted_since_s": 5.0},
+                {"fix": None},
+                {"anchor": None},
+            )
+        ],
+        [False, False, True, True, False, True, False, False, False, False],
+    ),
+    (
+        "who fell",
+        lambda: [
+            places.fell(CONTEXT, landed(**given))
+            for given in (
+                {},
+                {"alarm": ("Kill engaged", NOW_S - 17.0)},
+                {"alarm": ("Kill engaged", NOW_S - 17.1)},
+                {"alarm": ("RC: Motors Emergency Stopped", NOW_S + 13.0)},
+                {"fix": over_pad(5.0)},
+                {"fix": over_pad(5.1)},
+                {"fix": None},
+            )
+        ],
+        [False, True, False, True, False, True, False],
+    ),
+    (
+        "who sank",
+        lambda: [
+            places.sank(landed(fix=over_pad(up_m, climbs_m_s=climbs_m_s)))
+            for up_m, climbs_m_s in ((1.0, -1.2), (1.0, -1.3), (1.1, -0.3), (1.1, -0.4))
+        ],
+        [False, True, False, True],
+    ),
+    (
+        "who rests",
+        lambda: [
+            places.at_rest(
+                flying(
+                    fix=replace(STILL, at_s=NOW_S - age_s, velocity_m_s=(0.0, speed_m_s, 0.0)),
+                    disarmed_s=NOW_S - since_s,
+                ),
+                NOW_S,
+            )
+            for age_s, speed_m_s, since_s in ((1.5, 0.4, 3.0), (1.6, 0.4, 3.0), (1.5, 0.5, 3.0), (1.5, 0.4, 2.9))
+        ],
+        [True, False, False, False],
+    ),
+    (
+        "whose mission is over",
+        lambda: [
+            places.mission_over(CONTEXT, flying(**{"heartbeat": DISARMED, **given}))
+            for given in (
+                {},
+                {"rebooted_s": 5.0, "waypoint": 5},
+                {"away_once": True},
+                {"stage": Stage.RETURNING},
+                {"waypoint": 4},
+                {"waypoint": 5},
+                {"waypoint": 6},
+                {"unseen_until_s": NOW_S},
+                {"unseen_until_s": NOW_S - 1.0},
+                {"heartbeat": beat(RTL, armed=False)},
+                {"heartbeat": None},
+            )
+        ],
+        [False, False, True, True, True, True, True, True, False, True, False],
+    ),
+    (
+        "a place in words",
+        lambda: [
+            places.last_heard(CONTEXT, flying()),
+            places.last_heard(CONTEXT, flying(fix=None)),
+            places.where(CONTEXT, flying(fix=None)),
+            places.place_words(CONTEXT, flying()),
+            places.place_words(CONTEXT, landed()),
+        ],
+        [
+            "last position 49.600138, 15.603617, 20 m over its home",
+            "its position is not known",
+            "an unknown place",
+            "down at 49.600138, 15.603617, armed: keep away",
+            "down at 49.600138, 15.599467, disarmed",
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,620 @@
+"""The launch, and what became of each start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from executor.core import coverage
+from executor.core.carried import Carried
+from executor.core.commands import Disarm, LandNow, Level, Say, Start
+from executor.core.coverage import Sample
+from executor.core.events import Asked, LaunchOrdered, LossJudged, StartEnded
+from executor.core.messages import Heartbeat
+from executor.core.state import Briefing, Outlook, Question
+from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage
+from tests.executor.builders import fleet_of
+from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying, mission
+from tests.executor.core.steps import CREW, HOLD, LAND, LOW, Changes, Row, beat, over_pad
+
+READY = flying(
+    stage=Stage.GROUND, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, fix=LOW, anchor=None
+)
+STARTS = replace(READY, stage=Stage.STARTING)
+ARMED = replace(STARTS, heartbeat=beat(), armed_once=True)
+RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+USED: Changes = {
+    "run": RUN, "took_off": True, "anchor": LOW, "errand": Errand(NOW_S), "owed": (0, "why"),
+    "rebooted_s": 1.0, "away_once": True, "armed_once": True, "waypoint": 5, "carried": Carried(id=7),
+}  # fmt: skip
+BARE = replace(READY, name="uav2", board=None)
+PX4 = fleet_of(autopilot="px4")
+
+
+def ended(*, accepted: bool = False, armed: bool = False) -> StartEnded:
+    return StartEnded("uav1", accepted, "" if accepted else "arm: denied", armed)
+
+
+ROWS = [
+    Row(
+        "a launch",
+        replace(READY, **USED),
+        LaunchOrdered(),
+        [Start("uav1"), Start("uav2"), Start("uav3")],
+        {
+            "uav1": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "armed_once": False,
+                "anchor": None,
+                "waypoint": 0,
+                "run": None,
+                "took_off": False,
+                "excused_s": NOW_S,
+                "began_pct": 90.0,
+                "ordered_modes": frozenset({3, 4}),
+                "errand": None,
+                "rebooted_s": None,
+                "away_once": False,
+                "carried": Carried(ours_s=NOW_S),
+                "owed": None,
+            },
+            "uav2": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav3": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+        },
+        {"launched_s": NOW_S},
+        {"launched_s": None},
+    ),
+    Row(
+        "a launch of an autopilot without a guided start",
+        replace(READY, heartbeat=Heartbeat(12, 0, False, 3)),
+        LaunchOrdered(),
+        [Start("uav1"), Start("uav2"), Start("uav3")],
+        {
+            "uav1": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "excused_s": NOW_S,
+                "began_pct": 90.0,
+                "ordered_modes": frozenset({67371008}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav2": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({67371008}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav3": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({67371008}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+        },
+        {"launched_s": NOW_S},
+        {"launched_s": None},
+        context=PX4.context,
+    ),
+    Row(
+        "a launch without one that has no mission",
+        READY,
+        LaunchOrdered(),
+        [Start("uav1"), Start("uav3")],
+        {
+            "uav1": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "excused_s": NOW_S,
+                "began_pct": 90.0,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav2": {"excused_s": NOW_S},
+            "uav3": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+        },
+        {"given_up": frozenset({2, 3}), "launched_s": NOW_S},
+        {"launched_s": None},
+        beside=(BARE,),
+    ),
+    Row(
+        "a launch of who was heard lately",
+        replace(READY, heard_s=NOW_S - 14.9),
+        LaunchOrdered(),
+        [Start("uav1")],
+        {
+            "uav1": {
+                "stage": Stage.STARTING,
+                "heard_s": NOW_S,
+                "ordered_mode_s": NOW_S,
+                "excused_s": NOW_S,
+                "began_pct": 90.0,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav2": {"excused_s": NOW_S},
+            "uav3": {"excused_s": NOW_S},
+        },
+        {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
+        beside=(BARE, replace(BARE, name="uav3")),
+    ),
+    Row(
+        "a launch of who was not heard lately",
+        replace(READY, heard_s=NOW_S - 15.0),
+        LaunchOrdered(),
+        [Start("uav1")],
+        {
+            "uav1": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "began_pct": 90.0,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav3": {"excused_s": NOW_S},
+        },
+        {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
+        beside=(replace(BARE, heard_s=None), replace(BARE, name="uav3")),
+    ),
+    Row(
+        "a launch of who is armed already",
+        replace(READY, heartbeat=beat()),
+        LaunchOrdered(),
+        [],
+        {"uav1": {"excused_s": NOW_S}, "uav2": {"excused_s": NOW_S}, "uav3": {"excused_s": NOW_S}},
+        {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "launched_s": NOW_S},
+        beside=(BARE, replace(BARE, name="uav3")),
+    ),
+    Row(
+        "a launch that leaves out what is given up already",
+        READY,
+        LaunchOrdered(),
+        [Start("uav1")],
+        {
+            "uav1": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "excused_s": NOW_S,
+                "began_pct": 90.0,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+            },
+            "uav2": {"excused_s": NOW_S},
+            "uav3": {"excused_s": NOW_S},
+        },
+        {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S, "briefing": Briefing()},
+        {"given_up": frozenset({5}), "briefing": Briefing(question=Question("take-off", "go?", ()))},
+        beside=(BARE, replace(BARE, name="uav3")),
+    ),
+    Row(
+        "a start that is followed",
+        replace(ARMED, failures=2, cleared_s=NOW_S - 9.0, anchor=LOW),
+        ended(accepted=True),
+        [Say(Level.INFO, "uav1: flies its mission")],
+        {"uav1": {"stage": Stage.FLYING, "ordered_mode_s": NOW_S, "anchor": None, "failures": 0, "cleared_s": None}},
+        {},
+    ),
+    Row(
+        "a start that is followed after it was given up",
+        replace(ARMED, stage=Stage.RETURNING),
+        ended(accepted=True),
+        [],
+        {},
+        {},
+    ),
+    Row("a start that fails after it was given up", replace(ARMED, stage=Stage.RETURNING), ended(), [], {}, {}),
+    Row(
+        "a start that fails is tried again",
+        STARTS,
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+    ),
+    Row(
+        "a second start that fails is tried again",
+        replace(STARTS, failures=1),
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 2}},
+        {},
+    ),
+    Row(
+        "a third start that fails is the last",
+        replace(STARTS, failures=2),
+        ended(),
+        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "a crew's yes is fresh enough for another try",
+        STARTS,
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+        {"launched_s": NOW_S - 59.9},
+        context=CREW,
+    ),
+    Row(
+        "a crew's yes is too old for another try",
+        STARTS,
+        ended(),
+        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+        {"launched_s": NOW_S - 60.0},
+        context=CREW,
+    ),
+    Row(
+        "a crew's later yes for one vehicle counts",
+        replace(STARTS, cleared_s=NOW_S - 59.9),
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+        {"launched_s": NOW_S - 160.0},
+        context=CREW,
+    ),
+    Row(
+        "a start without a launch",
+        STARTS,
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+        {"launched_s": None},
+        context=CREW,
+    ),
+    Row(
+        "who has disarmed again is not started again where a crew is",
+        replace(STARTS, armed_once=True),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments left "
+                    "without a vehicle"
+                ),
+            )
+        ],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied, and it has disarmed", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {
+            "urgent": True,
+            "trigger": "uav1: interruption, did not start: arm: denied, and it has disarmed",
+            "trigger_s": NOW_S,
+        },
+        {"launched_s": NOW_S - 5.0},
+        context=CREW,
+    ),
+    Row(
+        "who acknowledged that it arms and is not is not started again where a crew is",
+        STARTS,
+        ended(armed=True),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments left "
+                    "without a vehicle"
+                ),
+            )
+        ],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied, and it has disarmed", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {
+            "urgent": True,
+            "trigger": "uav1: interruption, did not start: arm: denied, and it has disarmed",
+            "trigger_s": NOW_S,
+        },
+        {"launched_s": NOW_S - 5.0},
+        context=CREW,
+    ),
+    Row(
+        "who stands armed is started again where a crew is",
+        ARMED,
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+        {"launched_s": NOW_S - 5.0},
+        context=CREW,
+    ),
+    Row(
+        "who has disarmed again and stands there is started again for a simulation",
+        replace(STARTS, armed_once=True),
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+    ),
+    Row(
+        "who acknowledged that it arms and is not heard is not",
+        replace(STARTS, heartbeat_s=NOW_S - 3.5),
+        ended(armed=True),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments left "
+                    "without a vehicle"
+                ),
+            )
+        ],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied, and it has disarmed", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {
+            "urgent": True,
+            "trigger": "uav1: interruption, did not start: arm: denied, and it has disarmed",
+            "trigger_s": NOW_S,
+        },
+    ),
+    Row(
+        "who acknowledged that it arms and is heard just so is",
+        replace(STARTS, heartbeat_s=NOW_S - 3.4),
+        ended(armed=True),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+    ),
+    Row(
+        "who armed and has said no heartbeat is not",
+        replace(ARMED, heartbeat_s=None),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
+                    "without a vehicle"
+                ),
+            ),
+            Disarm(vehicle="uav1", force=False),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who armed and has no position is not",
+        replace(ARMED, fix=None),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
+                    "without a vehicle"
+                ),
+            ),
+            Disarm(vehicle="uav1", force=False),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who armed and whose position is old is not",
+        replace(ARMED, fix=over_pad(age_s=3.1)),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
+                    "without a vehicle"
+                ),
+            ),
+            Disarm(vehicle="uav1", force=False),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who armed and whose position is just fresh is",
+        replace(ARMED, fix=over_pad(age_s=3.0)),
+        ended(),
+        [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
+        {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
+        {},
+    ),
+    Row(
+        "who has taken off is not",
+        replace(ARMED, took_off=True, fix=over_pad(8.0)),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is over its pad and is told to land; "
+                    "2 segments left without a vehicle"
+                ),
+            ),
+            LandNow("uav1"),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "ordered_modes": frozenset({9}),
+                "errand": Errand(NOW_S, told=True),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who lands by itself is not",
+        replace(ARMED, heartbeat=beat(LAND)),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
+                    "without a vehicle"
+                ),
+            ),
+            Disarm(vehicle="uav1", force=False),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who is in another's hands is not",
+        replace(ARMED, heartbeat=beat(HOLD), cause=Cause.PERSON),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is with its pilot and is not "
+                    "commanded; 2 segments left without a vehicle"
+                ),
+            )
+        ],
+        {
+            "uav1": {
+                "stage": Stage.PILOT,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "who is held by its failsafe is not",
+        replace(ARMED, heartbeat=beat(HOLD), cause=Cause.FAILSAFE),
+        ended(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
+                    "without a vehicle"
+                ),
+            ),
+            Disarm(vehicle="uav1", force=False),
+        ],
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "a judgement of a loss",
+        flying(),
+        LossJudged("uav1", 3, (2, 4)),
+        [],
+        {},
+        {"outlook": {"uav2": Outlook(5.0, uncovered=()), "uav1": Outlook(NOW_S, uncovered=(2, 4))}},
+        {"revision": 3, "outlook": {"uav2": Outlook(5.0, ())}},
+    ),
+    Row(
+        "a judgement of a loss under an older plan",
+        flying(),
+        LossJudged("uav1", 2, (2, 4)),
+        [],
+        {},
+        {},
+        {"revision": 3},
+    ),
+    Row(
+        "a question to the crew",
+        READY,
+        Asked("take-off", "go?", ("one", "two")),
+        [],
+        {},
+        {"briefing": Briefing(question=Question(id="take-off", text="go?", lines=("one", "two")))},
+        {"briefing": Briefing(answered="prepare")},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row.what for row in ROWS])
+def test_everything_that_comes_of_it(row: Row) -> None:
+    assert row.shows() == row.expected()
