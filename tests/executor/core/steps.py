@@ -11,10 +11,9 @@ from executor.core import fleet
 from executor.core.commands import Command, Solve, Survivor, Upload
 from executor.core.context import Context, FlyAgain
 from executor.core.events import Event, IntentReceived, Tick
-from executor.core.faults.warnings import Told
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Heartbeat
-from executor.core.state import FleetState, NewMission, Replan
+from executor.core.state import FleetState, NewMission, Replan, Told
 from executor.core.vehicle import Errand, Fault, FaultKind, Fix, OnBoard, Stage, TakenOver, VehicleState
 from missions import continue_path, flight_path
 from tests.executor.builders import vehicle

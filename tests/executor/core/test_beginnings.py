@@ -16,14 +16,13 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
 from executor.core.commands import Solve
 from executor.core.events import Asked, OrderEnded, ReturnEnded, StartEnded
-from executor.core.faults.warnings import Told
 from executor.core.hearing.speaker import Speaker
 from executor.core.intents import Action
 from executor.core.limits import Limits
 from executor.core.link_quality import LinkQuality
 from executor.core.ports import LinkCounts
 from executor.core.recording import Skipped
-from executor.core.state import Absence, Briefing, FleetState, Replan
+from executor.core.state import Absence, Briefing, FleetState, Replan, Told
 from executor.core.vehicle import Cause, Errand, Stage, TakenOver, TextFlow, VehicleState, Watch
 from tests.executor.core.steps import Changes, rounded
 
@@ -267,7 +266,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             },
             {"window": (), "lost": None, "usual": None, "radio": None, "radio_s": -math.inf},
             {"rounded": 0.0, "rounded_s": -math.inf, "ceiled": 0.0, "ceiled_s": -math.inf},
-            {"ours_s": -math.inf, "id": None, "foreign_s": None, "words": ""},
+            {
+                "ours_s": -math.inf,
+                "id": None,
+                "foreign_s": None,
+                "words": "",
+                "told_s": None,
+                "asked_s": None,
+                "read_s": -math.inf,
+                "by_items": False,
+            },
             {
                 "excess_pct": 0.0,
                 "used_pct": 0.0,

@@ -11,8 +11,7 @@ from executor.core import coverage
 from executor.core.commands import AskStreams, Finish, Level, Say
 from executor.core.coverage import Run, Sample, _Pace
 from executor.core.events import Tick
-from executor.core.faults.warnings import Told
-from executor.core.state import Absence, Offer
+from executor.core.state import Absence, Offer, Told
 from executor.core.vehicle import Before, Cause, Errand, Fault, FaultKind, Fix, Stage, Watch
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 from tests.executor.core.steps import (

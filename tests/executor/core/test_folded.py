@@ -727,7 +727,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "words of a mission that somebody else put on board",
         lambda: folded(flying(), StatusText(6, "Flight plan received")),
         (
-            {"carried": {"foreign_s": NOW_S, "words": "it says that it has received one"}},
+            {"carried": {"told_s": NOW_S}},
             None,
             StatusText(severity=6, text="Flight plan received"),
         ),

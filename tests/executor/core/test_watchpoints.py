@@ -12,10 +12,10 @@ from executor.core.battery.account import BatteryState, Charge
 from executor.core.battery.cusum import Drift
 from executor.core.context import VehicleSetup
 from executor.core.faults import streams, warnings, watchpoints
-from executor.core.faults.warnings import Told
 from executor.core.faults.watching import View
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio
+from executor.core.state import Told
 from executor.core.vehicle import Cause, Stage, VehicleState
 from missions import PX4
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, pack, volts
