@@ -15,6 +15,7 @@ from executor.bench.parts.names import PartName
 from executor.bench.parts.setting import Setting
 from executor.bench.progress import ShownProgress
 from executor.bench.store import Json, Store, write_result, write_text
+from executor.extras import Extra, need
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +41,12 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
     """Measure the parts one after the other, and write solvers-<part>.md and .json of each.
 
     Raises:
+        ExtraMissing: one of them is drawn, and nothing is installed to draw with.
         BenchError: something that was measured cannot be, or the directory cannot be written.
     """
+    for part in parts:
+        if WORK[part].draw is not None:
+            need(Extra.PICTURES, f"bench solvers --part {part.value}")
     for part in parts:
         if data is None and part in NEED_DATA:
             missing = "no ../shared/data beside the project or from here; --data DIR names it"

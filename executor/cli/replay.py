@@ -15,6 +15,7 @@ from executor.cli.options import JsonOption
 from executor.cli.planning import writable
 from executor.core.recording import Skipped
 from executor.errors import LogError, SiteError
+from executor.extras import Extra, need
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import open_log
@@ -55,6 +56,8 @@ def replay_logs(
 
     For a run directory every decision is made again; exit 1 if one differs from the flight's.
     """
+    if output is not None:
+        need(Extra.PICTURES, "--output")
     rules = rules_of(None if site is None else read_site(site))
     paths = [path for given in logs for path in _logs_in(given)]
     if tune:
