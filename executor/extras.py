@@ -34,7 +34,7 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
 """What is imported of each."""
 
 
-def lacking(extra: Extra, wanted_by: str) -> str:
+def what_to_install(extra: Extra, wanted_by: str) -> str:
     """Return what to install where an extra is missing; empty where it is there. Nothing is loaded for that.
 
     Args:
@@ -50,8 +50,8 @@ def need(extra: Extra, wanted_by: str) -> None:
     """Go on only where an extra is there.
 
     Raises:
-        ExtraMissing: it is not; the text is that of `lacking`.
+        ExtraMissing: it is not; the text is that of `what_to_install`.
     """
-    line = lacking(extra, wanted_by)
+    line = what_to_install(extra, wanted_by)
     if line:
         raise ExtraMissing(line)

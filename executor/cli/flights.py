@@ -45,7 +45,7 @@ from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
 from executor.errors import PreflightFailed
-from executor.extras import Extra, lacking
+from executor.extras import Extra, what_to_install
 from executor.flight import fly as flying
 from executor.flight.broker import settings_of
 from executor.flight.flight_order import Order, keep
@@ -300,7 +300,7 @@ def _show_flight(run: Path, report: Mapping[str, object]) -> None:
 
     try:
         record = read_run(run)
-        if line := lacking(Extra.PICTURES, "a picture of the flight"):
+        if line := what_to_install(Extra.PICTURES, "a picture of the flight"):
             _told(f"faultline: {line}", to=sys.stderr)
         else:
             _draw_flight(run, record)

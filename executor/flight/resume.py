@@ -22,7 +22,7 @@ from executor.core.commands import Command, Level, Say, Solve
 from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.errors import LogError
-from executor.extras import Extra, lacking
+from executor.extras import Extra, what_to_install
 from executor.flight import fly
 from executor.flight.broker import Settings, settings_of
 from executor.flight.changed_parameters import parameters_report, read_kept
@@ -236,7 +236,7 @@ def _broker(run: Path, ground: Ground) -> Settings | None:
 def _order_in_the_air(run: Path, ground: Ground, plan: PlanFile) -> Order:
     """Return the order of a flight that was launched: it is taken up though it cannot be published."""
     order = _unpublished(run, ground, plan)
-    return order if lacking(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_broker(run, ground))
+    return order if what_to_install(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_broker(run, ground))
 
 
 async def begin_again(run: Path, ready: Ready, console: Console) -> FlightResult:
@@ -288,7 +288,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
             raise LogError(f"{run}: expected a flight that was launched")
         order = known.order
         if order.mqtt is None and order.site.mqtt is not None:
-            why = lacking(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
+            why = what_to_install(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
             console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         clock = SystemClock.again(known.head.speedup, known.head.began_unix_s, known.last_s, known.set_s)
         async with AsyncExitStack() as stack:

@@ -14,7 +14,7 @@ from executor.core.commands import Level
 from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, SiteError
-from executor.extras import Extra, lacking
+from executor.extras import Extra, what_to_install
 from executor.flight.flight_order import Teller
 from executor.runtime.flight import Flight
 from executor.site.config import WebTable
@@ -32,7 +32,7 @@ def check_web(table: WebTable) -> None:
     """
     if table.enabled:
         _token(table)
-        if lacking(Extra.WEB, "the page"):
+        if what_to_install(Extra.WEB, "the page"):
             return  # said beside the flight, which goes on without
         import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
 
@@ -63,7 +63,7 @@ async def page_beside(table: WebTable, flight: Flight, clock: SystemClock, conso
     if not table.enabled:
         yield
         return
-    if line := lacking(Extra.WEB, "the page"):
+    if line := what_to_install(Extra.WEB, "the page"):
         console.say(Level.WARNING, f"{line}; the flight goes on without it")
         yield
         return
