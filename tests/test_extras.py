@@ -83,7 +83,7 @@ def called(folder: Path, calls: Sequence[str]) -> Mapping[str, tuple[int, str, s
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}){WITHOUT}", order]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=200)
     assert done.returncode == 0, done.stderr
-    return dict(zip(calls, json.loads(done.stdout), strict=True))
+    return {call: (code, out, err) for call, (code, out, err) in zip(calls, json.loads(done.stdout), strict=True)}
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_a_missing_one_is_one_line_that_says_what_to_install(
 ) -> None:
     wanted_by, extra = REFUSED[call]
     line = f'faultline: {wanted_by} needs the extra {extra.value}: pip install "faultline[{extra.value}]"\n'
-    assert said[call] == [2, "", line]
+    assert said[call] == (2, "", line)
 
 
 def test_each_extra_is_refused_somewhere() -> None:

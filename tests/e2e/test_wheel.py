@@ -56,8 +56,8 @@ class Place:
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     built = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-build-isolation", "--no-deps", "-w", built, ROOT]
-    subprocess.run(command, check=True, timeout=200)
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-build-isolation", "--no-deps", "-w"]
+    subprocess.run([*command, built, ROOT], check=True, timeout=200)
     [made] = built.glob("faultline-*.whl")
     return made
 
