@@ -2,6 +2,7 @@
 
 ExecutorError
 ├── SiteError          a site file that cannot be used: file, key and what was expected
+├── ExtraMissing       what is asked for needs a part that is not installed
 ├── ConnectionFailed   an endpoint that cannot be opened, or a vehicle that never answered
 ├── PreflightFailed    a check before take-off that says no
 │   └── VehicleRefused a vehicle that does not take its mission
@@ -15,6 +16,10 @@ class ExecutorError(Exception):
 
 class SiteError(ExecutorError):
     """The site file cannot be used."""
+
+
+class ExtraMissing(ExecutorError):
+    """What is asked for needs an extra that is not installed."""
 
 
 class ConnectionFailed(ExecutorError):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from executor.adapters.extras import Extra, need
 from executor.bench.errors import BenchError
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import markdown_page
@@ -40,8 +41,12 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
     """Measure the parts one after the other, and write solvers-<part>.md and .json of each.
 
     Raises:
+        ExtraMissing: one of them is drawn, and nothing is installed to draw with.
         BenchError: something that was measured cannot be, or the directory cannot be written.
     """
+    for part in parts:
+        if WORK[part].draw is not None:
+            need(Extra.PICTURES, f"bench solvers --part {part.value}")
     for part in parts:
         if data is None and part in NEED_DATA:
             missing = "no ../shared/data beside the project or from here; --data DIR names it"

@@ -1,4 +1,4 @@
-"""Another solver to compare with, PyVRP, where it is installed: pip install pyvrp.
+"""Another solver to compare with, PyVRP, where it is installed: the extra bench.
 
 A segment is a mutually exclusive group of two clients, one for each direction; distances are whole numbers, and the
 budget is each vehicle's longest distance. It minimises the sum: it has no min-max objective.

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from executor.adapters.extras import Extra, need
 from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
 from executor.cli.options import (
@@ -169,6 +170,7 @@ def table(
     from executor.bench.table.command import make_table
     from executor.bench.table.settings import RADII_M, TIGHTNESS, TableSettings
 
+    need(Extra.PICTURES, "bench table")
     settings = TableSettings(
         network=_network_path(network, data),
         radii_m=tuple(radius or RADII_M),
@@ -208,6 +210,7 @@ def upload(
     """Upload missions over bad links: faultline's way and MAVSDK's, to simulated vehicles of both autopilots."""
     from executor.bench.upload import DELAYS_S, ITEMS, LOSSES, keep_uploads, measure_uploads
 
+    need(Extra.MAVSDK, "bench upload")
     content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
     if out is not None:
         keep_uploads(content, text, out)
@@ -268,6 +271,10 @@ def fleet(
     """
     from executor.bench.fleet import COUNTS, Burden, make_fleet
 
+    if out is not None:
+        need(Extra.PICTURES, "bench fleet --out")
+    if browsers:
+        need(Extra.WEB, "bench fleet --browsers")
     burden = Burden(tuple(fault or ()), garbage, browsers)
     content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     print(json.dumps(content) if as_json else text)

@@ -12,8 +12,10 @@ from typing import Annotated, TextIO, cast
 
 import typer
 
+from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.interrupts import nobody_reads
 from executor.adapters.run_directory import RunDirectory, new_run_directory
+from executor.analysis.flight_record import FlightRecord
 from executor.analysis.report import checked
 from executor.cli.console import TerminalConsole
 from executor.cli.errors import OUR_ERRORS
@@ -45,8 +47,9 @@ from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
 from executor.errors import PreflightFailed
 from executor.flight import fly as flying
+from executor.flight.broker import settings_of
 from executor.flight.flight_order import Order, keep
-from executor.flight.mqtt import settings_of
+from executor.flight.linking import check_backends
 from executor.flight.next_sortie import next_sortie, sortie_words
 from executor.flight.parameter_changes import check_run, still_open
 from executor.runtime import turns
@@ -171,6 +174,7 @@ def fly(
     """
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
+    check_backends(content)
     ground = assembly.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
@@ -202,6 +206,7 @@ def preflight(
 
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
+    check_backends(content)
     ground = assembly.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
     routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
@@ -290,14 +295,22 @@ def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool
 
 
 def _show_flight(run: Path, report: Mapping[str, object]) -> None:
-    from executor.analysis.pictures import draw_battery, draw_map
     from executor.analysis.read_run import read_run
     from executor.analysis.report_page import write_page
 
     try:
         record = read_run(run)
-        draw_map(record, RunDirectory(run).map)
-        draw_battery(record, RunDirectory(run).battery)
+        if line := what_to_install(Extra.PICTURES, "a picture of the flight"):
+            _told(f"faultline: {line}", to=sys.stderr)
+        else:
+            _draw_flight(run, record)
         write_page(record, report, RunDirectory(run).page)
     except (OSError, *OUR_ERRORS) as error:
         _told(f"faultline: the pictures could not be made: {error}", to=sys.stderr)
+
+
+def _draw_flight(run: Path, record: FlightRecord) -> None:
+    from executor.analysis.pictures import draw_battery, draw_map
+
+    draw_map(record, RunDirectory(run).map)
+    draw_battery(record, RunDirectory(run).battery)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import typer
 
+from executor.adapters.extras import Extra, need
 from executor.cli.console import TerminalConsole
 from executor.cli.options import PlanCostName, SolverName
 from executor.core.commands import Level
@@ -126,6 +127,18 @@ def writable(path: Path, write: Callable[[], object]) -> None:
         write()
     except OSError as error:
         raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def can_be_drawn(option: str, path: Path | None) -> None:
+    """Check before the work that a picture will have a place, and that it can be drawn; None if nobody asked for one.
+
+    Raises:
+        ExtraMissing: nothing is installed to draw with.
+        SiteError: as `can_be_written`.
+    """
+    if path is not None:
+        need(Extra.PICTURES, option)
+        can_be_written(path)
 
 
 def can_be_written(*paths: Path | None) -> None:

@@ -35,7 +35,7 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import announced, can_be_written, plan_and_tell, wanted_of, writable
+from executor.cli.planning import announced, can_be_drawn, can_be_written, plan_and_tell, wanted_of, writable
 from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
 from executor.flight import next_sortie
@@ -96,7 +96,8 @@ def plan(
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
     wanted = wanted_of(PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts)
-    can_be_written(None if front else output, picture)
+    can_be_written(None if front else output)
+    can_be_drawn("--picture", picture)
     ground = assembly.ground_of(read_site(site), site.parent)
     console = TerminalConsole(quiet=as_json, yes=True)
     if front:
@@ -197,7 +198,7 @@ def window(
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
     """
-    can_be_written(picture)
+    can_be_drawn("--picture", picture)
     content = read_plan(plan)
     found = replan_window(content.instance(), content.plan, seed=seed)
     if picture is not None:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from executor.adapters.extras import Extra, need
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
 from executor.cli.planning import writable
@@ -55,6 +56,8 @@ def replay_logs(
 
     For a run directory every decision is made again; exit 1 if one differs from the flight's.
     """
+    if output is not None:
+        need(Extra.PICTURES, "--output")
     rules = rules_of(None if site is None else read_site(site))
     paths = [path for given in logs for path in _logs_in(given)]
     if tune:

@@ -11,7 +11,7 @@ import typer
 
 from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, PlanArgument, SeedOption, finite
-from executor.cli.planning import can_be_written, writable
+from executor.cli.planning import can_be_drawn, writable
 from executor.site import risk as flights
 from missions import read_plan
 from planner import Campaign, Risk, flight_chunks, risk_campaign
@@ -69,7 +69,7 @@ def risk(
     others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without
     one it is left over. The same seed gives the same answer for any number of processes.
     """
-    can_be_written(picture)
+    can_be_drawn("--picture", picture)
     content = read_plan(plan)
     names = [vehicle.name for vehicle in content.vehicles]
     console = TerminalConsole(quiet=as_json, yes=True)

@@ -14,7 +14,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
-from executor.flight.mqtt import Settings
+from executor.flight.broker import Settings
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site

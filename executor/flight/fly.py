@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
@@ -32,13 +33,15 @@ from executor.flight.changed_parameters import parameters_report
 from executor.flight.flight_order import Console, Order
 from executor.flight.leaving import Interrupts
 from executor.flight.linking import open_links
-from executor.flight.mqtt import Publication
 from executor.flight.preparing import examined, interviews, load_all
 from executor.flight.recorder import NOTHING_LEFT, Keeper, Legacy, in_force
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
 from executor.site.assembly import Ground
 from executor.site.plan_words import route_words, summary
+
+if TYPE_CHECKING:
+    from executor.flight.mqtt import Publication
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +60,23 @@ async def fly(order: Order, console: Console) -> FlightResult:
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
-    web.check_web(order.site.web)
+    load_parts(order)
     clock = SystemClock(order.site.flight.speedup)
     solver = solver_of(order, order.ground, console)
     with locked(order.run), supervised.hear(lambda text: console.say(Level.FAULT, text), order.run):
         async with open_links(order, clock) as links, solver:
             return await _fly(order, console, clock, solver, links)
+
+
+def load_parts(order: Order) -> None:
+    """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
+
+    Raises:
+        SiteError: as `web.check_web`.
+    """
+    web.check_web(order.site.web)
+    if order.mqtt is not None:
+        import executor.flight.mqtt  # noqa: F401 - it is loaded, and used later
 
 
 def solver_of(order: Order, ground: Ground, console: Console) -> SolverProcess:
@@ -179,7 +193,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
-    publication = None if order.mqtt is None else Publication(order.mqtt, order.run, clock)
+    publication = _publication(order, clock)
     keeper = Keeper(order, context, console, seat.log, clock, publication, seat.legacy)
     if publication is not None:
         publication.plan(seat.state.revision, in_force(order, seat.state.revision))
@@ -213,6 +227,14 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     except OSError as error:
         console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
     return FlightResult(report, context, interrupts.left)
+
+
+def _publication(order: Order, clock: SystemClock) -> Publication | None:
+    if order.mqtt is None:
+        return None
+    from executor.flight.mqtt import Publication
+
+    return Publication(order.mqtt, order.run, clock)
 
 
 def _published(

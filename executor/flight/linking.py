@@ -7,16 +7,28 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 
 from executor.adapters.clock import SystemClock
+from executor.adapters.extras import Extra, need
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import link as mavsdk
+from executor.adapters.mavsdk.library import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
 from executor.core.ports import Keyring, LinkOrder, OpenLink
 from executor.flight.flight_order import Order
 from executor.runtime.flight import keep_heartbeat
-from executor.site.config import signing_key
+from executor.site.config import Site, signing_key
 from executor.supervised import beside
+
+
+def check_backends(site: Site) -> None:
+    """Check that what the site's vehicles are reached through is installed, before anything is planned for them.
+
+    Raises:
+        ExtraMissing: MAVSDK is not.
+    """
+    if any(table.backend == "mavsdk" for table in site.vehicle):
+        need(Extra.MAVSDK, WANTED_BY)
 
 
 @asynccontextmanager

@@ -6,6 +6,7 @@ import asyncio
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
@@ -19,12 +20,14 @@ from executor.core.state import FleetState
 from executor.flight.checkpointing import Checkpointer
 from executor.flight.checkpoints import Checkpoint, Planned
 from executor.flight.flight_order import Console, Order
-from executor.flight.mqtt import Publication
 from executor.runtime.flight import Observer
 from executor.site.assembly import Ground
 from executor.supervised import report_mistake
 from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
 from planner import Plan, Route, Vehicle
+
+if TYPE_CHECKING:
+    from executor.flight.mqtt import Publication
 
 CLOCK_SET_S = 2.0
 """Less than this a clock drifts, or is corrected, without that anybody set it."""

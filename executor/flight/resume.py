@@ -8,12 +8,13 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
+from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
 from executor.adapters.run_directory import RunDirectory, locked, write_json
 from executor.analysis.report import Said, report_of
@@ -22,13 +23,13 @@ from executor.core.commands import Command, Level, Say, Solve
 from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.errors import LogError
-from executor.flight import fly, web
+from executor.flight import fly
+from executor.flight.broker import Settings, settings_of
 from executor.flight.changed_parameters import parameters_report, read_kept
 from executor.flight.checkpoints import FoundCheckpoint, Planned, newest
 from executor.flight.flight_order import Console, Order
 from executor.flight.fly import Cockpit, FlightResult
 from executor.flight.linking import open_links
-from executor.flight.mqtt import settings_of
 from executor.flight.recorder import Legacy, plan_path
 from executor.flight.run_start import Beginning, beginning
 from executor.simulated.injected import happenings
@@ -103,7 +104,7 @@ def outset(run: Path) -> Ready | Outset:
     known = found.checkpoint
     set_s = clock_set_s(path) if known is None else known.set_s + clock_set_s(path, known.place)
     last_s = last_event_s(path) or 0.0
-    return Outset(order_of(run, ground, plan), read_head(path), found, last_s, set_s)
+    return Outset(_order_in_the_air(run, ground, plan), read_head(path), found, last_s, set_s)
 
 
 def read_left(run: Path) -> Ready | Left:
@@ -221,8 +222,21 @@ def over(run: Path, left: Left) -> Mapping[str, object] | None:
 
 def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
     """Return the order to fly what a run directory describes."""
-    mqtt = settings_of(ground.site.mqtt, run, str(RunDirectory(run).site))
-    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), mqtt)
+    return replace(_unpublished(run, ground, plan), mqtt=_broker(run, ground))
+
+
+def _unpublished(run: Path, ground: Ground, plan: PlanFile) -> Order:
+    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock))
+
+
+def _broker(run: Path, ground: Ground) -> Settings | None:
+    return settings_of(ground.site.mqtt, run, str(RunDirectory(run).site))
+
+
+def _order_in_the_air(run: Path, ground: Ground, plan: PlanFile) -> Order:
+    """Return the order of a flight that was launched: it is taken up though it cannot be published."""
+    order = _unpublished(run, ground, plan)
+    return order if what_to_install(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_broker(run, ground))
 
 
 async def begin_again(run: Path, ready: Ready, console: Console) -> FlightResult:
@@ -273,11 +287,14 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
         if isinstance(known, Ready):
             raise LogError(f"{run}: expected a flight that was launched")
         order = known.order
+        if order.mqtt is None and order.site.mqtt is not None:
+            why = what_to_install(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
+            console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         clock = SystemClock.again(known.head.speedup, known.head.began_unix_s, known.last_s, known.set_s)
         async with AsyncExitStack() as stack:
             links = await stack.enter_async_context(open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
-            await asyncio.to_thread(web.check_web, order.site.web)
+            await asyncio.to_thread(fly.load_parts, order)
             left = await _read(run, known)
             report = over(run, left)
             if report is not None:

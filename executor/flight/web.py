@@ -10,6 +10,7 @@ from contextlib import ExitStack, asynccontextmanager
 from functools import partial
 
 from executor.adapters.clock import SystemClock
+from executor.adapters.extras import Extra, what_to_install
 from executor.core.commands import Level
 from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
@@ -31,6 +32,8 @@ def check_web(table: WebTable) -> None:
     """
     if table.enabled:
         _token(table)
+        if what_to_install(Extra.WEB, "the page"):
+            return  # said beside the flight, which goes on without
         import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
 
 
@@ -58,6 +61,10 @@ async def page_beside(table: WebTable, flight: Flight, clock: SystemClock, conso
     It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
     """
     if not table.enabled:
+        yield
+        return
+    if line := what_to_install(Extra.WEB, "the page"):
+        console.say(Level.WARNING, f"{line}; the flight goes on without it")
         yield
         return
     from executor.adapters.web import WebServer, WebSettings

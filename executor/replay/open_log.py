@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from executor.adapters.extras import Extra, need
 from executor.core.recording import RecordedFile
 from executor.errors import LogError
 
@@ -27,6 +28,7 @@ def open_log(path: Path) -> OpenedLog:
     """Return a reader for a log; damaged and empty ones have one too, by their name.
 
     Raises:
+        ExtraMissing: it is a ULog, and nothing is installed to read it with.
         LogError: it cannot be read, or is no log of a kind that is known.
     """
     try:
@@ -44,6 +46,7 @@ def open_log(path: Path) -> OpenedLog:
 
         return OpenedLog(DataFlashFile(path), on_board=True)
     if kind == ".ulg":
+        need(Extra.LOGS, f"{path}: a ULog")
         from executor.adapters.logs.ulog import UlogFile
 
         return OpenedLog(UlogFile(path), on_board=True)

@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from executor.adapters.extras import Extra, need
 from executor.adapters.interrupts import end_children, held_back
 from executor.errors import ConnectionFailed, ExecutorError
 from planner import Campaign, Chunk, Risk, Tally, flight_chunks, fly_chunk, risks_of
@@ -63,15 +64,15 @@ def crew(*, jobs: int | None, dask: str | None) -> Iterator[Crew]:
         dask: address of a Dask scheduler, such as tcp://10.0.0.1:8786; None for this computer.
 
     Raises:
-        ConnectionFailed: the cluster is away, or its client is not installed.
+        ExtraMissing: the cluster's client is not installed.
+        ConnectionFailed: the cluster is away.
     """
     if dask is None:
         yield partial(_here, jobs or os.cpu_count() or 1)
         return
-    try:
-        import distributed
-    except ImportError as error:
-        raise ConnectionFailed('--dask: not installed; pip install "faultline[dask]"') from error
+    need(Extra.DASK, "--dask")
+    import distributed
+
     try:
         client = distributed.Client(dask, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:

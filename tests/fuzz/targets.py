@@ -21,9 +21,9 @@ from executor.adapters.eventlog import from_plain, to_plain
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mqtt.intake import IntakeRules, RefusedMessage, read_intent
+from executor.adapters.mqtt.broker import IntakeRules, Topics
+from executor.adapters.mqtt.intake import RefusedMessage, read_intent
 from executor.adapters.mqtt.outbox import Outbox
-from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import Publisher
 from executor.adapters.web import WebServer, WebSettings
 from executor.core import fleet

@@ -10,12 +10,15 @@ import atexit
 import functools
 from typing import TYPE_CHECKING
 
+from executor.adapters.extras import Extra, need
 from executor.core.messages import GROUND_STATION
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:
     from mavsdk import Mavsdk
 
+WANTED_BY = 'backend = "mavsdk"'
+"""As the site file says it."""
 MOST_AT_ONCE = 16
 """MAVSDKs in one process: with 24 it wrote beyond its memory, and the process died (measured). One holds any fleet."""
 
@@ -24,8 +27,10 @@ def load() -> None:
     """Load MAVSDK, and keep its log off standard output: results for scripts go there, and silence shows by itself.
 
     Raises:
-        ConnectionFailed: MAVSDK is not there.
+        ExtraMissing: MAVSDK is not installed.
+        ConnectionFailed: it cannot be loaded.
     """
+    need(Extra.MAVSDK, WANTED_BY)
     try:
         import mavsdk  # noqa: F401 - whether it can be
     except Exception as error:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import ssl
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 import aiomqtt
 
+from executor.adapters.mqtt.broker import Broker
 from executor.adapters.mqtt.outbox import Letter, Outbox, UnderWay
 from executor.core.commands import Level
 
@@ -51,23 +51,6 @@ class Presence(Enum):
     """The flight has ended, or is not supervised any more."""
     BROKEN = "CONNECTIONBROKEN"
     """The broker says so itself: the connection ended without a word."""
-
-
-@dataclass(frozen=True, slots=True)
-class Broker:
-    """Where the broker is, and what it wants to know."""
-
-    host: str
-    port: int
-    identifier: str
-    """The same at every connection: a broker then ends the one before, and with it its last will."""
-    username: str | None = None
-    password: str | None = field(default=None, repr=False)
-    tls: ssl.SSLContext | None = None
-
-    def __str__(self) -> str:
-        """Return it as people write it."""
-        return f"{self.host}:{self.port}"
 
 
 @dataclass(frozen=True, slots=True)

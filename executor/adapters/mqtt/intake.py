@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import hmac
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from executor.adapters.mqtt.broker import IntakeRules
 from executor.core.commands import Level
 from executor.core.intents import FOR_ALL, Action, Intent
 
@@ -74,16 +75,6 @@ class RefusedMessage:
     id: str | None
     """The intent's, where it could be read."""
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class IntakeRules:
-    """What the site demands of an intent."""
-
-    max_age_s: float
-    token: str | None = field(default=None, repr=False)
-    closed: str = ""
-    """Why none are taken at all; empty if they are."""
 
 
 def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> Intent | RefusedMessage:

@@ -1,4 +1,4 @@
-"""Topics and payloads; docs/mqtt.md says the same in words.
+"""Payloads; docs/mqtt.md says the same in words.
 
 The habits are those of VDA 5050 where they fit: a header with `headerId`, `timestamp` and `version`, a major version in
 the topic, the states of a connection. What a flight looks like is in the core's own words, as the page shows it.
@@ -6,7 +6,6 @@ the topic, the states of a connection. What a flight looks like is in the core's
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,37 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from executor.core.state import CheckLine, Question
 from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
 
-MAJOR = "v1"
 VERSION = "1.1.0"
-
-
-@dataclass(frozen=True, slots=True)
-class Topics:
-    """Where everything is published under a prefix."""
-
-    prefix: str
-
-    def __str__(self) -> str:
-        """Return what all topics begin with."""
-        return f"{self.prefix}/{MAJOR}"
-
-    def vehicle(self, name: str, what: Literal["state", "telemetry"]) -> str:
-        """Return a vehicle's topic."""
-        return f"{self}/vehicle/{name}/{what}"
-
-    def fleet(self, what: Literal["state", "connection", "event", "fault", "plan"]) -> str:
-        """Return a topic of the whole flight."""
-        return f"{self}/fleet/{what}"
-
-    @property
-    def intent(self) -> str:
-        """Return where intents are taken from."""
-        return f"{self}/intent"
-
-    @property
-    def acknowledgement(self) -> str:
-        """Return where they are answered."""
-        return f"{self}/intent/ack"
 
 
 class Payload(BaseModel):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 
+from executor.adapters.mqtt.broker import Topics
 from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
@@ -17,7 +18,6 @@ from executor.adapters.mqtt.payloads import (
     Payload,
     PlanMessage,
     TelemetryMessage,
-    Topics,
     VehicleStateMessage,
 )
 from executor.core.commands import Say

@@ -16,7 +16,8 @@ from executor.core.events import Tick
 from executor.core.state import FleetState
 from executor.core.view import FleetView
 from executor.errors import SiteError
-from executor.flight.mqtt import Publication, Settings, settings_of
+from executor.flight.broker import Settings, settings_of
+from executor.flight.mqtt import Publication
 from executor.site.config import MqttTable
 from tests.brokers import free_port, secured_in
 from tests.executor.flights import first_plan_file
@@ -45,7 +46,7 @@ def test_the_documented_table(tmp_path: Path) -> None:
     secured_in(tmp_path).authority.rename(tmp_path / "broker-ca.pem")
     table = tomllib.loads(documented("toml"))["mqtt"] | {"tls": True, "host": "broker"}
     read = settings(tmp_path, SECRETS, **table)
-    assert str(read.broker) == "broker:1883"
+    assert str(read.broker) == "broker:8883"
     assert (read.broker.username, read.broker.password, read.rules.token) == ("crew", "p4ss", "t0ken")
     assert read.broker.tls is not None
     assert read.rules.closed == ""

@@ -20,7 +20,8 @@ from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived
 from executor.core.intents import Action, Intent
 from executor.core.view import fleet_view
-from executor.flight.mqtt import Publication, settings_of
+from executor.flight.broker import settings_of
+from executor.flight.mqtt import Publication
 from executor.site.config import MqttTable
 from tests.brokers import KIND, RealBroker, free_port, running, slowed
 from tests.executor.core.stories import EVERYTHING, story

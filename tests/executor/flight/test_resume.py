@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sys
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -289,6 +290,46 @@ async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
             with pytest.raises(LogError, match="this disk ends here"):
                 await taking
     assert any("the vehicles hear our heartbeat again" in line for line in console.said)
+
+
+def finished(run: Path) -> None:
+    """A flight of which nothing is left but its report."""
+    flight, diary = launched(run)
+    flight.run(lambda: flight.state.finished)
+    diary.note()
+    diary.log.close()
+
+
+@pytest.mark.asyncio
+async def test_a_flight_that_cannot_be_published_here_is_taken_up_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other computer may lack the extra; the vehicles are in the air."""
+    run = prepared(tmp_path)
+    with (run / "site.toml").open("a", encoding="utf-8") as file:
+        file.write("\n[mqtt]\n")
+    finished(run)
+    monkeypatch.setitem(sys.modules, "aiomqtt", None)
+    console = Watchful()
+    assert (await resume.take_up(run, console)).report["finished"]
+    why = f"[mqtt] in {run / 'site.toml'} needs the extra mqtt: pip install aiomqtt"
+    assert console.said[0] == f"{why}; the flight goes on unpublished"
+
+
+def test_a_flight_without_pictures_has_its_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = prepared(tmp_path)
+    finished(run)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(SystemExit) as ended:
+        main(["resume", str(run), "--json"])
+    assert ended.value.code == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["finished"]
+    assert said.err == "faultline: a picture of the flight needs the extra pictures: pip install matplotlib\n"
+    assert (run / "report.html").exists()
+    assert list(run.glob("*.png")) == []
 
 
 class Peer(asyncio.DatagramProtocol):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from dataclasses import replace
 
 import httpx
@@ -141,6 +142,20 @@ async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
         async with web.page_beside(WebTable(port=port), flight, clock, lines):
             await asyncio.sleep(0)
     assert lines.lines[1].endswith("the flight goes on without its page")
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("missing", ["starlette", "uvicorn"])
+async def test_a_page_that_is_not_installed_does_not_stop_a_flight(
+    monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    """It is wanted by default, so nobody may have asked for it."""
+    monkeypatch.setitem(sys.modules, missing, None)
+    clock, lines = SystemClock(1.0), Lines()
+    web.check_web(WebTable())
+    async with web.page_beside(WebTable(), flight_of(clock), clock, lines):
+        await asyncio.sleep(0)
+    assert lines.lines == ["the page needs the extra web: pip install starlette uvicorn; the flight goes on without it"]
 
 
 @pytest.mark.asyncio

@@ -31,7 +31,7 @@ from executor.core.messages import (
     Version,
 )
 from executor.core.ports import LinkOrder
-from executor.errors import ConnectionFailed
+from executor.errors import ConnectionFailed, ExtraMissing
 from missions import MissionItem
 from tests.executor.adapters.mavlink.test_codec import PX4, Vehicle, bits
 from tests.executor.adapters.mavlink.test_endpoints import free_port, socket_on_loopback
@@ -210,8 +210,9 @@ async def test_what_cannot_be_opened_is_named() -> None:
 
 async def test_without_mavsdk_its_backend_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mavsdk", None)
-    text = await refusal("udpin://127.0.0.1:14550")
-    assert text.startswith("backend mavsdk: expected the package mavsdk 4 on this machine: ")
+    with pytest.raises(ExtraMissing) as raised:
+        await refusal("udpin://127.0.0.1:14550")
+    assert str(raised.value) == 'backend = "mavsdk" needs the extra mavsdk: pip install mavsdk'
 
 
 async def test_nothing_of_mavsdk_is_loaded_for_a_fleet_without_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,8 @@ import aiomqtt
 import pytest
 
 from executor.adapters.mqtt import client as connection
-from executor.adapters.mqtt.client import Broker, Client, Presence, Subscriber
+from executor.adapters.mqtt.broker import Broker
+from executor.adapters.mqtt.client import Client, Presence, Subscriber
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.core.commands import Level
 from tests.brokers import KIND, MOSQUITTO, PASSWORD, USER, RealBroker, free_port, running, secured_in

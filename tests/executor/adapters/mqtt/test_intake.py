@@ -6,7 +6,8 @@ import json
 
 import pytest
 
-from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, IntakeRules, RefusedMessage, read_intent
+from executor.adapters.mqtt.broker import IntakeRules
+from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, RefusedMessage, read_intent
 from executor.core.commands import Level
 from executor.core.intents import Action, Intent
 

@@ -10,10 +10,10 @@ from typing import Any
 import jsonschema
 import pytest
 
+from executor.adapters.mqtt.broker import Topics
 from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
-from executor.adapters.mqtt.payloads import Topics
 from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
 from executor.adapters.mqtt.schemas import schemas
 from executor.core.commands import Level, Say

@@ -1,0 +1,58 @@
+"""What is installed only where it is wanted: the package's extras, and the line that is said where one is missing.
+
+Whoever needs one asks here before the work, and imports it only then: an installation without it does all the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from importlib.util import find_spec
+
+from executor.errors import ExtraMissing
+
+
+class Extra(Enum):
+    """The extras that something is refused without, as pyproject.toml names them."""
+
+    PICTURES = "pictures"
+    MAVSDK = "mavsdk"
+    LOGS = "logs"
+    WEB = "web"
+    MQTT = "mqtt"
+    DASK = "dask"
+
+
+MODULES: Mapping[Extra, tuple[str, ...]] = {
+    Extra.PICTURES: ("matplotlib",),
+    Extra.MAVSDK: ("mavsdk",),
+    Extra.LOGS: ("pyulog",),
+    Extra.WEB: ("starlette", "uvicorn"),
+    Extra.MQTT: ("aiomqtt",),
+    Extra.DASK: ("distributed",),
+}
+"""What is imported of each, and the name that it is installed by."""
+
+
+def what_to_install(extra: Extra, wanted_by: str) -> str:
+    """Return what to install where an extra is missing; empty where it is there. Nothing is loaded for that.
+
+    Args:
+        extra: The extra.
+        wanted_by: What cannot be done without it, in the words that the user wrote.
+    """
+    if all(find_spec(name) is not None for name in MODULES[extra]):
+        return ""
+    # The libraries by their names: on the public index this program's name is another project's.
+    return f"{wanted_by} needs the extra {extra.value}: pip install {' '.join(MODULES[extra])}"
+
+
+def need(extra: Extra, wanted_by: str) -> None:
+    """Go on only where an extra is there.
+
+    Raises:
+        ExtraMissing: it is not; the text is that of `what_to_install`.
+    """
+    line = what_to_install(extra, wanted_by)
+    if line:
+        raise ExtraMissing(line)

@@ -1,0 +1,68 @@
+"""Where a flight is published and what is taken from there, as its site says it; docs/mqtt.md has the same in words.
+
+No library is needed for this: a flight without a broker loads neither aiomqtt nor the payloads.
+"""
+
+from __future__ import annotations
+
+import ssl
+from dataclasses import dataclass, field
+from typing import Literal
+
+MAJOR = "v1"
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """Where the broker is, and what it wants to know."""
+
+    host: str
+    port: int
+    identifier: str
+    """The same at every connection: a broker then ends the one before, and with it its last will."""
+    username: str | None = None
+    password: str | None = field(default=None, repr=False)
+    tls: ssl.SSLContext | None = None
+
+    def __str__(self) -> str:
+        """Return it as people write it."""
+        return f"{self.host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """Where everything is published under a prefix."""
+
+    prefix: str
+
+    def __str__(self) -> str:
+        """Return what all topics begin with."""
+        return f"{self.prefix}/{MAJOR}"
+
+    def vehicle(self, name: str, what: Literal["state", "telemetry"]) -> str:
+        """Return a vehicle's topic."""
+        return f"{self}/vehicle/{name}/{what}"
+
+    def fleet(self, what: Literal["state", "connection", "event", "fault", "plan"]) -> str:
+        """Return a topic of the whole flight."""
+        return f"{self}/fleet/{what}"
+
+    @property
+    def intent(self) -> str:
+        """Return where intents are taken from."""
+        return f"{self}/intent"
+
+    @property
+    def acknowledgement(self) -> str:
+        """Return where they are answered."""
+        return f"{self}/intent/ack"
+
+
+@dataclass(frozen=True, slots=True)
+class IntakeRules:
+    """What the site demands of an intent."""
+
+    max_age_s: float
+    token: str | None = field(default=None, repr=False)
+    closed: str = ""
+    """Why none are taken at all; empty if they are."""

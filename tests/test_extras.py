@@ -1,0 +1,139 @@
+"""An installation without the extras: what needs one says so in one line, and nothing else misses it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from executor.adapters.extras import MODULES, Extra
+from executor.replay.open_log import ULOG_MAGIC
+
+ROOT = Path(__file__).parents[1]
+SITE = """
+[network]
+file = "default"
+radius_m = 400
+
+[[vehicle]]
+name = "uav1"
+connection = "udpin://127.0.0.1:14551"
+sysid = 1
+autopilot = "px4"
+
+[[vehicle]]
+name = "uav2"
+connection = "udpin://127.0.0.1:14552"
+sysid = 2
+autopilot = "ardupilot"
+"""
+WITHOUT = """
+import contextlib, io, json, sys
+hidden, calls = json.loads(sys.argv[1])
+sys.modules.update(dict.fromkeys(hidden))  # as if they were not installed
+from executor.cli.main import main
+done = []
+for call in calls:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(call)
+        except SystemExit as end:
+            done.append((end.code, out.getvalue(), err.getvalue()))
+print(json.dumps(done))
+"""
+HEAVY = {name for names in MODULES.values() for name in names}
+GOES_ON = (
+    "plan site.toml --seconds 0.1 -o plan.json",
+    "check plan.json",
+    "window plan.json",
+    "risk plan.json --mtbf 1 --samples 10 --jobs 1",
+    "export plan.json -o exported",
+)
+"""What is done without any extra."""
+REFUSED = {
+    "plan site.toml --picture plan.png": ("--picture", Extra.PICTURES),
+    "plan site.toml --front --picture front.png": ("--picture", Extra.PICTURES),
+    "window plan.json --picture window.png": ("--picture", Extra.PICTURES),
+    "risk plan.json --mtbf 1 --picture risk.png": ("--picture", Extra.PICTURES),
+    "risk plan.json --mtbf 1 --dask tcp://127.0.0.1:1": ("--dask", Extra.DASK),
+    "replay flight.ulg": ("flight.ulg: a ULog", Extra.LOGS),
+    "replay flight.tlog --output out": ("--output", Extra.PICTURES),
+    "fly published.toml --yes": ("[mqtt] in published.toml", Extra.MQTT),
+    "fly mavsdk.toml --yes": ('backend = "mavsdk"', Extra.MAVSDK),
+    "preflight mavsdk.toml": ('backend = "mavsdk"', Extra.MAVSDK),
+    "bench upload": ("bench upload", Extra.MAVSDK),
+    "bench table --network default": ("bench table", Extra.PICTURES),
+    "bench solvers --part scale": ("bench solvers --part scale", Extra.PICTURES),
+    "bench fleet --out out": ("bench fleet --out", Extra.PICTURES),
+    "bench fleet --browsers 1": ("bench fleet --browsers", Extra.WEB),
+}
+"""What needs one: in whose words, and which."""
+
+
+def called(folder: Path, calls: Sequence[str]) -> Mapping[str, tuple[int, str, str]]:
+    """Call the command line in a process without any extra; return exit code, output and errors of each call."""
+    order = json.dumps([sorted(HEAVY), [call.split() for call in calls]])
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}){WITHOUT}", order]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=200)
+    assert done.returncode == 0, done.stderr
+    return {call: (code, out, err) for call, (code, out, err) in zip(calls, json.loads(done.stdout), strict=True)}
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, str, str]]:
+    folder = tmp_path_factory.mktemp("without")
+    (folder / "site.toml").write_text(SITE, encoding="utf-8")
+    (folder / "published.toml").write_text(f"{SITE}\n[mqtt]\n", encoding="utf-8")
+    (folder / "mavsdk.toml").write_text(f'{SITE}backend = "mavsdk"\n', encoding="utf-8")
+    (folder / "flight.ulg").write_bytes(ULOG_MAGIC)
+    (folder / "flight.tlog").write_bytes(b"")
+    return called(folder, [*GOES_ON, *REFUSED])
+
+
+@pytest.mark.parametrize("call", GOES_ON)
+def test_what_needs_none_is_done_without(call: str, said: Mapping[str, tuple[int, str, str]]) -> None:
+    code, _, err = said[call]
+    assert (code, "faultline:" in err) == (0, False), err
+
+
+@pytest.mark.parametrize("call", REFUSED)
+def test_a_missing_one_is_one_line_that_says_what_to_install(
+    call: str, said: Mapping[str, tuple[int, str, str]]
+) -> None:
+    wanted_by, extra = REFUSED[call]
+    line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(MODULES[extra])}\n"
+    assert said[call] == (2, "", line)
+
+
+def test_each_extra_is_refused_somewhere() -> None:
+    assert {extra for _, extra in REFUSED.values()} == set(Extra)
+
+
+def test_the_extras_are_those_of_the_package() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = project["optional-dependencies"]
+    always = {re.split(r"[^\w-]", one)[0] for one in project["dependencies"]}
+    for extra, modules in MODULES.items():
+        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value]} == set(modules)
+        assert always.isdisjoint(modules)
+    whole = {name for one in named["all"] for name in re.findall(r"[\w-]+", one.partition("[")[2])}
+    assert whole == set(named) - {"all"}
+
+
+def test_taking_a_flight_up_loads_only_what_every_flight_has() -> None:
+    """The vehicles wait for our heartbeat meanwhile."""
+    command = [sys.executable, "-X", "importtime", "-c", "import executor.flight.resume"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=100)
+    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines() if line.startswith("import time:")}
+    assert "executor.flight.fly" in loaded
+    assert {name.partition(".")[0] for name in loaded} & (HEAVY | {"numba", "paho", "anyio"}) == set()
+    parts = ("executor.adapters.mqtt.payloads", "executor.adapters.web", "executor.analysis.pictures", "executor.bench")
+    assert {name for name in loaded if name.startswith(parts)} == set()
+    assert {name for name in loaded if name.startswith("executor.simulator.")} == {"executor.simulator.truth"}
