@@ -6,7 +6,7 @@ import asyncio
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from ctypes import c_longlong
@@ -123,7 +123,10 @@ def solve_for_survivors(
     ]
     task = open_task(setup.network, problem.open_segments, vehicles, setup.travel)
     still_open = set(problem.open_segments)
-    tails = [task.from_network(v for v in offer.tail if v >> 1 in still_open) for offer in problem.survivors]
+    tails = [
+        task.from_network(v for v in tail if v >> 1 in still_open)
+        for tail in _each_once([offer.tail for offer in problem.survivors])
+    ]
     stop = any_of(Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled))
     try:
         result = replan(
@@ -136,6 +139,20 @@ def solve_for_survivors(
     plan = task.plan_to_network(result.plan)
     routes = tuple(NewRoute(vehicles[route.vehicle].name, route.visits) for route in plan.routes)
     return SolveEnded(problem.revision, routes, tuple(sorted(plan.uncovered)), result.seconds, result.stopped_by)
+
+
+def _each_once(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Return what each survivor carries without what another carries too.
+
+    Whoever comes back from its pilot still has the work on board that others were given meanwhile.
+    """
+    taken: set[int] = set()
+    once = []
+    for tail in tails:
+        own = tuple(visit for visit in tail if visit >> 1 not in taken)
+        taken |= {visit >> 1 for visit in own}
+        once.append(own)
+    return once
 
 
 class SolverProcess:

@@ -43,7 +43,9 @@ from executor.core.hearing.fold import fold
 from executor.core.hearing.strangers import stranger_lines
 from executor.core.homing import down, homeward
 from executor.core.homing.homeward import comes_home, on_mission
-from executor.core.homing.places import (
+from executor.core.messages import ComponentText, Heartbeat, Position
+from executor.core.operator import handling
+from executor.core.places import (
     UNSEEN_S,
     at_rest,
     fell,
@@ -53,11 +55,9 @@ from executor.core.homing.places import (
     sank,
     seen_at_rest,
 )
-from executor.core.messages import ComponentText, Heartbeat, Position
-from executor.core.operator import handling
 from executor.core.replan import replanning
 from executor.core.resume import blackout, resuming
-from executor.core.roster import offers, takeover
+from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
@@ -228,6 +228,8 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     if folded.text is not None:
         state, more = texts.tell_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
+        state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
+        commands.extend(more)
     if folded.inspected is not None and folded.inspected not in state.inspected:
         inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
         flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
@@ -355,7 +357,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
         vehicle = changed(vehicle, carried=replace(vehicle.carried, asked_s=now_s))
         commands.append(ReadMission(name))
     judgement = watchpoints.judge(context, context.vehicles[name], vehicle, now_s)
-    vehicle = replace(vehicle, watches=judgement.watches)
+    vehicle = changed(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:
@@ -487,8 +489,13 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
             trigger = f"{vehicle.name}: landed with battery to spare"
             state = replace(state, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s)
     if not vehicle.took_off:
-        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed and has not taken off"),)
-    left = "" if vehicle.battery.remaining_pct is None else f" with {vehicle.battery.remaining_pct:.0f} %"
+        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
+    battery = vehicle.battery
+    known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
+    left = f" with {battery.remaining_pct:.0f} %" if known else ""
+    if vehicle.rebooted_s is not None and over_its_pad(context, vehicle):
+        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has started anew"
+        return state, (Say(Level.INFO, text),)
     place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
     return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
 
@@ -527,7 +534,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
-    elif (state.silent_since_s is not None or vehicle.stage is Stage.RETURNING) and not event.mixed:
+    elif _left_meanwhile(context, vehicle) or (state.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(vehicle)
@@ -547,7 +554,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         state, more = _started_again(context, state, state.vehicles[vehicle.name], now_s)
         commands.extend(more)
     state = replace(state, replan=plan)
-    if event.mixed and not event.accepted and not mission.fresh:
+    if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
         state, more = declare(
             context,
             state,
@@ -559,6 +566,11 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         commands.extend(more)
     state, more = replanning.ended_if_done(state, now_s)
     return state, (*commands, *more)
+
+
+def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle does not fly what is on board any more: a mixture of two missions harms nobody then."""
+    return vehicle.stage is Stage.RETURNING or homeward.comes_down(context, vehicle)
 
 
 def _started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:

@@ -159,7 +159,7 @@ class _Player:
             usec = self._file.heard.get(system)
             if usec is not None and self._first is not None:
                 heard_s = (usec - self._first + self._shift) / 1e6
-                self._state = passive.heard(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
+                self._state = passive.passive_heard(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
         self._state, found = passive.passive_step(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True

@@ -16,9 +16,9 @@ from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
+from executor.core.replan import replanning
 from executor.core.resume.resuming import found_on
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage
 from executor.runtime import procedures, reunion, streams
 from missions import EncodeError, encode, flag_current
 
@@ -294,9 +294,8 @@ class Flight:
         done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted)
         return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason)
 
-    def _may_be_given(self, vehicle: str) -> bool:
-        """Return whether a vehicle may still be given a mission: one on its way down by itself is left to that."""
-        return self.state.vehicles[vehicle].stage is not Stage.RETURNING
+    def _may_be_given(self, vehicle: str, mixed: bool) -> bool:
+        return replanning.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)
 
     async def _start(self, vehicle: str) -> Event:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

@@ -71,7 +71,7 @@ async def put_on_board(
     clock: Clock,
     dialect: Dialect,
     items: tuple[MissionItem, ...],
-    wanted: Callable[[], bool] = lambda: True,
+    wanted: Callable[[bool], bool] = lambda _: True,
 ) -> Done:
     """Upload a mission and read it back until both are the same, with patience but not for ever.
 
@@ -80,7 +80,7 @@ async def put_on_board(
         clock: The flight's.
         dialect: The vehicle's.
         items: The mission.
-        wanted: Asked before it is begun again with nothing of it on board.
+        wanted: Asked before it is begun again, with whether a part of it may be on board.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     for attempt in itertools.count():
@@ -91,8 +91,8 @@ async def put_on_board(
             break
         if attempt:
             await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
-        if attempt and not mixed and not wanted():
-            return Done(accepted=False, reason="it has left its mission")
+        if attempt and not wanted(mixed):
+            return Done(accepted=False, reason="it has left its mission", mixed=mixed)
         upload = await upload_once(link, clock, dialect, items)
         if upload.begun:
             mixed = not dialect.upload_is_atomic

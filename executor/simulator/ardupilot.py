@@ -72,6 +72,7 @@ class ArduPilot(Autopilot):
     NO_MESSAGE: ClassVar = Result.FAILED
     ACKNOWLEDGES_FIRST: ClassVar = True
     ON_ITS_BACK: ClassVar = "Arm: Leaning"
+    KILLED: ClassVar = "Arm: Motors Emergency Stopped"
 
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)

@@ -69,6 +69,8 @@ class Autopilot(ABC):
     """Whether a message that was requested comes behind the acknowledgement."""
     ON_ITS_BACK: ClassVar[str]
     """Why a wreck is not armed again."""
+    KILLED: ClassVar[str]
+    """Why it is not armed while its kill switch is on."""
 
     def __init__(self, vehicle: SimVehicle, manners: Manners, store: MissionStore, home: Home) -> None:
         self.vehicle = vehicle
@@ -81,6 +83,8 @@ class Autopilot(ABC):
         self.now_s = 0.0
         self.boot_s = 0.0
         self.mode = 0
+        self.killed = False
+        """Whether a person keeps the kill switch on: it does not arm then."""
         self.hands = False
         """Whether a person holds the sticks: a mode that follows them keeps its height then."""
         self.streams = Streams(self.STREAMS_S, 0.0)
@@ -143,7 +147,7 @@ class Autopilot(ABC):
     def taken(self, word: str) -> None:
         """Follow a person who switches the mode by remote control, and holds the sticks."""
         self.frame.happened(f"pilot {word}")
-        self.hands = True
+        self.hands, self.killed = True, False
         self.set_mode(self.mode_of(word))
 
     def drift(self) -> None:
@@ -161,6 +165,7 @@ class Autopilot(ABC):
                 self._sticks_moved()
             case InjectionKind.KILL:
                 self.frame.happened("kill")
+                self.killed = True
                 self._on_kill()
                 self.frame.kill()
             case InjectionKind.DISARM if self.frame.body.on_ground:
@@ -232,7 +237,7 @@ class Autopilot(ABC):
         """Arm, unless something speaks against it; then say what."""
         if self.frame.armed:
             return True
-        reason = self.ON_ITS_BACK if self.frame.wrecked else self._refuse_arming()
+        reason = self.ON_ITS_BACK if self.frame.wrecked else self.KILLED if self.killed else self._refuse_arming()
         if reason is not None:
             self.voice.say(Severity.CRITICAL, reason)
             return False

@@ -49,6 +49,7 @@ class Px4(Autopilot):
     NO_MESSAGE: ClassVar = Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
     ON_ITS_BACK: ClassVar = "Preflight Fail: Attitude failure (roll)"
+    KILLED: ClassVar = "Preflight Fail: Kill switch engaged"
     STREAMS_S: ClassVar = {
         "HEARTBEAT": 1.0, "SYS_STATUS": 1.0, "BATTERY_STATUS": 2.0, "GLOBAL_POSITION_INT": 0.25, "ATTITUDE": 0.25,
         "VFR_HUD": 0.5, "GPS_RAW_INT": 1.0, "HOME_POSITION": 2.0, "EXTENDED_SYS_STATE": 1.0, "MISSION_CURRENT": 1.0,

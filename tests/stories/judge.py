@@ -435,7 +435,8 @@ class Judge:
             and not self._overruled(name, at_s)
             for span in self.hands(name)
         )
-        wrecks = [one.t_s for one in self.happened(name, "wreck") if one.t_s <= at_s]
+        # Who is knocked over with its motors off stays what it was.
+        wrecks = [one.t_s for one in self.happened(name, "wreck") if one.t_s <= at_s and self.armed(name, one.t_s)]
         if wrecks:
             return "" if state == "down" or at_s - wrecks[0] < ANNOUNCED_S else "it lies on its back"
         if held:
@@ -460,9 +461,13 @@ class Judge:
         """Return how it came down; a motor that stops where it stands after its landing is no fall."""
         ends: list[str] = []
         falls = True
-        for one in self.happened(name, "kill", "crash", "on_pad", "landed", "fell"):
-            if one.what in {"kill", "crash"}:
+        for one in self.happened(name, "kill", "crash", f"fault {name}:crash", "on_pad", "landed", "fell"):
+            if one.what not in {"on_pad", "landed", "fell"}:
                 falls = one.up_m is None or one.up_m > FALLS_FROM_M
+            if one.what == "on_pad" and not self.armed(name, one.t_s - 0.1):
+                continue  # it stood there
+            if one.what.startswith("fault "):
+                continue  # its thrust goes there; how it comes down follows
             if one.t_s <= at_s and (falls or one.what in {"on_pad", "landed"}):
                 ends.append(one.what)
         return ends

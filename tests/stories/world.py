@@ -210,6 +210,8 @@ class Sky(World):
 
     def _asked(self, action: Action, vehicle: str | None, *, confirmed: bool) -> IntentRecord:
         assert self.flight is not None
+        if action is Action.INCLUDE and vehicle is not None:
+            self.vehicle(vehicle).autopilot.killed = False  # who sends it out again has looked at its switch
         return self.flight.ask(Intent(f"story-{next(self._numbers)}", action, vehicle, "terminal", confirmed))
 
     # The flight.

@@ -11,7 +11,7 @@ from dataclasses import replace
 from executor.core.commands import Say
 from executor.core.intents import Action
 from executor.simulator.truth import Truth
-from tests.stories.judge import Finding, Judge, Span, distance_m, place
+from tests.stories.judge import FALLS_FROM_M, Finding, Judge, Span, distance_m, place
 from tests.stories.story import MISSION
 from tests.storm.plot import BEARS_S, Happening
 from tests.storm.sky import Stormed
@@ -39,6 +39,10 @@ ON_ITS_WAY_S = 2.5
 AIRBORNE_M = 1.0
 OVER = frozenset({"landed", "down", "lost", "ground", "pilot"})
 """States in which the end of a vehicle is known, or openly unknown."""
+UNEXPLAINED_S = 60.0
+"""So long a takeover that was none is spoken of: until its segments are free for the others."""
+EXPLAINS_S = 20.0
+"""So long a text of a failsafe explains a return, whoever said it."""
 DRAINS = frozenset({"battery step", "drain", "emergency", "gps jump", "no battery", "solver"})
 BATTERY_S = 240.0
 
@@ -89,20 +93,57 @@ class StormJudge(Judge):
         return at_s
 
     def _acting(self, name: str) -> Iterator[Span]:
-        """Yield when a failsafe acts; one on the ground with the motors off moves nothing."""
-        return (span for span in super()._acting(name) if self.armed(name, span.from_s))
+        """Yield when a failsafe acts.
+
+        One on the ground with the motors off moves nothing, and whoever puts it back on its mission ends it.
+        """
+        mission = MISSION[self.flown.autopilot]["mission"]
+        for span in super()._acting(name):
+            back = [one.t_s for one in self.happened(name, f"mode {mission}") if one.t_s > span.from_s]
+            if self.armed(name, span.from_s):
+                yield replace(span, to_s=min([span.to_s, *back]))
 
     def _by_others(self, name: str) -> list[Truth]:
         """Return what others did to it; a switch that is moved while the motors are off takes nothing."""
         return [
             one
             for one in super()._by_others(name)
-            if one.what == "kill" or (self.armed(name, one.t_s) and not self._lands_anyway(name, one))
+            if not self._nobody_saw(name, one)
+            and (one.what == "kill" or (self.armed(name, one.t_s) and not self._lands_anyway(name, one)))
         ]
 
+    def _nobody_saw(self, name: str, one: Truth) -> bool:
+        """Return whether nobody on the ground can ever know of it.
+
+        A takeover is over, and the vehicle in a mode that others or itself chose, before it is heard; or a kill switch
+        was pressed on a vehicle that stood, which is said once; or somebody chose what a failsafe that acts leads to.
+        """
+        if one.what == "kill":
+            return not self.armed(name, one.t_s - 0.1) and self._silent(name, one.t_s, 0.5)
+        if one.what.endswith((" RTL", " LAND")) and any(
+            span.from_s < one.t_s < span.to_s for span in self._acting(name)
+        ):
+            return True  # nothing may be ordered then either
+        heard_s = self._unheard_until_s(name, one.t_s)
+        mission = MISSION[self.flown.autopilot]["mission"]
+        modes = [mode for mode in self.happened(name, "mode ") if one.t_s <= mode.t_s <= heard_s]
+        return len(modes) > 1 and not one.what.endswith(f" {mission}")
+
+    def _unheard_until_s(self, name: str, at_s: float) -> float:
+        """Return when a vehicle is heard that is silent now; its time itself if it is not."""
+        for span in sorted(self.silences(name), key=lambda span: span.from_s):
+            if span.from_s <= at_s < span.to_s:
+                at_s = span.to_s
+        return at_s
+
     def _lands_anyway(self, name: str, one: Truth) -> bool:
-        """Return whether a landing was chosen for a PX4 that lands: it leaves its mission for that mode by itself."""
-        if self.flown.autopilot != "px4" or not one.what.endswith(" LAND"):
+        """Return whether a landing was chosen for one that lands at home.
+
+        PX4 leaves its mission for these modes by itself, and of a return nobody knows how it ends.
+        """
+        modes = [mode.what for mode in self.happened(name, "mode ") if mode.t_s < one.t_s]
+        leads_there = self.flown.autopilot == "px4" or modes[-1:] == ["mode RTL"]
+        if not leads_there or not one.what.endswith((" LAND", " RTL")):
             return False
         was_away = any(self.from_pad_m(name, at.t_s) > self.on_pad_m for at in self._of[name] if at.t_s < one.t_s)
         return was_away and self.from_pad_m(name, one.t_s) < self.on_pad_m
@@ -116,6 +157,9 @@ class StormJudge(Judge):
     def _landed(self, found: re.Match[str], at_s: float, line: Say) -> str:
         if "landed or" in line.text or self._lied(found["name"], at_s, "forged disarmed"):
             return ""
+        stops = [one for one in self.happened(found["name"], "kill") if one.t_s <= at_s]
+        if stops and (stops[-1].up_m or 0.0) <= FALLS_FROM_M and super()._silent(found["name"], stops[-1].t_s):
+            return ""  # it stands where it would have landed, and nobody saw how that came
         return super()._landed(found, at_s, line)
 
     def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
@@ -155,10 +199,32 @@ class StormJudge(Judge):
                 name, FORGERIES | {"ground killed", "kill", "disarm", "reboot", "half-upload"}
             )
         )
-        return "" if unknown else super()._with_pilot(found, at_s, line)
+        # What need not be noticed may be noticed all the same.
+        did = any(one.t_s <= at_s and not self._is_back(one) for one in Judge._by_others(self, name))
+        excused = unknown or did or self._sent_on(name, at_s) or self._unexplained(name, at_s)
+        return "" if excused else super()._with_pilot(found, at_s, line)
+
+    def _is_back(self, one: Truth) -> bool:
+        """Return whether somebody put it on its mission."""
+        return one.what.endswith(f" {MISSION[self.flown.autopilot]['mission']}")
+
+    def _sent_on(self, name: str, at_s: float) -> bool:
+        """Return whether somebody sent it on its mission again that was told to come home: that takes it too."""
+        mission = MISSION[self.flown.autopilot]["mission"]
+        modes = [one.t_s for one in self.happened(name, f"mode {mission}") if one.t_s <= at_s]
+        words = self.happened(name, f"pilot {mission}", f"station {mission}")
+        return any(0 <= changed_s - one.t_s < 0.1 for changed_s in modes for one in words)
+
+    def _unexplained(self, name: str, at_s: float) -> bool:
+        """Return whether its failsafe acted last, and the text that says so got lost: in doubt it is a person's."""
+        acted = [one for one in self.happened(name, "failsafe ") if at_s - UNEXPLAINED_S <= one.t_s <= at_s]
+        return bool(acted) and any(span.from_s <= acted[-1].t_s <= span.to_s for span in self._muddles(name))
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
-        return "" if self._silent(found["name"], at_s, 30.0) else super()._by_itself(found, at_s, line)
+        name = found["name"]
+        lies = self._began(name, frozenset({"forged text"}))
+        explained = any(0 <= at_s - began_s <= EXPLAINS_S for began_s, _ in lies)
+        return "" if explained or self._silent(name, at_s, 30.0) else super()._by_itself(found, at_s, line)
 
     def _given(self, found: re.Match[str], at_s: float, line: Say) -> str:
         """Segments may be given to nobody: who could take them may be cut off, or the day over."""
@@ -225,7 +291,8 @@ class StormJudge(Judge):
     def _obeys(self, name: str, at_s: float) -> bool:
         """Return whether it flies a mission of ours, and nothing was done to it."""
         modes = [one.what for one in self.happened(name, "mode ") if one.t_s <= at_s]
-        done = self.happened(name, "pilot ", "station ", "kill", "failsafe ", "crash", "wreck", "storm ")
+        falls = (f"fault {name}:crash", f"fault {name}:wreck")  # from then on
+        done = self.happened(name, "pilot ", "station ", "kill", "failsafe ", "crash", "wreck", "storm ", *falls)
         mission = MISSION[self.flown.autopilot]["mission"]
         return bool(modes) and modes[-1] == f"mode {mission}" and not any(one.t_s <= at_s for one in done)
 

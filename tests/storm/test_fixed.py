@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core.commands import Level
+from tests.stories.story import MISSION
 from tests.storm.judge import findings
 from tests.storm.plot import ALL, GROUND, Happening, Plot
 from tests.storm.sky import Stormed, fly
@@ -30,9 +31,10 @@ TOLD = {
 }
 
 
-def flown(autopilot: str, *happenings: Happening) -> Stormed:
+def flown(autopilot: str, *happenings: Happening, spare: bool = False) -> Stormed:
     """Fly it; nothing that was said, counted, commanded or left is untrue."""
-    stormed = fly(Plot(1, autopilot, "line", ROUTES, happenings, fly_again="auto"))
+    routes = {**ROUTES, "uav4": ()} if spare else ROUTES
+    stormed = fly(Plot(1, autopilot, "line", routes, happenings, fly_again="auto"))
     assert findings(stormed) == []
     assert set(stormed.flown.inspected) == EVERYTHING
     return stormed
@@ -81,3 +83,21 @@ def test_a_solver_that_hangs_is_done_without(autopilot: str) -> None:
     hangs = Happening("solver", GROUND, 10.0, 60.0, word="hangs")
     stormed = flown(autopilot, hangs, Happening("silent", "uav2", AT_S))
     assert sum("the solver did not answer; trying again" in line.text for _, line in stormed.flown.said) >= 1
+
+
+@DIALECTS
+def test_a_kill_switch_on_who_stands_by_keeps_it_on_the_ground(autopilot: str) -> None:
+    stormed = flown(autopilot, Happening("kill", "uav4", AT_S), Happening("crash", "uav2", AT_S + 2.0), spare=True)
+    assert "uav4: its kill switch is on; it is not started until it is included" in faults(stormed)
+    assert not any(one.what == "armed" for one in stormed.flown.truths if one.vehicle == "uav4")
+
+
+@DIALECTS
+def test_who_comes_back_with_work_that_another_was_given_is_planned_for(autopilot: str) -> None:
+    words = MISSION[autopilot]
+    taken = Happening("pilot", "uav1", 12.0, 40.0, word=f"{words['hold']} {words['mission']}")
+    routes = {"uav1": (0, 2, 4, 6), "uav2": ()}
+    stormed = fly(Plot(1, autopilot, "line", routes, (taken,), fly_again="auto", pilot_return="auto"))
+    assert findings(stormed) == []
+    assert not any("trying again" in line.text for _, line in stormed.flown.said)
+    assert sum(line.text.startswith("re-plan 2 found") for _, line in stormed.flown.said) == 1

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.messages import CRITICAL, Heartbeat
+from executor.core.places import over_its_pad
 from executor.core.state import Absence
 from executor.core.vehicle import Cause, Stage, VehicleState
 from missions import Dialect, Phase
@@ -67,11 +68,25 @@ def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: Vehicl
     """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
     if vehicle.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
         return changed(vehicle, cause=Cause.PERSON, certain=True)
+    if vehicle.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
+        return changed(vehicle, cause=Cause.PERSON, certain=True)
     if vehicle.cause is not Cause.PERSON or vehicle.certain or now_s - vehicle.mode_since_s > LATE_TEXT_S:
         return vehicle
     if not _explained(context, absences, vehicle, now_s):
         return vehicle
     return changed(vehicle, cause=Cause.FAILSAFE)
+
+
+HOVERS_S = 2.5
+"""Whoever holds at the end of a mission stands on the ground, and says so every second."""
+
+
+def _hovers(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it holds in the air where its mission's end would have it on the ground."""
+    hold, beat = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode, vehicle.heartbeat
+    if beat is None or not beat.armed or beat.custom_mode != hold:
+        return False
+    return vehicle.on_ground is False and now_s - vehicle.mode_since_s >= HOVERS_S
 
 
 def cause_of(  # noqa: PLR0911 - one return for each cause
@@ -86,11 +101,12 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return Cause.PERSON  # it arms, and nobody here said so
     if is_manual_mode(dialect, mode):
         return Cause.PERSON
-    if mode in vehicle.ordered_modes and now_s - vehicle.ordered_mode_s <= FOLLOWED_LATE_S:
+    late = now_s - vehicle.ordered_mode_s > FOLLOWED_LATE_S
+    if mode in vehicle.ordered_modes and not late and not _lands_elsewhere(context, before, vehicle):
         return Cause.OURS
     if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
         return Cause.OURS
-    if _goes_on_down(dialect, before.heartbeat, mode):
+    if _goes_on_down(dialect, before.heartbeat, mode) and not _lands_elsewhere(context, before, vehicle):
         return before.cause  # a return ends in a landing
     if _ends_its_mission(context, vehicle, mode):
         return Cause.MISSION
@@ -124,6 +140,18 @@ def never_landed(context: Scene, vehicle: VehicleState) -> bool:
 
 def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
     return before is not None and is_home_mode(dialect, before.custom_mode) and mode == dialect.modes.land.custom_mode
+
+
+def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
+    """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why."""
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.heartbeat, vehicle.heartbeat
+    if old is None or beat is None or not old.armed or old.custom_mode == beat.custom_mode:
+        return False
+    if not _goes_on_down(dialect, old, beat.custom_mode):
+        return False
+    # An order to return that is followed explains no landing elsewhere; one to land does.
+    ordered = beat.custom_mode in vehicle.ordered_modes and old.custom_mode not in vehicle.ordered_modes
+    return not ordered and not over_its_pad(context, vehicle)
 
 
 def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
@@ -182,6 +210,8 @@ HOLDS_ON_S = 5.0
 """PX4's clock and ours differ by what its link adds."""
 REACTS_S = 30.0
 """PX4 holds before it returns, and reports the change of mode a second later."""
+AT_ONCE_S = 5.0
+"""ArduPilot does not hold: what it does because we were away it has done when it hears us again."""
 BEAT_S = 1.0
 """Our last heartbeat was sent up to a second before we stopped."""
 
@@ -195,6 +225,9 @@ def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState
     if failsafe_s is None and away.deaf and _unseen(vehicle):
         failsafe_s = BEAT_S  # it did not say whether it has one, and it has
     began_s = away.until_s - away.pause_s
+    holds = context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is not None
+    if not holds and not _unseen(vehicle) and vehicle.mode_since_s - away.until_s > AT_ONCE_S:
+        return False  # it was heard on its mission since, and what does not hold first would have acted
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
     return acted and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 

@@ -94,7 +94,7 @@ def passive_step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float
             return _tick(scene, state, now_s)
 
 
-def heard(state: Watched, name: str, at_s: float, heartbeat_s: float | None = None) -> Watched:
+def passive_heard(state: Watched, name: str, at_s: float, heartbeat_s: float | None = None) -> Watched:
     """Return the state with a vehicle that said something, whatever it was, and its HEARTBEAT without news then."""
     vehicle = state.fleet.vehicles[name]
     later = vehicle.heard_s is None or at_s > vehicle.heard_s

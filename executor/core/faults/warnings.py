@@ -12,7 +12,7 @@ from executor.core import projection
 from executor.core.faults import streams
 from executor.core.faults.watching import View
 from executor.core.faults.watchpoints import BATTERY_SENSOR, LOW
-from executor.core.homing.places import where
+from executor.core.places import where
 from executor.core.state import Told
 from executor.core.vehicle import FaultKind, Stage
 from missions import Phase

@@ -16,9 +16,9 @@ from executor.core.battery import account, cusum
 from executor.core.context import Scene, VehicleSetup
 from executor.core.faults import streams
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint
-from executor.core.homing.places import fell, mission_over, seen_at_rest
 from executor.core.limits import Limits
 from executor.core.messages import CRITICAL, NO_ITEM
+from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode, mode_name

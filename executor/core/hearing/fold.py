@@ -147,11 +147,15 @@ def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:
         return False
     if now_s - fix.at_s > DOUBTED_FIX_S or state.on_ground or _killed(state, now_s):
         return False
+    if now_s - state.falls_s < DOUBT_S:
+        return False  # who falls is not refuted by where it is
     if state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s:
         return False  # that it is armed is from before a silence
     return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
 
 
+_STOPPED = re.compile(r"emergency stop|kill", re.IGNORECASE)
+RESTS_M_S = 0.3
 _DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
 
 
@@ -162,8 +166,21 @@ def _killed(state: VehicleState, now_s: float) -> bool:
 
 
 def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
-    """Return whether a text only says what an autopilot does about something that it has just named."""
-    return now_s - state.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
+    """Return whether a text explains nothing.
+
+    It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
+    vehicle that has landed, which ends no flight.
+    """
+    does = now_s - state.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
+    return does or (bool(_STOPPED.search(said)) and _rests(state, now_s))
+
+
+def _rests(state: VehicleState, now_s: float) -> bool:
+    """Return whether it is seen to stand on the ground."""
+    fix = state.fix
+    if fix is None or not state.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
+        return False
+    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
 def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:

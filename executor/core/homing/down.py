@@ -6,7 +6,7 @@ import math
 
 from executor.core.context import Context
 from executor.core.homing.homeward import comes_home
-from executor.core.homing.places import coordinates, over_its_pad, place_words
+from executor.core.places import coordinates, over_its_pad, place_words
 from executor.core.vehicle import Stage, VehicleState
 
 _SEEN = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})

@@ -18,7 +18,7 @@ from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.events import OrderEnded, ReturnEnded
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Errand, Stage, VehicleState
+from executor.core.vehicle import IN_THE_AIR, Cause, Errand, Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode
 
@@ -61,6 +61,19 @@ def on_mission(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it is in mission mode."""
     dialect = context.vehicles[vehicle.name].dialect
     return vehicle.heartbeat is not None and is_mission_mode(dialect, vehicle.heartbeat.custom_mode)
+
+
+def comes_down(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that was out there is in its landing, or on the ground again."""
+    fix = vehicle.fix
+    if vehicle.stage not in IN_THE_AIR or not vehicle.took_off:
+        return False
+    if not vehicle.armed or vehicle.on_ground:
+        return True
+    if on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
+        return True
+    over_pad = fix is not None and math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
+    return over_pad and fix is not None and fix.velocity_m_s[2] < -SINKS_M_S
 
 
 def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # noqa: PLR0911 - one return a reason

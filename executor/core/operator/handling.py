@@ -13,9 +13,9 @@ from executor.core.custody.causes import in_other_hands
 from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
 from executor.core.homing import homeward
 from executor.core.homing.homeward import on_mission, sent_home
-from executor.core.homing.places import place_words
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.operator import refusals
+from executor.core.places import place_words
 from executor.core.replan import replanning
 from executor.core.roster import takeover
 from executor.core.roster.withdraw import declare, left_plan, withdrawn

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
-from executor.core.homing.places import where
 from executor.core.intents import BEFORE, FOR_ALL, Action, Intent
+from executor.core.places import where
 from executor.core.replan import replanning
 from executor.core.roster.offers import open_segments
 from executor.core.state import FleetState
@@ -167,6 +167,8 @@ def _include(  # noqa: PLR0911 - one return for each reason
         return "everybody was sent home"
     if silent := _silent(vehicle, context, now_s):
         return silent
+    if vehicle.tilted_since_s is not None:
+        return "it leans as no vehicle stands"
     if vehicle.cleared_s is not None:
         return "it is cleared for take-off already"
     if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not open_segments(context, state):

@@ -7,9 +7,11 @@ from types import MappingProxyType
 
 from executor.core import projection
 from executor.core.battery import account
+from executor.core.changed import changed
 from executor.core.commands import Command, Compose, Level, Say, Solve, Survivor, Upload
 from executor.core.context import Context, FlyAgain
 from executor.core.events import MissionsWanted, NewRoute, SolveEnded
+from executor.core.homing.homeward import comes_down
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase, continue_path, flight_path
@@ -50,6 +52,8 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     if out or not heard or state.battery.remaining_pct is None:
         return None
     if state.stage in {Stage.GROUND, Stage.LANDED}:
+        if state.tilted_since_s is not None:
+            return None  # it lies on its side
         if context.fly_again is not FlyAgain.AUTO and not _cleared(state, now_s):
             return None
         return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
@@ -138,7 +142,7 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     if state.replan is not None or state.recalled or state.launched_s is None or state.silent_since_s is not None:
         return state, ()
     if not alone and not state.ordered:
-        return replace(state, orphans_since_s=None, urgent=False), ()
+        return changed(state, orphans_since_s=None, urgent=False), ()
     since = now_s if state.orphans_since_s is None else state.orphans_since_s
     state = replace(state, orphans_since_s=since)
     if now_s < state.wait_until_s or (not state.urgent and not state.ordered and now_s - since < PROOF_GRACE_S):
@@ -150,7 +154,7 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
         state, alone = _count_attempts(state, alone)
         if not alone:
             return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
-    freed = {segment_of(visit) for offer in offers for visit in offer.tail}
+    freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _under_way(state, offers)
     if not alone and not freed:
         return replace(state, ordered=False), ()
     trigger = state.trigger if state.urgent or state.ordered else _unasked(context, state, alone)
@@ -168,6 +172,17 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
     names = ", ".join(offer.vehicle for offer in offers)
     text = f"re-plan {revision}: {len(alone)} segments without a vehicle ({trigger}); planning for {names}"
     return state, (Say(Level.INFO, text), solve)
+
+
+def _under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int]:
+    """Return what somebody flies, or flies to, and keeps: another that carries it as well need not fly it again."""
+    return frozenset(
+        segment_of(visit)
+        for offer in offers
+        if offer.airborne
+        for visit in state.vehicles[offer.vehicle].remaining_visits()
+        if visit not in offer.tail
+    )
 
 
 def _unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
@@ -312,6 +327,19 @@ def still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
     if not offer.airborne:
         return vehicle.stage in {Stage.GROUND, Stage.LANDED}
     return vehicle.stage in {Stage.FLYING, Stage.STARTING} and vehicle.waypoint <= offer.kept
+
+
+def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
+    """Return whether the upload of a mission that failed is begun again.
+
+    Args:
+        context: Of the flight.
+        vehicle: Who is given it.
+        mixed: Whether a part of it is on board: then it is better whole, whoever has the vehicle.
+    """
+    if vehicle.stage is Stage.RETURNING or comes_down(context, vehicle):
+        return False  # it is left to its way home, and to its landing
+    return mixed or (not vehicle.excluded and vehicle.stage not in {Stage.PILOT, Stage.DOWN, Stage.LOST})
 
 
 def _new_mission(context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> NewMission:

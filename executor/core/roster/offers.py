@@ -35,6 +35,7 @@ def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
     setup, fix = context.vehicles[vehicle.name], vehicle.fix
     out = not _is_well(vehicle) or vehicle.stubborn or vehicle.excluded or vehicle.armed
+    out = out or vehicle.tilted_since_s is not None
     if out or vehicle.stage not in _ON_GROUND or vehicle.pending is not None or fix is None:
         return False
     if vehicle.stage is Stage.LANDED and context.fly_again is FlyAgain.NEVER:

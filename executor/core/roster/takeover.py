@@ -12,7 +12,7 @@ from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume
 from executor.core.context import Context
 from executor.core.custody.causes import held_unseen
 from executor.core.homing.homeward import on_mission
-from executor.core.homing.places import over_its_pad, place_words
+from executor.core.places import over_its_pad, place_words
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
 from executor.core.vehicle import Cause, Stage, TakenOver, VehicleState, moved_to
@@ -115,6 +115,8 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
     if not place and not vehicle.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
+    elif not place and vehicle.rebooted_s is not None:
+        text = f"{vehicle.name}: is disarmed on its pad; its autopilot has started anew; it stays until it is included"
     elif not place:
         text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"
     hold = vehicle.taken

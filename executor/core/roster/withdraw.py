@@ -9,7 +9,7 @@ from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
 from executor.core.homing.homeward import Answer
-from executor.core.homing.places import fell, last_heard, mission_over, over_its_pad
+from executor.core.places import fell, last_heard, mission_over, over_its_pad
 from executor.core.replan import replanning
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to

@@ -62,6 +62,14 @@ def test_a_tail_that_is_not_open_any_more_is_no_hindrance() -> None:
     assert segments(answer) == [1, 2, 3, 4, 5]
 
 
+def test_what_two_carry_is_flown_once() -> None:
+    """As when a vehicle comes back from its pilot whose work another was given meanwhile."""
+    answer = solve_for_survivors(
+        SETUP, problem(4, survivor("uav1", tail=(2, 4)), survivor("uav3", tail=(4, 6))), lambda: False
+    )
+    assert segments(answer) == [1, 2, 3, 4, 5]
+
+
 def test_a_cancellation_is_seen_while_it_works() -> None:
     looks = itertools.count()
     answer = solve_for_survivors(SETUP, problem(), lambda: next(looks) >= 3)

@@ -255,7 +255,7 @@ ROWS = [
         "who disarms without a take-off has not landed",
         landed(took_off=False, away_once=False, waypoint=0, stage=Stage.RETURNING, falls_s=NOW_S),
         Tick(),
-        [Say(Level.INFO, "uav1: is disarmed and has not taken off")],
+        [Say(Level.INFO, "uav1: is disarmed, and was not heard in the air")],
         {"uav1": {"stage": Stage.LANDED}},
         {"considered": frozenset({"uav1"})},
     ),

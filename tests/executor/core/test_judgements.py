@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from executor.core import places
 from executor.core.custody import causes
-from executor.core.homing import down, homeward, places
+from executor.core.homing import down, homeward
 from executor.core.messages import Attitude, Heartbeat
 from executor.core.state import Absence
 from executor.core.vehicle import Cause, Errand, Stage, VehicleState
@@ -181,8 +182,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a return that ends in a landing",
-        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause)) for cause in Cause],
+        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=0.0))) for cause in Cause],
         ["ours", "mission", "failsafe", "person, for certain"],
+    ),
+    (
+        "a return that is broken off for a landing elsewhere",
+        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=300.0))) for cause in Cause],
+        ["person", "person", "person", "person, for certain"],
     ),
     ("a mode in which it is still", lambda: caused(HOLD, flying(heartbeat=beat(HOLD), cause=Cause.MISSION)), "mission"),
     (
@@ -368,7 +374,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 {"until_s": NOW_S - 30.1, "mode_since_s": NOW_S},
             )
         ],
-        [True, True, False, False, False, True, True, False, True, False],
+        [True, True, False, False, False, True, True, False, False, False],
     ),
     (
         "whose failsafe missed us the last time",

@@ -10,7 +10,7 @@ from executor.core.carried import Carried
 from executor.core.commands import Disarm, Level, Say, SendHome, Start
 from executor.core.events import UploadEnded
 from executor.core.state import ReplanRecord
-from executor.core.vehicle import Errand, Fault, FaultKind, Stage, aboard
+from executor.core.vehicle import Fault, FaultKind, Stage, aboard
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import CREW, HOMEWARD, LOW, SENT_HOME, Row, beat, new_mission, plan_of
 
@@ -143,34 +143,15 @@ ROWS = [
         {"replan": BOTH},
     ),
     Row(
-        "an upload that leaves a mixture on who has turned home",
+        "an upload that leaves a mixture on who has turned home harms nobody",
         replace(GETS, **HOMEWARD),
         ended(accepted=False, mixed=True),
-        [
-            Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it"),
-            Say(
-                Level.FAULT,
-                (
-                    "uav1: interruption, its mission is a mixture of two; it comes home or lands by itself "
-                    "and is left to that"
-                ),
-            ),
-        ],
-        {
-            "uav1": {
-                "ordered_mode_s": NOW_S,
-                "anchor": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "its mission is a mixture of two", NOW_S),
-                "pending": None,
-                "stubborn": True,
-                "errand": Errand(NOW_S),
-                "left_s": NOW_S,
-            }
-        },
+        [],
+        {"uav1": {"pending": None}},
         {
             "urgent": True,
-            "trigger": "uav1: no room; uav1: interruption, its mission is a mixture of two",
-            "trigger_s": NOW_S,
+            "trigger": UNDER_WAY.solve.trigger,
+            "trigger_s": UNDER_WAY.begun_s,
             "replan": replace(UNDER_WAY, pending=frozenset({"uav2"}), failed=("uav1",)),
         },
         {"replan": BOTH},

@@ -595,26 +595,33 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "something was heard",
-        lambda: seen(watched(flying(heard_s=5.0)), (passive.heard(watched(flying(heard_s=5.0)), "uav1", 6.0), ())),
+        lambda: seen(
+            watched(flying(heard_s=5.0)), (passive.passive_heard(watched(flying(heard_s=5.0)), "uav1", 6.0), ())
+        ),
         ((), {"uav1": {"heard_s": 6.0}}, {}, {}),
     ),
     (
         "something was heard before",
         lambda: [
-            seen(watched(flying(heard_s=5.0)), (passive.heard(watched(flying(heard_s=5.0)), "uav1", at_s), ()))
+            seen(watched(flying(heard_s=5.0)), (passive.passive_heard(watched(flying(heard_s=5.0)), "uav1", at_s), ()))
             for at_s in (5.0, 4.0)
         ],
         [((), {}, {}, {}), ((), {}, {}, {})],
     ),
     (
         "something was heard for the first time",
-        lambda: seen(watched(flying(heard_s=None)), (passive.heard(watched(flying(heard_s=None)), "uav1", 6.0), ())),
+        lambda: seen(
+            watched(flying(heard_s=None)), (passive.passive_heard(watched(flying(heard_s=None)), "uav1", 6.0), ())
+        ),
         ((), {"uav1": {"heard_s": 6.0}}, {}, {}),
     ),
     (
         "a HEARTBEAT without news",
         lambda: [
-            seen(watched(flying(heard_s=5.0)), (passive.heard(watched(flying(heard_s=5.0)), "uav1", at_s, at_s), ()))
+            seen(
+                watched(flying(heard_s=5.0)),
+                (passive.passive_heard(watched(flying(heard_s=5.0)), "uav1", at_s, at_s), ()),
+            )
             for at_s in (6.0, 4.0)
         ],
         [((), {"uav1": {"heard_s": 6.0, "heartbeat_s": 6.0}}, {}, {}), ((), {"uav1": {"heartbeat_s": 4.0}}, {}, {})],

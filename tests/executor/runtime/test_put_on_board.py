@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from executor.core.messages import MissionAck, SendMissionCount, SendMissionItem, SendMissionRequestList
+from executor.core.messages import Message, MissionAck, SendMissionCount, SendMissionItem, SendMissionRequestList
 from executor.runtime import procedures
 from executor.runtime.procedures import Done
 from missions import ARDUPILOT, PX4, Dialect, Inspection, MissionItem, differences, encode, flight_path, flight_setup
@@ -38,7 +38,7 @@ class Board:
         self.items = mission(dialect)
 
     async def put(self, *, wanted: bool = True) -> Done:
-        done = await procedures.put_on_board(self.link, self.clock, self.dialect, self.items, lambda: wanted)
+        done = await procedures.put_on_board(self.link, self.clock, self.dialect, self.items, lambda _: wanted)
         self.link.close()
         return done
 
@@ -97,6 +97,24 @@ async def test_a_mission_that_is_not_wanted_any_more_is_not_begun_again(dialect:
     assert (done.accepted, done.mixed, done.reason) == (False, False, "it has left its mission")
     once = Board(dialect)
     assert (await once.put(wanted=False)).accepted, "what is begun is brought to its end"
+
+
+async def test_a_part_on_board_is_told_to_who_decides_and_in_the_end() -> None:
+    asked: list[bool] = []
+    board = Board(ARDUPILOT, Air(delay_s=(0.2, 0.2)))
+
+    def wanted(mixed: bool) -> bool:
+        asked.append(mixed)
+        return False
+
+    def cut(_: Message) -> None:
+        board.link.cut |= len(board.link.of_kind(SendMissionItem)) >= 3
+
+    board.link.listen(cut)
+    done = await procedures.put_on_board(board.link, board.clock, board.dialect, board.items, wanted)
+    board.link.close()
+    assert asked == [True]
+    assert (done.accepted, done.mixed, done.reason) == (False, True, "it has left its mission")
 
 
 @DIALECTS

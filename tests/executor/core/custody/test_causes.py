@@ -8,6 +8,7 @@ import pytest
 
 from executor.core import carried
 from executor.core.carried import Carried, items_expected
+from executor.core.context import Context
 from executor.core.custody.causes import cause_of, judged, looked_at_again, missed_us, takes_over
 from executor.core.messages import Heartbeat, MissionCurrent
 from executor.core.resume.blackout import taken_up
@@ -72,9 +73,21 @@ def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> N
 def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
     for mode in (RTL, SMART_RTL):
         home = flying(heartbeat=Heartbeat(3, mode, True, 4), cause=Cause.MISSION)
-        assert cause_of(CONTEXT, (), home, went(LAND), NOW_S) is Cause.MISSION
-        assert cause_of(CONTEXT, (), home, went(BRAKE), NOW_S) is Cause.PERSON
+        assert cause_of(CONTEXT, (), home, went(LAND, fix=at(east_m=3.0)), NOW_S) is Cause.MISSION
+        assert cause_of(CONTEXT, (), home, went(BRAKE, fix=at(east_m=3.0)), NOW_S) is Cause.PERSON
     assert cause_of(CONTEXT, (), flying(cause=Cause.MISSION), went(LAND), NOW_S) is Cause.PERSON
+
+
+def test_a_return_that_is_broken_off_for_a_landing_elsewhere_is_a_persons() -> None:
+    told: dict[str, object] = {"ordered_modes": frozenset({RTL, LAND}), "ordered_mode_s": NOW_S - 30.0}
+    returns = flying(heartbeat=Heartbeat(3, RTL, True, 4), stage=Stage.RETURNING, **told)
+    landing = went(LAND, stage=Stage.RETURNING, fix=at(east_m=60.0), **told)
+    assert cause_of(CONTEXT, (), returns, landing, NOW_S) is Cause.PERSON
+    assert cause_of(CONTEXT, (), returns, replace(landing, ordered_modes=frozenset({LAND})), NOW_S) is Cause.OURS
+    assert cause_of(CONTEXT, (), flying(**told), landing, NOW_S) is Cause.OURS, "it lands instead of a return"
+    assert cause_of(CONTEXT, (), returns, replace(landing, fix=at(east_m=3.0)), NOW_S) is Cause.OURS
+    empty = replace(landing, alarm=("Battery Failsafe", NOW_S))
+    assert cause_of(CONTEXT, (), returns, empty, NOW_S) is Cause.FAILSAFE
 
 
 @pytest.mark.parametrize(("since_s", "explained"), [(4.0, True), (4.1, False)])
@@ -83,6 +96,28 @@ def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: 
     assert looked_at_again(CONTEXT, (), state, NOW_S).cause is (Cause.FAILSAFE if explained else Cause.PERSON)
     ours = replace(state, cause=Cause.OURS)
     assert looked_at_again(CONTEXT, (), ours, NOW_S) == ours
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({}, Cause.PERSON),
+        ({"mode_since_s": NOW_S - 2.4}, Cause.MISSION),
+        ({"on_ground": True}, Cause.MISSION),
+        ({"on_ground": None}, Cause.MISSION),
+        ({"heartbeat": Heartbeat(12, 50593792, False, 4)}, Cause.MISSION),
+        ({"heartbeat": Heartbeat(12, 84148224, True, 4)}, Cause.MISSION),
+    ],
+)
+def test_who_holds_in_the_air_where_its_mission_would_have_landed_is_with_somebody(
+    changes: dict[str, object], cause: Cause
+) -> None:
+    context = fleet_of(autopilot="px4").context
+    hold = context.vehicles["uav1"].dialect.modes.hold.custom_mode
+    assert hold == 50593792
+    told: dict[str, object] = {"cause": Cause.MISSION, "mode_since_s": NOW_S - 2.5, "on_ground": False}
+    state = flying(**({"heartbeat": Heartbeat(12, hold, True, 4)} | told | changes))
+    assert looked_at_again(context, (), state, NOW_S).cause is cause
 
 
 @pytest.mark.parametrize(
@@ -98,9 +133,13 @@ def test_when_it_is_certain_that_a_person_has_it(state: VehicleState, *, sure: b
     assert takes_over(state, NOW_S) is sure
 
 
-WITH_FAILSAFE = replace(
-    CONTEXT, vehicles={**CONTEXT.vehicles, "uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=5.0)}
-)
+def with_failsafe(autopilot: str) -> Context:
+    """Return a flight in which uav1 comes home by itself after 5 s without us."""
+    context = fleet_of(autopilot=autopilot).context
+    return replace(context, vehicles={**context.vehicles, "uav1": replace(context.vehicles["uav1"], failsafe_s=5.0)})
+
+
+WITH_FAILSAFE = with_failsafe("ardupilot")
 
 
 @pytest.mark.parametrize(
@@ -108,8 +147,9 @@ WITH_FAILSAFE = replace(
     [
         (4.0, 1.0, 0.0, True),
         (3.9, 1.0, 0.0, False),
-        (10.0, 30.0, 0.0, True),
-        (10.0, 30.1, 0.0, False),
+        (10.0, 30.0, 25.0, True),
+        (10.0, 30.1, 25.1, False),
+        (10.0, 6.0, 0.9, False),
         (10.0, 1.0, 11.0, True),
         (10.0, 1.0, 11.1, False),
     ],
@@ -119,6 +159,14 @@ def test_a_failsafe_that_waited_for_us(pause_s: float, ended_ago_s: float, mode_
     away = (Absence(NOW_S - ended_ago_s, pause_s, restarted=False),)
     assert missed_us(WITH_FAILSAFE, away, went(RTL, mode_since_s=NOW_S - mode_ago_s), NOW_S) is acted
     assert missed_us(WITH_FAILSAFE, (), went(RTL), NOW_S) is False
+
+
+def test_who_holds_before_it_returns_may_do_so_late() -> None:
+    away = (Absence(NOW_S - 30.0, 10.0, restarted=False),)
+    assert missed_us(with_failsafe("px4"), away, went(RTL), NOW_S)
+    assert not missed_us(with_failsafe("px4"), away, went(RTL), NOW_S + 0.1)
+    assert not missed_us(WITH_FAILSAFE, away, went(RTL), NOW_S), "it was heard on its mission since"
+    assert missed_us(WITH_FAILSAFE, away, went(RTL, unseen_until_s=NOW_S), NOW_S), "nobody heard it until now"
 
 
 def test_who_did_not_say_whether_it_has_a_failsafe_and_came_out_of_a_silence_has_one() -> None:

@@ -112,9 +112,23 @@ def test_what_it_does_about_a_reason_does_not_replace_the_reason() -> None:
 
 IN_AIR: dict[str, object] = {"heartbeat": ARMED, "heartbeat_s": NOW_S - 1.0, "fix": replace(at(), at_s=NOW_S - 1.0)}
 STILL: dict[str, object] = {"fix": replace(at(up_m=2.0), velocity_m_s=(1.0, 0.0, 0.0))}
+
+
+@pytest.mark.parametrize("text", ["RC: Motors Emergency Stopped", "Kill engaged"])
+def test_a_kill_switch_after_a_landing_ends_no_flight(text: str) -> None:
+    def alarm(up_m_s: float = 0.0, age_s: float = 0.0, *, on_ground: bool | None = True) -> str:
+        fix = replace(at(up_m=0.0), velocity_m_s=(0.0, 0.0, up_m_s), at_s=NOW_S - age_s)
+        return after(flying(fix=fix, on_ground=on_ground), StatusText(2, text)).alarm[0]
+
+    assert alarm() == ""
+    assert alarm(up_m_s=-0.5) == alarm(age_s=2.0) == alarm(on_ground=False) == alarm(on_ground=None) == text
+
+
 DOUBTS: list[tuple[dict[str, object], bool]] = [
     ({}, True),
     ({"took_off": False}, False),
+    ({"falls_s": NOW_S - 2.4}, False),
+    ({"falls_s": NOW_S - 2.5}, True),
     ({"fix": None}, False),
     ({"fix": at(age_s=1.5)}, True),
     ({"fix": at(age_s=1.6)}, False),

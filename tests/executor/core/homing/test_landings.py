@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from executor.core.commands import LandNow, Level, Start
 from executor.core.events import Heard, StartEnded
 from executor.core.intents import Action
-from executor.core.messages import Heartbeat, StatusText
+from executor.core.messages import Battery, Heartbeat, StatusText
 from executor.core.vehicle import Stage
 from missions import Phase
 from tests.executor.builders import fleet_of
@@ -144,3 +146,41 @@ def test_who_was_never_in_the_air_has_not_landed() -> None:
     flight.finish()
     assert not any(line.startswith("uav2: landed") for line in flight.said())
     assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_who_stands_on_its_pad_after_a_restart_is_not_said_to_have_landed() -> None:
+    flight = under_way()
+    flight.ask(Action.EXCLUDE, "uav2")
+    craft = flight.crafts["uav2"]
+    craft.mute = True
+    flight.pass_s(5.0)
+    craft.place_m, craft.up_m, craft.armed = flight.context.vehicles["uav2"].pad_m, 0.0, False
+    for number in range(20):
+        flight.happen(Heard("uav2", craft.position(1.0 + 0.4 * number)))
+        flight.happen(Heard("uav2", craft.heartbeat()))
+        flight.step()
+    assert flight.stage("uav2") is Stage.LANDED
+    assert [line for line in flight.said() if "on its pad" in line] == [
+        "uav2: is disarmed on its pad with 98 %; its autopilot has started anew"
+    ]
+    assert not any(line.startswith("uav2: landed") for line in flight.said())
+
+
+@pytest.mark.parametrize(("reports", "says"), [(True, "uav2: landed with 9"), (False, "uav2: landed")])
+def test_a_battery_that_says_nothing_any_more_is_not_quoted(reports: bool, says: str) -> None:
+    flight = returning()
+    if not reports:
+        flight.crafts["uav2"].stopped.add(Battery)
+    flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
+    [line] = [line for line in flight.said() if line.startswith("uav2: landed")]
+    assert line.startswith(says)
+    assert ("%" in line) is reports
+
+
+def test_who_was_not_heard_in_the_air_may_have_been_there() -> None:
+    flight = returning()
+    craft = flight.crafts["uav2"]
+    craft.place_m, craft.up_m, craft.armed = flight.context.vehicles["uav2"].pad_m, 0.0, False
+    flight.state = flight.state.put(replace(flight.vehicle("uav2"), took_off=False, errand=None))
+    flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
+    assert "uav2: is disarmed, and was not heard in the air" in flight.said(Level.INFO)

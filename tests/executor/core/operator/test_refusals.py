@@ -152,6 +152,7 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
         "it is not on the ground with its motors off, it is landed",
     ),
     (Action.INCLUDE, grounded(heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.INCLUDE, grounded(tilted_since_s=NOW_S), "it leans as no vehicle stands"),
     (Action.INCLUDE, grounded(cleared_s=NOW_S), "it is cleared for take-off already"),
     (Action.INCLUDE, grounded(fix=placed(PAD_E, PAD_N - 15.0)), ""),
     (

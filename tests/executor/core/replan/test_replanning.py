@@ -11,6 +11,7 @@ from executor.core.events import IntentReceived, MissionsWanted, ReturnAllOrdere
 from executor.core.intents import Action, Intent
 from executor.core.replan import replanning
 from executor.core.vehicle import FaultKind, Stage
+from missions import Phase
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, story, under_way
 from tests.fakes.flight import Story
@@ -106,6 +107,48 @@ def test_a_vehicle_with_a_mixed_mission_is_sent_home() -> None:
     assert flight.sent_home() == ["uav3"]
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
+
+
+def landing_when_mixed(mixed: bool) -> Story:
+    """Return a flight in which uav3's upload is given up while it comes down on its pad."""
+    flight = under_way()
+    flight.upload_s = 400.0
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: flight.vehicle("uav3").pending is not None)
+    flight.run(lambda: (leg := flight.vehicle("uav3").leg) is not None and leg.phase is Phase.LAND)
+    assert not replanning.may_be_given(flight.context, flight.vehicle("uav3"), mixed=mixed)
+    flight.happen(UploadEnded("uav3", 1, accepted=False, mixed=mixed, reason="it has left its mission"))
+    return flight
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_an_upload_that_its_landing_ends_is_no_fault(mixed: bool) -> None:
+    flight = landing_when_mixed(mixed)
+    assert flight.vehicle("uav3").fault is None
+    assert not flight.vehicle("uav3").stubborn
+    flight.run(lambda: flight.stage("uav3") is Stage.LANDED)
+    assert flight.sent_home() == []
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_an_upload_is_begun_again_while_its_vehicle_flies_its_mission(mixed: bool) -> None:
+    flight = under_way()
+    flying = flight.vehicle("uav2")
+    assert replanning.may_be_given(flight.context, flying, mixed=mixed)
+    assert replanning.may_be_given(flight.context, replace(flying, stage=Stage.PILOT), mixed=mixed) is mixed
+    assert not replanning.may_be_given(flight.context, replace(flying, stage=Stage.RETURNING), mixed=mixed)
+    excluded = replace(flying, stage=Stage.GROUND, excluded=True)
+    assert replanning.may_be_given(flight.context, excluded, mixed=False) is False
+
+
+def test_what_another_flies_already_is_taken_from_who_carries_it_too() -> None:
+    flight = under_way()
+    under_way_now = flight.vehicle("uav2").remaining_visits()[0]
+    both = replace(flight.vehicle("uav1"), board=flight.vehicle("uav2").board, waypoint=0)
+    flight.state = flight.state.put(both)
+    flight.ask(Action.REPLAN)
+    flight.run(lambda: bool(flight.solves()))
+    assert under_way_now >> 1 not in flight.solves()[0].open_segments
 
 
 def test_a_mixed_mission_on_the_ground_is_only_not_started() -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from executor.core.commands import Level, Start
 from executor.core.events import Heard
 from executor.core.intents import Action, Outcome
-from executor.core.messages import StatusText
+from executor.core.messages import Attitude, StatusText
+from executor.core.replan.replanning import survivor
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import EVERYTHING, story
@@ -98,3 +99,18 @@ def test_a_spare_is_offered_too() -> None:
     flight.ask(Action.INCLUDE, "uav1", confirmed=True)
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
+
+
+def test_who_lies_on_its_side_is_not_offered() -> None:
+    flight = one_left()
+    flight.happen(Heard("uav1", Attitude(170.0, 0.0)))
+    flight.pass_s(1.0)
+    assert flight.state.offer is not None
+    assert flight.state.offer.vehicles == ("uav3",)
+
+
+def test_who_lies_on_its_side_is_given_nothing_where_nobody_is_asked() -> None:
+    flight = one_left(fly_again="auto")
+    flight.happen(Heard("uav1", Attitude(0.0, 90.0)))
+    assert survivor(flight.context, flight.vehicle("uav1"), flight.now_s) is None
+    assert survivor(flight.context, flight.vehicle("uav3"), flight.now_s) is not None

@@ -188,6 +188,22 @@ def test_everybody_home_leaves_the_pilots_vehicle_to_him() -> None:
     assert sorted(flight.sent_home()) == ["uav1", "uav3"]
 
 
+def test_who_stands_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> None:
+    flight, _ = taken()
+    craft = flight.crafts["uav2"]
+    craft.mute = True
+    flight.pass_s(5.0)
+    craft.place_m, craft.up_m, craft.armed = flight.context.vehicles["uav2"].pad_m, 0.0, False
+    for number in range(5):
+        flight.happen(Heard("uav2", craft.position(1.0 + 0.4 * number)))
+        flight.happen(Heard("uav2", craft.heartbeat()))
+        flight.step()
+    assert flight.stage("uav2") is Stage.LANDED
+    assert flight.vehicle("uav2").excluded
+    text = "uav2: is disarmed on its pad; its autopilot has started anew; it stays until it is included"
+    assert text in flight.said(Level.INFO)
+
+
 def test_who_is_taken_and_then_lost_and_heard_again_is_still_his() -> None:
     flight, at_s = taken()
     flight.crafts["uav2"].mute = True

@@ -8,8 +8,8 @@ import pytest
 
 from executor.core import words
 from executor.core.homing.down import flies_again, found_down
-from executor.core.homing.places import at_rest, coordinates, last_heard, place_words, where
 from executor.core.messages import Heartbeat
+from executor.core.places import at_rest, coordinates, last_heard, place_words, where
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, DISARMED, NOW_S, RTL, at, flying
 

@@ -1,0 +1,40 @@
+"""A kill switch that is on where a vehicle stands: it is not started until it is included.
+
+In flight the vehicle shows it by being disarmed. On the ground nothing but its words tells it, and both autopilots
+refuse to arm as long as the switch is on.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from executor.core.commands import Command, HandsOff, Level, Say
+from executor.core.messages import StatusText
+from executor.core.roster.withdraw import left_plan, withdrawn
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+_ON = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
+"""ArduPilot: "RC: Motors Emergency Stopped", "Arm: Motors Emergency Stopped"; PX4: "Kill engaged"."""
+_STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
+
+
+def kill_heard(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
+    """Leave a vehicle on the ground that says that its kill switch is on."""
+    stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.excluded
+    if state.launched_s is None or not stands or not _ON.search(text.text):
+        return state, ()
+    name, starting = vehicle.name, vehicle.stage is Stage.STARTING
+    commands: tuple[Command, ...] = (HandsOff(name),)
+    if starting:
+        vehicle = left_plan(vehicle, Stage.LANDED, now_s)
+    given = starting or vehicle.pending is not None
+    state = state.put(replace(vehicle, excluded=True, cleared_s=None, pending=None))
+    if given:
+        state, more = withdrawn(state, name, f"{name}: its kill switch is on", now_s)
+        commands = (*commands, *more)
+    line = f"{name}: its kill switch is on; it is not started until it is included"
+    return state, (Say(Level.FAULT, line), *commands)
