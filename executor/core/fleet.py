@@ -61,6 +61,7 @@ from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
 from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.words import count_of
 from missions import StartStep
 from planner import segment_of
 
@@ -532,7 +533,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
         state = state.put(replace(vehicle, board=board, carried=Carried(ours_s=now_s)))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
-        what = f"{to_go} segment{'s' if to_go != 1 else ''} to go" if to_go else "it has no segment left and comes home"
+        what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
     elif _left_meanwhile(context, vehicle) or (state.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
@@ -591,5 +592,9 @@ def _finish(context: Context, state: FleetState) -> Stepped:
     if not state.recalled and replanning.orphans(context, state):
         return state, ()
     missing = context.segments - len(state.inspected)
-    reason = "every segment is inspected" if missing == 0 else f"{missing} segments are not inspected"
+    reason = (
+        "every segment is inspected"
+        if missing == 0
+        else f"{count_of(missing, 'segment')} {'is' if missing == 1 else 'are'} not inspected"
+    )
     return replace(state, finished=True), (Finish(reason),)

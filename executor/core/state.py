@@ -45,6 +45,8 @@ class Replan:
     """Vehicles whose new mission is not on board yet."""
     failed: tuple[str, ...] = ()
     """Vehicles that could not be given theirs."""
+    let_go: tuple[str, ...] = ()
+    """Vehicles for which it came too late."""
     ordered: bool = False
     """Whether an operator asked for it."""
 

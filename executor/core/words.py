@@ -11,6 +11,15 @@ _FIXES = {0: "no GPS", 1: "no fix", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float",
 _UNSHOWN_KINDS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
+def count_of(number: int, thing: str) -> str:
+    """Return how many there are of something.
+
+    >>> count_of(1, "segment"), count_of(0, "segment")
+    ('1 segment', '0 segments')
+    """
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
 def minutes(seconds: float) -> str:
     """Return a time as minutes and seconds, with hours where there are some; a part of a second does not count.
 

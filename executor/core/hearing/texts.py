@@ -14,6 +14,7 @@ from executor.core.commands import Command, Level, Say
 from executor.core.messages import ComponentText, StatusText
 from executor.core.state import FleetState
 from executor.core.vehicle import TextFlow, VehicleState
+from executor.core.words import count_of
 
 CRITICAL_SEVERITY, WARNING_SEVERITY = 2, 4
 """MAV_SEVERITY; what is less severe than a warning stays in the log."""
@@ -86,5 +87,5 @@ def _begun_anew(vehicle: VehicleState, now_s: float) -> tuple[TextFlow, list[Com
     """Begin a window; say what was passed over in the last one."""
     flow = vehicle.texts
     count, took_s = flow.passed_over, now_s - flow.since_s
-    what = f"{vehicle.name}: {count} more text{'s' if count != 1 else ''} in {took_s:.0f} s"
+    what = f"{vehicle.name}: {count_of(count, 'more text')} in {took_s:.0f} s"
     return TextFlow(flow.last, now_s), [Say(Level.WARNING, what)] if count else []

@@ -14,6 +14,7 @@ from executor.core.events import MissionsWanted, NewRoute, SolveEnded
 from executor.core.homing.homeward import comes_down
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
+from executor.core.words import count_of
 from missions import Phase, continue_path, flight_path
 from missions.autopilots.modes import is_mission_mode
 from planner import segment_of
@@ -170,7 +171,7 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
         considered=frozenset(offer.vehicle for offer in offers),
     )
     names = ", ".join(offer.vehicle for offer in offers)
-    text = f"re-plan {revision}: {len(alone)} segments without a vehicle ({trigger}); planning for {names}"
+    text = f"re-plan {revision}: {count_of(len(alone), 'segment')} without a vehicle ({trigger}); planning for {names}"
     return state, (Say(Level.INFO, text), solve)
 
 
@@ -308,7 +309,7 @@ def all_made(context: Context, state: FleetState, plan: Replan) -> Replan:
 
 def let_go(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -> tuple[FleetState, Replan, Say]:
     """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
-    plan = replace(plan, pending=plan.pending - {name})
+    plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
     state = state.put(replace(state.vehicles[name], pending=None))
     state = replace(state, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
     return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned anew for it")
@@ -377,6 +378,8 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
     )
     if plan.failed:
         text = f"re-plan {record.revision} ended; {', '.join(plan.failed)} could not be given its part"
+    elif not plan.missions.keys() - set(plan.let_go):
+        text = f"re-plan {record.revision} ended; nobody's mission has changed"
     return state, (Say(Level.INFO, text),)
 
 

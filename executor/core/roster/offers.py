@@ -11,6 +11,7 @@ from executor.core.context import Context, FlyAgain
 from executor.core.replan import replanning
 from executor.core.state import FleetState, Offer
 from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
+from executor.core.words import count_of
 from missions import Phase
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -105,7 +106,7 @@ def awaits_answer(state: FleetState) -> bool:
 def offer_words(context: Context, offer: Offer) -> str:
     """Return an offer in words."""
     names = " and ".join(offer.vehicles)
-    count = f"{len(offer.segments)} segment{'s' if len(offer.segments) != 1 else ''}"
+    count = count_of(len(offer.segments), "segment")
     pads = f"are the pads of {names}" if len(offer.vehicles) > 1 else f"is the pad of {names}"
     listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
     more = ", ..." if len(offer.segments) > 6 else ""

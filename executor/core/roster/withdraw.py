@@ -13,6 +13,7 @@ from executor.core.places import fell, last_heard, mission_over, over_its_pad
 from executor.core.replan import replanning
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.words import count_of
 from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -81,7 +82,7 @@ def _handed_on(state: FleetState, name: str, left: frozenset[int]) -> str:
         one.name != name and one.fault is None and not one.excluded and one.stage in {Stage.STARTING, Stage.FLYING}
         for one in state.vehicles.values()
     )
-    what = f"{len(left)} segment{'s' if len(left) != 1 else ''}"
+    what = count_of(len(left), "segment")
     return f"{what} to be planned for the others" if others else f"{what} left without a vehicle"
 
 

@@ -347,6 +347,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "missions": {},
             "pending": frozenset(),
             "failed": (),
+            "let_go": (),
             "ordered": False,
         },
     ),

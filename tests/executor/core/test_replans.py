@@ -25,6 +25,7 @@ from tests.executor.core.steps import (
     differences,
     flight_of,
     landed,
+    new_mission,
     offer_of,
     outcome,
     plan_of,
@@ -85,8 +86,11 @@ def composed(plan: Replan, one: VehicleState = ON_ITS_WAY, revision: int = 4) ->
     return without_paths(outcome(before, replanning.composed(CONTEXT, before, MissionsWanted(revision), NOW_S)))
 
 
+GIVEN = new_mission(2)
+
+
 def closed(**given: Any) -> Stepped:
-    before = flight_of(replan=plan_of(**given), orphans_since_s=5.0)
+    before = flight_of(replan=plan_of(**{"missions": {"uav1": GIVEN}} | given), orphans_since_s=5.0)
     return outcome(before, replanning.ended_if_done(before, NOW_S))
 
 
@@ -206,7 +210,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Say(
                     Level.INFO,
                     (
-                        "re-plan 1: 1 segments without a vehicle (not proven to be inspected: segment 0); "
+                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 0); "
                         "planning for uav1"
                     ),
                 ),
@@ -241,7 +245,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Say(
                     Level.INFO,
                     (
-                        "re-plan 1: 1 segments without a vehicle (not proven to be inspected: segment 0); "
+                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 0); "
                         "planning for uav1"
                     ),
                 ),
@@ -291,7 +295,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Say(
                     Level.INFO,
                     (
-                        "re-plan 1: 1 segments without a vehicle (not proven to be inspected: segment 1); "
+                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 1); "
                         "planning for uav1"
                     ),
                 ),
@@ -431,7 +435,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [
                 Say(Level.INFO, "re-plan 4 found in 0.25 s; new missions for nobody"),
-                Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
             ],
             {},
             {
@@ -555,7 +559,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [
                 Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned anew for it"),
-                Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
             ],
             {},
             {

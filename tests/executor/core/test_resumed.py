@@ -436,7 +436,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [
                 Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned anew for it"),
-                Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
             ],
             (),
             (),
@@ -617,7 +617,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     Level.INFO,
                     ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned anew for it"),
                 ),
-                Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
             ],
             (),
             (),
@@ -665,7 +665,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     Level.INFO,
                     ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned anew for it"),
                 ),
-                Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
             ],
             (),
             (),

@@ -201,7 +201,7 @@ def test_what_the_budgets_do_not_cover_is_named() -> None:
     assert "the budgets that are left do not cover segment 3" in flight.said(Level.WARNING)
     [record] = flight.state.records
     assert (record.feasible, record.uncovered) == (False, (3,))
-    assert flight.given(Finish) == [Finish("1 segments are not inspected")]
+    assert flight.given(Finish) == [Finish("1 segment is not inspected")]
 
 
 def test_a_segment_flown_too_fast_is_flown_again() -> None:
