@@ -14,8 +14,8 @@ MEASURED = re.findall(r"^\| (.+?) \| .+? \| \[.+?\]\((docs/results/.+?)\) \|$", 
 PRINTED = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
 FIGURE = re.compile(r"\d+(?:\.\d+)?")
 MARK = re.compile(r"^ *(?:ok|warn|STOP) ")
-CHANGES = re.compile(r"uav\d+|run\d+|\w+\.\w+|[\d.,:;%()+]+")
-"""What differs from flight to flight in a line: names, times, numbers, and the marks between them."""
+CHANGES = re.compile(r"\d+ segments?|uav\d+|run\d+|\w+\.\w+|[\d.,:;%()+]+")
+"""What differs from flight to flight in a line: names, times, numbers and counts, and the marks between them."""
 
 
 @cache
