@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import random
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
@@ -61,13 +62,25 @@ def _is_json(network: Path) -> bool:
         return False
 
 
+UNASKED = range(20_000, 32_000)
+"""Below the ports that Linux (32768 on), macOS and Windows (49152 on) choose by themselves."""
+
+
 def free_ports(count: int) -> list[int]:
-    """Return UDP ports of this computer that nobody uses."""
+    """Return UDP ports of this computer that nobody uses, and that no socket is given unasked.
+
+    The simulated vehicles call from ports that the system chooses: of forty one may be the next one's otherwise.
+    """
+    found: list[int] = []
     with ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
-        for one in sockets:
-            one.bind(("127.0.0.1", 0))
-        return [int(one.getsockname()[1]) for one in sockets]
+        for port in random.sample(UNASKED, len(UNASKED)):
+            if len(found) == count:
+                break
+            plug = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            with suppress(OSError):
+                plug.bind(("127.0.0.1", port))
+                found.append(port)
+    return found
 
 
 def check_faults(ground: Ground, faults: Sequence[str]) -> None:

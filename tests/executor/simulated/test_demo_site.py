@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from executor.simulated.demo_site import demo_site
+from executor.simulated.demo_site import demo_site, free_ports
 from executor.site import assembly
 from executor.site.config import check_site
 from missions import default_network_path, read_network
@@ -51,3 +51,9 @@ def test_a_graph_file_is_put_where_the_default_network_is(tmp_path: Path) -> Non
     ground = site_over(network)
     assert ground.network.frame == read_network(default_network_path()).frame
     assert len(ground.network.segments) == 1
+
+
+def test_the_ports_of_a_fleet_are_none_that_the_system_chooses() -> None:
+    ports = free_ports(200)
+    assert len(set(ports)) == 200
+    assert max(ports) < 32_768
