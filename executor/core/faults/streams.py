@@ -115,9 +115,14 @@ def _patience_s(view: View) -> float:
 
 
 def _gone(view: View, stream: Stream, after_s: float) -> Finding:
-    if not view.setup.planned or math.isnan(stream.age_s) or not others_come(view):
+    heard_s = view.state.heard_s
+    if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not others_come(view):
         return STALE
-    return Finding(Verdict.FAIL, missing(view, stream)) if stream.age_s >= after_s else OK
+    if stream.age_s < after_s:
+        return OK
+    if view.now_s - heard_s > stream.age_s - after_s:
+        return STALE  # nothing at all came since it was due: that may be the link
+    return Finding(Verdict.FAIL, missing(view, stream))
 
 
 def unseen_s(view: View) -> float:

@@ -8,6 +8,7 @@ import pytest
 
 from executor.core.commands import AskStreams, Level
 from executor.core.events import Heard
+from executor.core.faults.streams import LEAST_GONE_S
 from executor.core.intents import Action
 from executor.core.messages import Battery, Heartbeat, LandedState, MissionCurrent, Position
 from executor.core.vehicle import FaultKind, Stage
@@ -60,6 +61,19 @@ def test_a_silence_of_everything_is_a_matter_of_the_link() -> None:
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.stage("uav2") is Stage.LOST)
     assert flight.given(AskStreams) == []
+
+
+def test_a_silence_in_which_a_stream_would_be_due_is_no_fault_of_that_stream() -> None:
+    flight = under_way()
+    craft = flight.crafts["uav2"]
+    craft.stopped.add(Position)
+    flight.pass_s(LEAST_GONE_S - 2.0)
+    craft.mute = True
+    flight.pass_s(2.6)
+    assert flight.vehicle("uav2").fault is None
+    craft.mute = False
+    flight.run(lambda: flight.vehicle("uav2").fault is not None, limit_s=3.0)
+    assert any("no position" in line for line in flight.said(Level.FAULT))
 
 
 def test_what_came_last_before_a_silence_is_not_missed_while_others_come() -> None:
