@@ -67,9 +67,9 @@ def test_a_silence_in_which_a_stream_would_be_due_is_no_fault_of_that_stream() -
     flight = under_way()
     craft = flight.crafts["uav2"]
     craft.stopped.add(Position)
-    flight.pass_s(LEAST_GONE_S - 2.0)
+    flight.pass_s(LEAST_GONE_S - 1.0)
     craft.mute = True
-    flight.pass_s(2.6)
+    flight.pass_s(1.6)
     assert flight.vehicle("uav2").fault is None
     craft.mute = False
     flight.run(lambda: flight.vehicle("uav2").fault is not None, limit_s=3.0)

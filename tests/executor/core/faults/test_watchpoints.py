@@ -554,8 +554,14 @@ OLD: list[tuple[str, VehicleState, VehicleState]] = [
     ),
     (
         "heartbeat",
-        flying(heartbeat_s=NOW_S - 20.0, heard_s=NOW_S - 2.9),
-        flying(heartbeat_s=NOW_S - 20.0, heard_s=NOW_S - 3.0),
+        flying(heartbeat_s=NOW_S - 23.0, heard_s=NOW_S - 2.9),
+        flying(heartbeat_s=NOW_S - 23.0, heard_s=NOW_S - 3.0),
+    ),
+    # Due since then, and nothing at all came since: that may be the link.
+    (
+        "heartbeat",
+        flying(heartbeat_s=NOW_S - 21.0, heard_s=NOW_S - 1.0),
+        flying(heartbeat_s=NOW_S - 21.0, heard_s=NOW_S - 1.1),
     ),
     # Disarmed 20 m from its pad: its place is seen for 1.5 s, and after 6 s it is taken for where it was last.
     (
