@@ -383,8 +383,10 @@ class Px4(Autopilot):
         self.voice.say(Severity.CRITICAL, "Kill engaged")
 
     def _on_breach(self) -> None:
-        self._failsafe = True
         self.voice.say(Severity.WARNING, "Geofence violation")
+        if not self.frame.armed:
+            return  # a failsafe acts in flight alone
+        self._failsafe = True
         self.voice.say(Severity.CRITICAL, "Failsafe activated: switching to Return")
         self._switch(Mode.RETURN)
 

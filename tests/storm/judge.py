@@ -11,7 +11,7 @@ from dataclasses import replace
 from executor.core.commands import Say
 from executor.core.intents import Action
 from executor.simulator.truth import Truth
-from tests.stories.judge import FALLS_FROM_M, Finding, Judge, Span, distance_m, place
+from tests.stories.judge import FALLS_FROM_M, KNOWS_S, Finding, Judge, Span, distance_m, place
 from tests.stories.story import MISSION
 from tests.storm.plot import BEARS_S, Happening
 from tests.storm.sky import Stormed
@@ -120,6 +120,8 @@ class StormJudge(Judge):
         """
         if one.what == "kill":
             return not self.armed(name, one.t_s - 0.1) and self._silent(name, one.t_s, 0.5)
+        if self._crossed(name, one) or self._as_without_us(name, one):
+            return True
         if one.what.endswith((" RTL", " LAND")) and any(
             span.from_s < one.t_s < span.to_s for span in self._acting(name)
         ):
@@ -128,6 +130,19 @@ class StormJudge(Judge):
         mission = MISSION[self.flown.autopilot]["mission"]
         modes = [mode for mode in self.happened(name, "mode ") if one.t_s <= mode.t_s <= heard_s]
         return len(modes) > 1 and not one.what.endswith(f" {mission}")
+
+    def _crossed(self, name: str, one: Truth) -> bool:
+        """Return whether an order that was on its way put it on its mission in the same moment, by our word."""
+        ordered = [order.t_s for order in self.happened(name, "order command") if one.t_s <= order.t_s]
+        flies = self.happened(name, f"mode {MISSION[self.flown.autopilot]['mission']}")
+        return any(
+            order_s - one.t_s < KNOWS_S and 0 <= mode.t_s - order_s < 0.1 for order_s in ordered for mode in flies
+        )
+
+    def _as_without_us(self, name: str, one: Truth) -> bool:
+        """Return whether somebody chose what its GCS failsafe leads to while nobody was heard for most of the time."""
+        bursts = self._began(name, frozenset({"bursts"}))
+        return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + burst.for_s for at_s, burst in bursts)
 
     def _unheard_until_s(self, name: str, at_s: float) -> float:
         """Return when a vehicle is heard that is silent now; its time itself if it is not."""
@@ -160,7 +175,12 @@ class StormJudge(Judge):
         stops = [one for one in self.happened(found["name"], "kill") if one.t_s <= at_s]
         if stops and (stops[-1].up_m or 0.0) <= FALLS_FROM_M and super()._silent(found["name"], stops[-1].t_s):
             return ""  # it stands where it would have landed, and nobody saw how that came
-        return super()._landed(found, at_s, line)
+        thrustless = self.happened(found["name"], f"fault {found['name']}:crash")
+        if thrustless and self._came_down(found["name"], at_s)[-1:] == ["on_pad"]:
+            return ""  # it fell, and was on its pad before anybody looked: no story of this world
+        why = super()._landed(found, at_s, line)
+        emptied = any(one.t_s <= at_s for one in self.happened(found["name"], f"fault {found['name']}:battery-step"))
+        return "" if why.startswith("its battery holds") and emptied and not self.armed(found["name"], at_s) else why
 
     def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
