@@ -383,6 +383,9 @@ def _decided(
         return takeover.taken(context, state, vehicle)
     if raised and raised[0][0].name == "mode" and causes.missed_us(context, state.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
+    if vehicle.fault is not None:
+        # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
+        raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK or _lies(context, vehicle)]
     if raised:
         point, why = raised[0]
         return _fault(context, state, vehicle, point.kind, why, now_s)
@@ -504,20 +507,18 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 def _fault(
     context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
 ) -> Stepped:
-    """One arbiter: the first reason stands; a later one only changes where the vehicle is taken to be."""
     if vehicle.fault is None:
         return declare(context, state, vehicle, kind, why, now_s)
+    text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
     if kind is FaultKind.LINK:
-        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
         return state.put(replace(moved_to(vehicle, Stage.LOST), errand=None)), (Say(Level.WARNING, text),)
-    if vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle):
-        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
-        return state.put(replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)), (
-            Say(Level.FAULT, text),
-        )
-    if _has_landed(vehicle) and seen_at_rest(vehicle, now_s):
-        return _landed(context, state, vehicle, now_s)
-    return homeward.pursued(context, state, vehicle.name, now_s)
+    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)
+    return state.put(lies), (Say(Level.FAULT, text),)
+
+
+def _lies(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether its motors stopped where it was neither told to land nor at home."""
+    return vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle)
 
 
 def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:

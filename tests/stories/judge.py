@@ -468,8 +468,12 @@ class Judge:
                 continue  # it stood there
             if one.what.startswith("fault "):
                 continue  # its thrust goes there; how it comes down follows
-            if one.t_s <= at_s and (falls or one.what in {"on_pad", "landed"}):
+            if one.t_s > at_s:
+                continue
+            if falls or one.what in {"on_pad", "landed"}:
                 ends.append(one.what)
+            elif one.what == "fell":
+                ends.append("landed")  # by less than a hand's breadth
         return ends
 
     def _landed_untrue(self, name: str, at_s: float) -> str:

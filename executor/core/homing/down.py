@@ -20,12 +20,14 @@ FLIES_M_S = 1.5
 def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
     """Return why an armed vehicle is taken to be down, with its place; empty if it is not."""
     fix, limits = vehicle.fix, context.limits
-    if vehicle.stage not in _SEEN or not vehicle.armed or fix is None or now_s - fix.at_s > limits.link_stale_s:
+    if vehicle.stage not in _SEEN or not vehicle.armed or fix is None:
         return ""
     if vehicle.tilted_since_s is not None and now_s - vehicle.tilted_since_s >= limits.tilt_s:
         tilt = vehicle.attitude
         angle_deg = 0.0 if tilt is None else max(abs(tilt.roll_deg), abs(tilt.pitch_deg))
         return f"leans by {angle_deg:.0f} degrees, {place_words(context, vehicle)}"
+    if now_s - fix.at_s > limits.link_stale_s:
+        return ""
     if vehicle.stage is not Stage.RETURNING or not _still(context, vehicle, now_s):
         return ""
     if _unsaid(vehicle, now_s):

@@ -16,6 +16,7 @@ from tests.executor.core.steps import (
     HOLD,
     HOMEWARD,
     LOW,
+    RTL,
     SECOND,
     SENT_HOME,
     STILL,
@@ -24,6 +25,7 @@ from tests.executor.core.steps import (
     over_pad,
 )
 
+EMERGENCY_HOMEWARD = HOMEWARD | {"heartbeat": beat(RTL, status=6)}
 ROWS = [
     Row("who flies its mission well is left to it", flying(), Tick(), [], {}, {}),
     Row(
@@ -251,6 +253,36 @@ ROWS = [
         [Say(Level.FAULT, "uav1: leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away")],
         {"uav1": {"stage": Stage.DOWN, "errand": None, "place_told": True}},
         {},
+    ),
+    Row(
+        "what a vehicle says of its emergency does not hide that it lies",
+        flying(
+            **EMERGENCY_HOMEWARD,
+            fault=BATTERY_FAULT,
+            tilted_since_s=NOW_S - 3.0,
+            attitude=Attitude(80.0, -90.0),
+            errand=Errand(NOW_S),
+        ),
+        Tick(),
+        [Say(Level.FAULT, "uav1: leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away")],
+        {"uav1": {"stage": Stage.DOWN, "errand": None, "place_told": True}},
+        {},
+    ),
+    Row(
+        "nor that it is silent",
+        flying(
+            **EMERGENCY_HOMEWARD, fault=BATTERY_FAULT, heard_s=NOW_S - 10.0, errand=Errand(NOW_S - 20.0), stale=True
+        ),
+        Tick(),
+        [
+            Say(
+                Level.WARNING,
+                ("uav1: silent for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+            )
+        ],
+        {"uav1": {"stage": Stage.LOST, "errand": None}},
+        {},
+        beside=(SECOND,),
     ),
     Row(
         "who falls silent on its way home is lost",
