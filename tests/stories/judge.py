@@ -334,7 +334,7 @@ class Judge:
         # A battery may be emptied on the ground, by a fault, before the line is said.
         landed = [one.charge_pct or 0.0 for one in self.happened(name, "landed") if one.t_s <= at_s]
         charge_pct = self.at(name, at_s).charge_pct or 0.0
-        if told is not None and min(abs(int(told[1]) - one) for one in (charge_pct, landed[-1])) > 4.0:
+        if told is not None and min(abs(int(told[1]) - one) for one in (charge_pct, *landed[-1:])) > 4.0:
             return f"its battery holds {charge_pct:.0f} %"
         return ""
 
