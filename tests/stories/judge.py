@@ -284,7 +284,9 @@ class Judge:
                 if not order.what.startswith(MOVES) or self.armed(name, order.t_s - 0.1):
                     continue
                 last_s = max((at_s for at_s in downs if at_s <= order.t_s), default=None)
-                if last_s is None and order.t_s - launched_s <= LAUNCH_S:
+                # It may have disarmed again while the order of its start was on its way.
+                crossed = last_s is not None and order.t_s - last_s <= KNOWS_S and not self.happened(name, "took_off")
+                if (last_s is None or crossed) and order.t_s - launched_s <= LAUNCH_S:
                     continue
                 if not any((last_s or 0.0) < at_s <= order.t_s for at_s in self._included(name)):
                     yield Finding("arming", order.t_s, f"{name}: {order.what!r} that nobody confirmed")
