@@ -16,6 +16,7 @@ import numpy as np
 from planner.cost import Cost
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan, Route
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.partition import SAME, partition, prove
 from planner.result import Result
 from planner.solve import solve
@@ -31,8 +32,6 @@ OPTIMAL_SEGMENTS = 18
 """Segments up to which ``solve_exact`` takes an instance: for 3 vehicles of different starts and budgets that leave a
 tenth over the optimum, 0.3 s with 14 segments, 1 s with 16, 4 s and 0.5 GB with 18. Where no budget rules any route
 out it is 4 s, 20 s, and 50 s and 3.4 GB."""
-SEARCH_ITERATIONS = 3000
-"""Of the search for the plan that bounds the cost from above."""
 
 
 def covers(instance: Instance) -> Plan | None:
@@ -57,6 +56,7 @@ def solve_exact(
     stop: StopRule,
     seed: int = 0,
     all_vehicles: bool = False,
+    params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
     """Return a plan with the proof of how good it is: ``Result.bound`` and ``Result.gap``.
@@ -71,6 +71,7 @@ def solve_exact(
             first plan takes a fraction of a second and is not stopped by it.
         seed: of that search.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
+        params: what that search is tuned by.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
@@ -81,7 +82,7 @@ def solve_exact(
         return replace(done, bound=done.evaluation.value)
     watch = Stopwatch()
     subsets = route_subsets(instance, OPTIMAL_SEGMENTS)
-    first = _first(instance, subsets, cost, seed, all_vehicles=all_vehicles)
+    first = _first(instance, subsets, cost, seed, params, all_vehicles=all_vehicles)
     return _prove(instance, subsets, cost, first, _Asker(first, stop, on_progress, watch), all_vehicles=all_vehicles)
 
 
@@ -121,16 +122,18 @@ class _Asker:
         return self._watch.seconds
 
 
-def _first(instance: Instance, subsets: Sequence[Subsets], cost: Cost, seed: int, *, all_vehicles: bool) -> Result:
+def _first(
+    instance: Instance, subsets: Sequence[Subsets], cost: Cost, seed: int, params: SearchParams, *, all_vehicles: bool
+) -> Result:
     """Return a good plan that covers as much value as any."""
     from planner.construct import problem_of
 
-    stop = Iterations(SEARCH_ITERATIONS)
-    found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+    stop = Iterations(params.exact.search_iterations)
+    found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, params=params)
     if not found.plan.uncovered:
         return found
     plan = _plan(instance, subsets, most_valuable(subsets, problem_of(instance).value))
-    again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles)
+    again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles, params=params)
     if _worth(instance, again.plan) >= _worth(instance, plan) * (1 - SAME):
         return again
     # A route within the last of the tolerance, from which the search takes a visit.
