@@ -15,7 +15,6 @@ knobs. The baseline (grasp.py) has none either: it is the paper's, with the pape
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
@@ -51,7 +50,7 @@ def _whole(default: int, least: int = 1, most: int = 2**40) -> int:
 
 
 def _number(value: object, least: float, most: float) -> float | None:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+    if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     return float(value) if least <= value <= most else None
 

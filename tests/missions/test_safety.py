@@ -25,7 +25,8 @@ from missions import (
     tracks_m,
 )
 from missions.geo import FloatArray
-from missions.safety import FLAT_M, _leg_distances_m, legs_m
+from missions.geometry import leg_distances_m
+from missions.safety import FLAT_M, legs_m
 from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
 
 
@@ -164,8 +165,8 @@ def test_legs_that_touch_at_an_end_and_legs_that_cross() -> None:
         ([[5.0, 4.0, 3.0], [5.0, 4.0, 3.0]], 5.0),
     ]:
         legs = np.array([other])
-        assert _leg_distances_m(flat, legs).tolist() == [[pytest.approx(expected_m)]], other
-        assert _leg_distances_m(legs, flat).tolist() == [[pytest.approx(expected_m)]], other
+        assert leg_distances_m(flat, legs).tolist() == [[pytest.approx(expected_m)]], other
+        assert leg_distances_m(legs, flat).tolist() == [[pytest.approx(expected_m)]], other
 
 
 def test_a_vehicle_on_the_ground_counts_for_nothing() -> None:
