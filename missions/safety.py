@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -128,21 +127,6 @@ def plan_layers(
         surface=fitted.surface,
         track_heights_m=track_heights_m,
     )
-
-
-def separation_m(path_a: FlightPath, path_b: FlightPath, *, home_alt_m: tuple[float, float] = (0.0, 0.0)) -> float:
-    """Return the least distance in space between all legs of two paths, whenever they are flown.
-
-    Take-off and landing columns are legs too. A path without waypoints is a vehicle on the ground and counts for
-    nothing: the answer is infinite.
-
-    Args:
-        path_a: One vehicle's flight.
-        path_b: Another's.
-        home_alt_m: Height above mean sea level of the two homes, to which the paths' heights are relative.
-    """
-    nearest = _nearest_legs(path_a, path_b, home_alt_m)
-    return math.inf if nearest is None else nearest[0]
 
 
 def check_separation(

@@ -20,7 +20,7 @@ from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.partition import SAME, partition, prove
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Iterations, Progress, StopRule, Stopwatch
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, reported
 from planner.subsets import Subsets, cover_all, most_valuable, route_subsets
 
 EXACT_SEGMENTS = 16
@@ -83,18 +83,17 @@ def solve_exact(
     watch = Stopwatch()
     subsets = route_subsets(instance, OPTIMAL_SEGMENTS)
     first = _first(instance, subsets, cost, seed, params, all_vehicles=all_vehicles)
-    return _prove(instance, subsets, cost, first, _Asker(first, stop, on_progress, watch), all_vehicles=all_vehicles)
+    return _prove(
+        instance, subsets, cost, first, _Asker(first, reported(stop, on_progress), watch), all_vehicles=all_vehicles
+    )
 
 
 class _Asker:
     """Asks the stop rule while HiGHS works."""
 
-    def __init__(
-        self, first: Result, stop: StopRule, on_progress: Callable[[Progress], None] | None, watch: Stopwatch
-    ) -> None:
+    def __init__(self, first: Result, stop: StopRule, watch: Stopwatch) -> None:
         self._first = first
         self._stop = stop
-        self._on_progress = on_progress
         self._watch = watch
         self.reason = "no better bound"
 
@@ -109,8 +108,6 @@ class _Asker:
             feasible=self._first.feasible,
             impossible=not self._first.feasible,
         )
-        if self._on_progress is not None:
-            self._on_progress(progress)
         verdict = self._stop(progress)
         if verdict.allowed <= 0:
             self.reason = verdict.reason

@@ -10,7 +10,7 @@ from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
+from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of, reported
 from planner.window import ReplanWindow, replan_window
 
 STRETCHES = (0.0, 0.05, 0.1, 0.2)
@@ -90,7 +90,7 @@ def front(
     while not (shared.over or full):
         full = number > 0
         for stretch in sorted(stretches):
-            outer = Outer(any_of(Iterations(length), shared), on_progress, shared.watch)
+            outer = Outer(reported(any_of(Iterations(length), shared), on_progress), shared.watch)
             search = RobustSearch(
                 instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=True,
                 params=params,

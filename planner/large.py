@@ -7,7 +7,7 @@ threads; they have no route in common, so the order in which threads end makes n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -68,13 +68,11 @@ class LargeSearch:
         self._iterations = 0
         self._improved_at = 0
 
-    def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
+    def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
         with ThreadPoolExecutor(self._starts) as threads:
             while True:
                 progress = self._progress()
-                if on_progress is not None:
-                    on_progress(progress)
                 verdict = stop(progress)
                 if verdict.allowed <= 0:
                     break

@@ -14,7 +14,7 @@ from planner.errors import PlanError
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.solve import check_tails
-from planner.stop import Progress, StopRule, Stopwatch
+from planner.stop import Progress, StopRule, Stopwatch, reported
 from planner.window import WindowResult
 
 
@@ -63,7 +63,7 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     # Only here, as in solve.py: it loads numba.
     from planner.robustsearch import Outer, RobustSearch
 
-    outer = Outer(stop, on_progress, Stopwatch())
+    outer = Outer(reported(stop, on_progress), Stopwatch())
     search = RobustSearch(
         instance, outer, seed=seed, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params
     )

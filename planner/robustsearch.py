@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -76,7 +76,6 @@ class Outer:
     """The stop rule of the whole search, as the searches inside ask it."""
 
     stop: StopRule
-    on_progress: Callable[[Progress], None] | None
     watch: Stopwatch
     earliest_s: float = math.inf
     iterations: int = 0
@@ -88,7 +87,7 @@ class Outer:
         """Ask the outer rule, with all iterations so far."""
         iterations = self.iterations + progress.iterations
         known = math.isfinite(self.earliest_s)
-        outer = Progress(
+        verdict = self.stop(Progress(
             iterations=iterations,
             since_improvement=iterations - self.improved_at if known else 0,
             seconds=self.watch.seconds,
@@ -96,10 +95,7 @@ class Outer:
             uncovered=0 if known else progress.uncovered,
             feasible=known,
             impossible=progress.impossible,
-        )
-        if self.on_progress is not None:
-            self.on_progress(outer)
-        verdict = self.stop(outer)
+        ))  # fmt: skip
         if verdict.allowed <= 0:
             self.reason = verdict.reason
         return verdict
@@ -407,7 +403,6 @@ class RobustSearch:
             plan=candidates[chosen],
             window=windows[chosen],
             evaluation=evaluate(self._instance, candidates[chosen], Cost.MINMAX),
-            longest_allowed_s=self._cap_s,
             feasible=bool(best),
             iterations=outer.iterations,
             seconds=outer.watch.seconds,

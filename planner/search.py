@@ -12,7 +12,6 @@ the hard cycles between choose what to leave out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -104,13 +103,11 @@ class Search:
         self._begin(self._params.first_cycle_leaving_out if soft else self._params.first_cycle, soft=soft)
         self._publish()
 
-    def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
+    def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
         with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
             while True:
                 progress = self._progress()
-                if on_progress is not None:
-                    on_progress(progress)
                 verdict = stop(progress)
                 if verdict.allowed <= 0:
                     break

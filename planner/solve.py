@@ -12,7 +12,7 @@ from planner.model import Instance, Plan, Route, Vehicle, segment_of
 from planner.moves import Travel
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
-from planner.stop import Iterations, Progress, StopRule, Stopwatch
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, reported
 
 
 def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from where
@@ -63,7 +63,7 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
         instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts,
         params=params,
     )  # fmt: skip
-    return search.run(stop, on_progress)
+    return search.run(reported(stop, on_progress))
 
 
 def warm_up() -> None:

@@ -307,8 +307,3 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
     )
     return WhatIf(left, content, result.feasible)
-
-
-def left_out(plan: PlanFile) -> list[str]:
-    """Return the names of the segments that a plan leaves out."""
-    return [plan.segments[number].called for number in plan.plan.uncovered]
