@@ -20,7 +20,8 @@ ROUNDING_M = 1e-6
 
 def along(leg_m: FloatArray) -> FloatArray:
     """Return (POINTS, d) places on a leg, as far from each other."""
-    return leg_m[0] + np.linspace(0.0, 1.0, POINTS)[:, np.newaxis] * (leg_m[1] - leg_m[0])
+    points: FloatArray = leg_m[0] + np.linspace(0.0, 1.0, POINTS)[:, np.newaxis] * (leg_m[1] - leg_m[0])
+    return points
 
 
 def step_m(leg_m: FloatArray) -> float:
