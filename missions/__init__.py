@@ -43,12 +43,12 @@ from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.planfile import PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
 from missions.planjson import plan_document, read_plan, write_plan
-from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints, write_qgc
+from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
 from missions.readers import default_network_path, read_network
 from missions.routes import continue_path, flight_path
-from missions.safety import HeightReference, Layers, check_separation, plan_layers, separation_m, tracks_m
+from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, Motion, flight_setup
-from missions.tasks import Task, depot_vehicle, open_task, whole_task
+from missions.tasks import Task, open_task
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
@@ -108,7 +108,6 @@ __all__ = [
     "column_radius_m",
     "continue_path",
     "default_network_path",
-    "depot_vehicle",
     "dialect_for",
     "dialect_of",
     "differences",
@@ -136,10 +135,7 @@ __all__ = [
     "read_plan",
     "read_text",
     "return_over_ground_m",
-    "separation_m",
     "tracks_m",
-    "whole_task",
     "with_heights",
     "write_plan",
-    "write_qgc",
 ]

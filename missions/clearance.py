@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.geo import FloatArray
+from missions.geometry import nearest_on
 from missions.network import Network
 from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
@@ -89,11 +90,7 @@ class _Walls:
 
     def nearest(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (m, n) distances over the ground of (m, 2) places, and where on each wall that is, from 0 to 1."""
-        square = np.maximum((self.along_m**2).sum(axis=1), 1e-12)
-        offsets = places_m[:, np.newaxis] - self.starts_m
-        share = np.clip((offsets * self.along_m).sum(axis=2) / square, 0.0, 1.0)
-        apart = offsets - share[..., np.newaxis] * self.along_m
-        return np.hypot(apart[..., 0], apart[..., 1]), share
+        return nearest_on(places_m, self.starts_m, self.along_m)
 
 
 @dataclass(frozen=True, slots=True)

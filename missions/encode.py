@@ -29,24 +29,6 @@ class EncodedMission:
     waypoint_of: tuple[int | None, ...]
     """By seq: index into the path's waypoints; a speed item serves the leg that it is for; None for home."""
 
-    def entry_seq(self, waypoint: int) -> int:
-        """Return the item from which a waypoint's leg is flown in full: its speed item, if it has one.
-
-        ArduPilot skips a speed item when the waypoint behind it is set as current (measured).
-
-        Raises:
-            ValueError: the mission has no such waypoint.
-        """
-        return self.waypoint_of.index(waypoint)
-
-    def arrival_seq(self, waypoint: int) -> int:
-        """Return the item that is reached when a waypoint is.
-
-        Raises:
-            ValueError: the mission has no such waypoint.
-        """
-        return len(self.waypoint_of) - 1 - self.waypoint_of[::-1].index(waypoint)
-
 
 def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
     """Return the items of a flight.

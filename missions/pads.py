@@ -11,6 +11,7 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray
+from missions.geometry import place_distances_m
 
 COLUMN_MARGIN_M = 2.0
 """A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""
@@ -120,16 +121,6 @@ def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radiu
     return nodes[_shortest(nodes, centres_m, radius_m)]
 
 
-def segment_distances_m(tracks_m: FloatArray, places_m: FloatArray) -> FloatArray:
-    """Return (m, n) float64: the distance of (m, 2) places from (n, 2, 2) straight tracks over the ground."""
-    start, along = tracks_m[:, 0], tracks_m[:, 1] - tracks_m[:, 0]
-    square = np.maximum((along**2).sum(axis=1), 1e-12)
-    offsets = places_m[:, np.newaxis] - start
-    share = np.clip((offsets * along).sum(axis=2) / square, 0.0, 1.0)
-    apart = offsets - share[..., np.newaxis] * along
-    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]), dtype=np.float64)
-
-
 def _choose(tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int) -> list[FloatArray]:
     steps = math.ceil(4.0 * reach_m / spacing_m)
     axis = np.arange(-steps, steps + 1) * (spacing_m / 4.0)
@@ -137,7 +128,7 @@ def _choose(tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: fl
     distance_m = np.hypot(places[:, 0], places[:, 1])
     # In parts: for 254 vehicles and 5,000 segments all distances at once are gigabytes.
     parts = np.array_split(places, math.ceil(len(places) * len(tracks_m) / MATRIX_ENTRIES))
-    clear_m = np.concatenate([segment_distances_m(tracks_m, part).min(axis=1) for part in parts])
+    clear_m = np.concatenate([place_distances_m(tracks_m, part).min(axis=1) for part in parts])
     allowed = (distance_m <= reach_m) & (clear_m >= radius_m)
     places, clear_m, distance_m = places[allowed], clear_m[allowed], distance_m[allowed]
     chosen: list[FloatArray] = []
@@ -195,7 +186,7 @@ def _clear(
 
 def _met(legs_m: FloatArray, centres_m: FloatArray, radius_m: float) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """Return (c, g) whether (g, 2, 2) legs come nearer to (c, 2) centres than the radius."""
-    return np.asarray(segment_distances_m(legs_m, centres_m) < radius_m - 1e-9)
+    return np.asarray(place_distances_m(legs_m, centres_m) < radius_m - 1e-9)
 
 
 def _distances_m(places_m: FloatArray, place_m: FloatArray) -> FloatArray:

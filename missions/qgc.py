@@ -11,7 +11,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from missions.autopilots.dialect import Dialect
 from missions.errors import MissionFileError
@@ -123,19 +122,6 @@ def parse_qgc_waypoints(text: str, *, source: str = "waypoints") -> tuple[Missio
                     f"{source}: line {number}: index: expected {len(items) - 1}, got {items[-1].seq}"
                 )
     return tuple(items)
-
-
-def write_qgc(path: Path, items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, float, float]) -> None:
-    """Write a mission for another ground station; the suffix, .plan or .waypoints, chooses the format.
-
-    Raises:
-        MissionFileError: another suffix.
-        OSError: the file cannot be written.
-    """
-    writers = {".plan": qgc_plan, ".waypoints": qgc_waypoints}
-    if path.suffix not in writers:
-        raise MissionFileError(f"{path}: suffix: expected .plan or .waypoints, got {path.suffix!r}")
-    path.write_text(writers[path.suffix](items, dialect, home), encoding="utf-8")
 
 
 def _simple_item(number: int, item: MissionItem) -> dict[str, object]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -12,6 +11,7 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
+from missions.geometry import leg_distances_m
 from missions.network import Network
 from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
 from missions.waypoints import FlightPath
@@ -129,21 +129,6 @@ def plan_layers(
     )
 
 
-def separation_m(path_a: FlightPath, path_b: FlightPath, *, home_alt_m: tuple[float, float] = (0.0, 0.0)) -> float:
-    """Return the least distance in space between all legs of two paths, whenever they are flown.
-
-    Take-off and landing columns are legs too. A path without waypoints is a vehicle on the ground and counts for
-    nothing: the answer is infinite.
-
-    Args:
-        path_a: One vehicle's flight.
-        path_b: Another's.
-        home_alt_m: Height above mean sea level of the two homes, to which the paths' heights are relative.
-    """
-    nearest = _nearest_legs(path_a, path_b, home_alt_m)
-    return math.inf if nearest is None else nearest[0]
-
-
 def check_separation(
     paths: Sequence[FlightPath], layer_m: float, *, home_alt_m: Mapping[str, float] | None = None
 ) -> list[str]:
@@ -196,40 +181,6 @@ def _nearest_legs(
     first = path_a.waypoints[0]
     frame = LocalFrame(first.lat_deg, first.lon_deg)
     legs_a, legs_b = legs_m(path_a, frame, homes_m[0]), legs_m(path_b, frame, homes_m[1])
-    distances_m = _leg_distances_m(legs_a, legs_b)
+    distances_m = leg_distances_m(legs_a, legs_b)
     leg_a, leg_b = np.unravel_index(int(np.argmin(distances_m)), distances_m.shape)
     return float(distances_m[leg_a, leg_b]), int(leg_a), int(leg_b)
-
-
-def _leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
-    """Return (m, n) float64: least distances between (m, 2, 3) and (n, 2, 3) straight legs.
-
-    The least is at an end of one of the legs, or where the common perpendicular meets both inside.
-    """
-    m, n = len(legs_a), len(legs_b)
-    candidates = [
-        _end_distances_m(legs_a[:, 0], legs_b), _end_distances_m(legs_a[:, 1], legs_b),
-        _end_distances_m(legs_b[:, 0], legs_a).T, _end_distances_m(legs_b[:, 1], legs_a).T,
-    ]  # fmt: skip
-    along_a = np.broadcast_to((legs_a[:, 1] - legs_a[:, 0])[:, np.newaxis], (m, n, 3))
-    along_b = np.broadcast_to((legs_b[:, 1] - legs_b[:, 0])[np.newaxis], (m, n, 3))
-    offset = legs_a[:, 0][:, np.newaxis] - legs_b[:, 0][np.newaxis]
-    aa, bb, ab = ((u * v).sum(axis=2) for u, v in ((along_a, along_a), (along_b, along_b), (along_a, along_b)))
-    ao, bo = (along_a * offset).sum(axis=2), (along_b * offset).sum(axis=2)
-    determinant = aa * bb - ab * ab
-    # Parallel legs have no single perpendicular: their ends decide.
-    crossing = determinant > 1e-9 * aa * bb
-    safe = np.where(crossing, determinant, 1.0)
-    share_a, share_b = (ab * bo - bb * ao) / safe, (aa * bo - ab * ao) / safe
-    inside = crossing & (share_a > 0) & (share_a < 1) & (share_b > 0) & (share_b < 1)
-    apart = offset + share_a[..., np.newaxis] * along_a - share_b[..., np.newaxis] * along_b
-    candidates.append(np.where(inside, np.sqrt((apart**2).sum(axis=2)), math.inf))
-    return np.asarray(np.min(candidates, axis=0), dtype=np.float64)
-
-
-def _end_distances_m(places: FloatArray, legs: FloatArray) -> FloatArray:
-    """Return (m, n) float64: distances of (m, 3) places from (n, 2, 3) legs."""
-    along = legs[:, 1] - legs[:, 0]
-    offsets = places[:, np.newaxis] - legs[:, 0]
-    share = np.clip((offsets * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    return np.asarray(np.sqrt(((offsets - share[..., np.newaxis] * along) ** 2).sum(axis=2)), dtype=np.float64)

@@ -39,20 +39,6 @@ class Task:
         return Plan(routes, tuple(self.segment_ids[segment] for segment in plan.uncovered))
 
 
-def depot_vehicle(name: str, budget_pct: float, consumption: float = 1.0) -> Vehicle:
-    """Return a vehicle that stands at the depot."""
-    return Vehicle(name, DEPOT_M, budget_pct, consumption)
-
-
-def whole_task(network: Network, vehicles: Sequence[Vehicle], travel: Travel) -> Task:
-    """Return the problem of inspecting every segment of a network.
-
-    Raises:
-        planner.InstanceError: there is no vehicle, or a start is not a number.
-    """
-    return open_task(network, range(len(network.segments)), vehicles, travel)
-
-
 def open_task(network: Network, open_segments: Iterable[int], vehicles: Sequence[Vehicle], travel: Travel) -> Task:
     """Return the problem of inspecting what is still open, from wherever the vehicles are.
 

@@ -11,7 +11,7 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import PRESETS, Drone, pct_per_s, power_w, range_speed_m_s, usable_wh
-from planner.errors import InstanceError, PlanError, PlannerError
+from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
 from planner.evaluate import (
     Evaluation,
     completions_s,
@@ -28,6 +28,7 @@ from planner.instance import build_instance
 from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, SteadyWind, Travel, travel_for
+from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
 from planner.replan import FreeVehicle, Remainder, remaining, replan, warm_start
 from planner.result import Result
 from planner.risk import (
@@ -63,10 +64,12 @@ from planner.window import Breaking, LossRepair, ReplanWindow, WindowResult, los
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",
+    "DEFAULT_PARAMS",
     "EXACT_SEGMENTS",
     "K_C",
     "OPTIMAL_SEGMENTS",
     "PRESETS",
+    "AnnealingParams",
     "AnyOf",
     "Blame",
     "Breaking",
@@ -79,18 +82,21 @@ __all__ = [
     "Drone",
     "Dynamics",
     "Evaluation",
+    "ExactParams",
     "FirstFeasible",
     "FreeVehicle",
     "FrontPlan",
     "Instance",
     "InstanceError",
     "Iterations",
+    "LargeParams",
     "LossRepair",
     "LossRow",
     "MoveGeometry",
     "MoveTables",
     "Moves",
     "NoImprovement",
+    "ParamsError",
     "Plan",
     "PlanError",
     "PlannerError",
@@ -101,6 +107,7 @@ __all__ = [
     "Result",
     "Risk",
     "Route",
+    "SearchParams",
     "Seconds",
     "SteadyWind",
     "StopRule",
@@ -110,6 +117,7 @@ __all__ = [
     "Travel",
     "Vehicle",
     "WindowResult",
+    "WindowSearchParams",
     "any_of",
     "build_instance",
     "completions_s",

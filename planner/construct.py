@@ -12,18 +12,10 @@ from planner.kernels.insertion import insert_by_regret
 from planner.kernels.tours import measure
 from planner.model import Instance, Plan, Route, segment_of
 from planner.moves import FloatArray
+from planner.params import DEFAULT_PARAMS, AnnealingParams
 
 NEAREST = 128
 """How many neighbours of a segment are listed for the removal of strings."""
-PRIZE_WEIGHT = 2.0
-"""What leaving a segment out costs the search, in routes of this segment alone."""
-SLACK = 0.1
-"""How far beyond budgets a soft annealing may go, as a share of them."""
-EXCESS_WEIGHT = 1.0
-"""What a percent beyond a budget costs a soft annealing besides itself."""
-POWERS = (8.0, 16.0, 32.0)
-"""The p of the p-norm that stands for MinMax, early to late in an annealing: a low p sees the second largest route
-too, a high one hardly anything but the largest."""
 
 
 def problem_of(instance: Instance) -> Problem:
@@ -58,13 +50,21 @@ def problem_of(instance: Instance) -> Problem:
 
 
 def guide_weights(
-    problem: Problem, cost: Cost, *, scale: float, all_vehicles: bool, power: float = POWERS[0], soft: bool = False
+    problem: Problem,
+    cost: Cost,
+    params: AnnealingParams,
+    *,
+    scale: float,
+    all_vehicles: bool,
+    power: float,
+    soft: bool = False,
 ) -> Weights:
     """Return the objective that guides the search for a cost function.
 
     Args:
         problem: the instance.
         cost: the cost function.
+        params: of the search.
         scale: about the largest load, for the p-norm.
         all_vehicles: whether routes without a visit are to be avoided.
         power: the p of the p-norm.
@@ -76,10 +76,10 @@ def guide_weights(
         norm=1.0 if cost.function.only_longest else 0.0,
         power=power,
         scale=scale if scale > 0 else 1.0,
-        prize=PRIZE_WEIGHT,
+        prize=params.prize_weight,
         empty=_empty_weight(problem) if all_vehicles else 0.0,
-        excess=EXCESS_WEIGHT,
-        slack=SLACK if soft else 0.0,
+        excess=params.excess_weight,
+        slack=params.slack if soft else 0.0,
     )
 
 
@@ -146,7 +146,9 @@ def first_state(instance: Instance, cost: Cost, routes: Iterable[Sequence[int]])
     """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
     problem = problem_of(instance)
     state = state_of(problem, routes)
-    weights = guide_weights(problem, cost, scale=float(problem.effort.max()), all_vehicles=False)
+    params = DEFAULT_PARAMS.annealing
+    scale = float(problem.effort.max())
+    weights = guide_weights(problem, cost, params, scale=scale, all_vehicles=False, power=params.powers[0])
     insert_open(problem, weights, state)
     return state
 

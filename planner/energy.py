@@ -131,12 +131,6 @@ def endurance_s(drone: Drone, speed_m_s: float) -> float:
     return 3600 * usable_wh(drone, power) / power
 
 
-def range_m(drone: Drone) -> float:
-    """Return how far a full battery carries at the speed of best range, eq. (22)."""
-    speed_m_s = range_speed_m_s(drone)
-    return speed_m_s * endurance_s(drone, speed_m_s)
-
-
 def pct_per_s(drone: Drone, speed_m_s: float) -> float:
     """Return what a second of level flight uses, in percent of a full battery."""
     return 100 / endurance_s(drone, speed_m_s)

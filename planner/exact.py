@@ -16,10 +16,11 @@ import numpy as np
 from planner.cost import Cost
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan, Route
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.partition import SAME, partition, prove
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Iterations, Progress, StopRule, Stopwatch
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, reported
 from planner.subsets import Subsets, cover_all, most_valuable, route_subsets
 
 EXACT_SEGMENTS = 16
@@ -31,8 +32,6 @@ OPTIMAL_SEGMENTS = 18
 """Segments up to which ``solve_exact`` takes an instance: for 3 vehicles of different starts and budgets that leave a
 tenth over the optimum, 0.3 s with 14 segments, 1 s with 16, 4 s and 0.5 GB with 18. Where no budget rules any route
 out it is 4 s, 20 s, and 50 s and 3.4 GB."""
-SEARCH_ITERATIONS = 3000
-"""Of the search for the plan that bounds the cost from above."""
 
 
 def covers(instance: Instance) -> Plan | None:
@@ -57,6 +56,7 @@ def solve_exact(
     stop: StopRule,
     seed: int = 0,
     all_vehicles: bool = False,
+    params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
     """Return a plan with the proof of how good it is: ``Result.bound`` and ``Result.gap``.
@@ -71,6 +71,7 @@ def solve_exact(
             first plan takes a fraction of a second and is not stopped by it.
         seed: of that search.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
+        params: what that search is tuned by.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
@@ -81,19 +82,18 @@ def solve_exact(
         return replace(done, bound=done.evaluation.value)
     watch = Stopwatch()
     subsets = route_subsets(instance, OPTIMAL_SEGMENTS)
-    first = _first(instance, subsets, cost, seed, all_vehicles=all_vehicles)
-    return _prove(instance, subsets, cost, first, _Asker(first, stop, on_progress, watch), all_vehicles=all_vehicles)
+    first = _first(instance, subsets, cost, seed, params, all_vehicles=all_vehicles)
+    return _prove(
+        instance, subsets, cost, first, _Asker(first, reported(stop, on_progress), watch), all_vehicles=all_vehicles
+    )
 
 
 class _Asker:
     """Asks the stop rule while HiGHS works."""
 
-    def __init__(
-        self, first: Result, stop: StopRule, on_progress: Callable[[Progress], None] | None, watch: Stopwatch
-    ) -> None:
+    def __init__(self, first: Result, stop: StopRule, watch: Stopwatch) -> None:
         self._first = first
         self._stop = stop
-        self._on_progress = on_progress
         self._watch = watch
         self.reason = "no better bound"
 
@@ -108,8 +108,6 @@ class _Asker:
             feasible=self._first.feasible,
             impossible=not self._first.feasible,
         )
-        if self._on_progress is not None:
-            self._on_progress(progress)
         verdict = self._stop(progress)
         if verdict.allowed <= 0:
             self.reason = verdict.reason
@@ -121,16 +119,18 @@ class _Asker:
         return self._watch.seconds
 
 
-def _first(instance: Instance, subsets: Sequence[Subsets], cost: Cost, seed: int, *, all_vehicles: bool) -> Result:
+def _first(
+    instance: Instance, subsets: Sequence[Subsets], cost: Cost, seed: int, params: SearchParams, *, all_vehicles: bool
+) -> Result:
     """Return a good plan that covers as much value as any."""
     from planner.construct import problem_of
 
-    stop = Iterations(SEARCH_ITERATIONS)
-    found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+    stop = Iterations(params.exact.search_iterations)
+    found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, params=params)
     if not found.plan.uncovered:
         return found
     plan = _plan(instance, subsets, most_valuable(subsets, problem_of(instance).value))
-    again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles)
+    again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles, params=params)
     if _worth(instance, again.plan) >= _worth(instance, plan) * (1 - SAME):
         return again
     # A route within the last of the tolerance, from which the search takes a visit.

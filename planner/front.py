@@ -9,13 +9,12 @@ from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan
-from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
+from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of, reported
 from planner.window import ReplanWindow, replan_window
 
 STRETCHES = (0.0, 0.05, 0.1, 0.2)
 """How much longer than the best MinMax plan's the longest route may be, as shares of it."""
-FIRST_ROUND = 150_000
-"""Iterations for each stretch in the first round; each further round has half as many again."""
 SAME = 1e-9
 """Figures that differ by less than this share are equal."""
 
@@ -57,6 +56,7 @@ def front(
     all_vehicles: bool = False,
     starts: int = 1,
     stretches: Sequence[float] = STRETCHES,
+    params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> tuple[FrontPlan, ...]:
     """Return the plans found that no other one beats, the one with the shortest longest route first.
@@ -71,6 +71,7 @@ def front(
         all_vehicles: leave no vehicle without a visit.
         starts: searches side by side for each stretch.
         stretches: how much longer than the best MinMax plan's the longest route may be, as shares of it.
+        params: what the searches are tuned by.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
@@ -83,16 +84,17 @@ def front(
 
     shared = _Shared(stop, Stopwatch())
     plans: dict[Plan, None] = {}
-    length = FIRST_ROUND
+    length = params.window.front_round
     number = 0
     full = False
     while not (shared.over or full):
         full = number > 0
         for stretch in sorted(stretches):
-            outer = Outer(any_of(Iterations(length), shared), on_progress, shared.watch)
+            outer = Outer(reported(any_of(Iterations(length), shared), on_progress), shared.watch)
             search = RobustSearch(
-                instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=True
-            )
+                instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=True,
+                params=params,
+            )  # fmt: skip
             search.run(stretch=stretch, longest_s=None, initial=tuple(plans))
             shared.done += outer.iterations
             full = full and outer.earliest_s <= 0

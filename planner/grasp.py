@@ -39,7 +39,7 @@ from planner.evaluate import Evaluation, evaluate
 from planner.model import Instance, Plan
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Progress, StopRule, Stopwatch
+from planner.stop import Progress, StopRule, Stopwatch, reported
 
 if TYPE_CHECKING:
     from planner.kernels.grasp import GraspWalk
@@ -85,7 +85,7 @@ def grasp(
         raise InstanceError(f"runs is {runs}, expected 1 or more")
     if instance.segments == 0:
         return solve(instance, cost=cost, stop=stop)
-    return _Baseline(instance, cost, seed, all_vehicles=all_vehicles).run(runs, stop, on_progress)
+    return _Baseline(instance, cost, seed, all_vehicles=all_vehicles).run(runs, reported(stop, on_progress))
 
 
 class _Baseline:
@@ -113,13 +113,11 @@ class _Baseline:
         self._walk = self._new_walk()
         self._keep_better()
 
-    def run(self, runs: int, stop: StopRule, on_progress: Callable[[Progress], None] | None) -> Result:
+    def run(self, runs: int, stop: StopRule) -> Result:
         """Make the runs, until ``stop`` says so."""
         done, reason = 0, "runs"
         while done < runs:
             progress = self._progress()
-            if on_progress is not None:
-                on_progress(progress)
             verdict = stop(progress)
             if verdict.allowed <= 0:
                 reason = verdict.reason

@@ -7,9 +7,9 @@ threads; they have no route in common, so the order in which threads end makes n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,19 +18,11 @@ from planner.bounds import why_impossible
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.evaluate import cost_of, evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.parts import curve_order, part_of, split
 from planner.result import Result
 from planner.search import Search
 from planner.stop import Iterations, Progress, StopRule, Stopwatch
-
-REGION = 300
-"""Segments of a region, about; two routes at least."""
-REGION_ROUTES = 24
-"""Routes of a region at most."""
-SPELL = 4_000
-"""Iterations that a region gets at a time: one annealing."""
-WARM = 0.5
-"""Temperature at the begin of a spell, in mean transits: most of the plan is kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +47,7 @@ class LargeSearch:
         all_vehicles: bool,
         watch: Stopwatch,
         starts: int = 1,
+        params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
         self._impossible = why_impossible(instance)
         self._instance = instance
@@ -63,6 +56,8 @@ class LargeSearch:
         self._all_vehicles = all_vehicles
         self._watch = watch
         self._starts = starts
+        self._params = params.large
+        self._of_regions = replace(params, annealing=replace(params.annealing, hot=params.large.hot))
         self._chance = np.random.default_rng(seed)
         self._middle_m = (instance.end_m[::2] + instance.end_m[1::2]) / 2
         self._budgets = np.array([vehicle.budget_pct for vehicle in instance.vehicles])
@@ -73,17 +68,15 @@ class LargeSearch:
         self._iterations = 0
         self._improved_at = 0
 
-    def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
+    def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
         with ThreadPoolExecutor(self._starts) as threads:
             while True:
                 progress = self._progress()
-                if on_progress is not None:
-                    on_progress(progress)
                 verdict = stop(progress)
                 if verdict.allowed <= 0:
                     break
-                self._round(min(SPELL * self._starts, verdict.allowed), threads)
+                self._round(min(self._params.spell * self._starts, verdict.allowed), threads)
         plan = Plan(
             tuple(Route(vehicle, visits) for vehicle, visits in enumerate(self._routes)),
             tuple(int(segment) for segment in self._open()),
@@ -140,7 +133,7 @@ class LargeSearch:
             )),
             all_vehicles=self._all_vehicles,
             watch=Stopwatch(),
-            hot=WARM,
+            params=self._of_regions,
         )  # fmt: skip
         plan = search.run(Iterations(iterations)).plan
         return [
@@ -203,7 +196,8 @@ class LargeSearch:
         vehicles: list[int] = []
         segments: list[int] = []
         for segment in near.tolist():
-            if len(vehicles) >= REGION_ROUTES or (len(segments) >= REGION and len(vehicles) > 1):
+            full = len(segments) >= self._params.region and len(vehicles) > 1
+            if full or len(vehicles) >= self._params.region_routes:
                 break
             vehicle = int(self._route_of[segment])
             if vehicle < 0 and not claimed[segment]:

@@ -12,8 +12,9 @@ from collections.abc import Callable, Sequence
 
 from planner.errors import PlanError
 from planner.model import Instance, Plan
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.solve import check_tails
-from planner.stop import Progress, StopRule, Stopwatch
+from planner.stop import Progress, StopRule, Stopwatch, reported
 from planner.window import WindowResult
 
 
@@ -28,6 +29,7 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     initial: Sequence[Plan] = (),
     starts: int = 1,
     fly_again: bool = True,
+    params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> WindowResult:
     """Return the plan with the earliest t* found whose longest route is not longer than allowed.
@@ -45,6 +47,7 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
         initial: plans to begin with, besides those that are searched for.
         starts: searches side by side, each in a thread of its own; they share what is best now and then.
         fly_again: whether vehicles that have landed may fly again after a loss.
+        params: what the searches are tuned by. Part of what decides the plan.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
@@ -60,6 +63,8 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     # Only here, as in solve.py: it loads numba.
     from planner.robustsearch import Outer, RobustSearch
 
-    outer = Outer(stop, on_progress, Stopwatch())
-    search = RobustSearch(instance, outer, seed=seed, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again)
+    outer = Outer(reported(stop, on_progress), Stopwatch())
+    search = RobustSearch(
+        instance, outer, seed=seed, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params
+    )
     return search.run(stretch=stretch, longest_s=longest_s, initial=initial)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -21,51 +21,10 @@ from planner.kernels.tours import measure
 from planner.kernels.window import Repairs
 from planner.losses import base_of, clock_of, desk_of, loss_of, no_repairs, timing_of
 from planner.model import Instance, Plan, Route
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.solve import solve
 from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
 from planner.window import WindowResult, replan_window
-
-PROBES = 8
-"""Times at which losses are looked at in a walk: the aim, and those at which windows broke although the aim held."""
-LOOK = 1_000
-"""Effort for a loss when a plan's whole window is looked at."""
-FOLLOW = 20
-"""Effort for a loss in a walk, where the repair follows another."""
-CYCLE, LONGEST_CYCLE = 4_000, 256_000
-"""Iterations of a walk from hot to cold, at least and at most: every second round of steps in vain is followed by one
-of cycles four times as long, every fourth by one of cycles sixteen times as long, and so on. Small fleets need many
-beginnings, large ones long walks (after Luby, Sinclair, Zuckerman 1993)."""
-WAYS = ((0.0, 1.0), (0.8, 0.1))
-"""How cycles go in turn: (how often a change is made early in the plan, how often a repair is worked on whose loss the
-change does not touch). The first brings repairs to their best where they are long, the second tries more plans."""
-NEARLY = 3.0
-"""Mean transits that repairs may lack at the end of a cycle to be looked at once more, with more effort."""
-WHOLE_LOOK = 25
-"""Iterations that a look at a whole window counts as, so that the stop rule is asked often enough."""
-BATCH = 250
-"""Iterations of each walk between two questions to the stop rule."""
-HOT, COLD = 2.0, 0.05
-"""Temperatures of a walk, in mean transits of its plan; the longer a cycle is, the hotter it begins."""
-FIRST_STEP, LAST_STEP = 0.06, 0.01
-"""How far below the earliest time so far a walk aims, as shares of the longest route."""
-RISE = 0.03
-"""How much more energy a plan may use than the one before it, as a share of the first plan's."""
-ELITE = 4
-"""The best plans so far, from which walks begin in turn."""
-FULL_EFFORT_FROM = 40
-"""Segments below which searches for plans to begin with are shorter, in proportion."""
-MINMAX_ITERATIONS = 20_000
-"""Of each search for the MinMax plan whose longest route is the measure."""
-OTHER_ITERATIONS = 10_000
-"""Of each search for other plans to begin with."""
-MINMAX_SEARCHES = 2
-"""Searches for the MinMax plan."""
-OTHER_SEARCHES = 8
-"""Searches for the other costs before the first walk; another one follows whenever a walk has long found nothing."""
-FINALISTS = 4
-"""The best plans, whose windows are computed in full in the end."""
-MOST_FLIPPED = 6
-"""Vehicles up to which all orientations of the routes are tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,11 +53,12 @@ class Walker:
     """What its aim is measured against."""
     start: FoundPlan
     """Where its cycles begin."""
-    step: float = FIRST_STEP
-    probes_s: FloatArray = field(default_factory=lambda: np.full(PROBES, -1.0))
-    temperature: FloatArray = field(default_factory=lambda: np.zeros(1))
-    length: int = CYCLE
+    step: float
+    """How far below the best it aims, as a share of the longest route."""
+    probes_s: FloatArray
+    length: int
     """Iterations of a cycle."""
+    temperature: FloatArray = field(default_factory=lambda: np.zeros(1))
     left: int = 0
     """Iterations until the cycle ends."""
     cycles: int = 0
@@ -116,7 +76,6 @@ class Outer:
     """The stop rule of the whole search, as the searches inside ask it."""
 
     stop: StopRule
-    on_progress: Callable[[Progress], None] | None
     watch: Stopwatch
     earliest_s: float = math.inf
     iterations: int = 0
@@ -128,7 +87,7 @@ class Outer:
         """Ask the outer rule, with all iterations so far."""
         iterations = self.iterations + progress.iterations
         known = math.isfinite(self.earliest_s)
-        outer = Progress(
+        verdict = self.stop(Progress(
             iterations=iterations,
             since_improvement=iterations - self.improved_at if known else 0,
             seconds=self.watch.seconds,
@@ -136,10 +95,7 @@ class Outer:
             uncovered=0 if known else progress.uncovered,
             feasible=known,
             impossible=progress.impossible,
-        )
-        if self.on_progress is not None:
-            self.on_progress(outer)
-        verdict = self.stop(outer)
+        ))  # fmt: skip
         if verdict.allowed <= 0:
             self.reason = verdict.reason
         return verdict
@@ -153,7 +109,15 @@ class RobustSearch:
     """One search; ``run`` is all that there is to call."""
 
     def __init__(
-        self, instance: Instance, outer: Outer, *, seed: int, all_vehicles: bool, starts: int, fly_again: bool
+        self,
+        instance: Instance,
+        outer: Outer,
+        *,
+        seed: int,
+        all_vehicles: bool,
+        starts: int,
+        fly_again: bool,
+        params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
         self._instance = instance
         self._outer = outer
@@ -161,6 +125,8 @@ class RobustSearch:
         self._all_vehicles = all_vehicles
         self._starts = max(1, starts)
         self._fly_again = fly_again
+        self._plans_params = params
+        self._params = params.window
         self._problem = problem_of(instance)
         self._timing = timing_of(instance)
         self._cap_s = math.inf
@@ -173,8 +139,11 @@ class RobustSearch:
 
     def run(self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan]) -> WindowResult:
         """Find plans to begin with, then improve until the stop rule says so."""
-        searches = range(MINMAX_SEARCHES)
-        plans = [self._solved(self._instance, Cost.MINMAX, number, MINMAX_ITERATIONS) for number in searches]
+        params = self._params
+        plans = [
+            self._solved(self._instance, Cost.MINMAX, number, params.minmax_iterations)
+            for number in range(params.minmax_searches)
+        ]
         plans += initial
         complete = [plan for plan in plans if self._is_complete(plan)]
         if complete:
@@ -182,7 +151,7 @@ class RobustSearch:
             self._longest_s = shortest_s if longest_s is None else longest_s
             self._cap_s = (1 + stretch) * self._longest_s * (1 + 1e-12)
             self._measure_by(min(complete, key=self._route_s))
-            plans += [self._other() for _ in range(OTHER_SEARCHES)]
+            plans += [self._other() for _ in range(params.other_searches)]
             for plan in plans:
                 self._look_at(plan)
         if self.archive:
@@ -202,12 +171,19 @@ class RobustSearch:
         capped = replace(self._instance, vehicles=tuple(
             replace(vehicle, budget_pct=min(vehicle.budget_pct, cap_pct)) for vehicle in self._instance.vehicles
         ))  # fmt: skip
-        return self._solved(capped, (Cost.MINCOMB, Cost.MINSUM)[number % 2], number // 2, OTHER_ITERATIONS)
+        return self._solved(capped, (Cost.MINCOMB, Cost.MINSUM)[number % 2], number // 2, self._params.other_iterations)
 
     def _solved(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
-        share = min(1.0, instance.segments / FULL_EFFORT_FROM)
+        share = min(1.0, instance.segments / self._params.full_effort_from)
         stop = any_of(Iterations(int(share * iterations)), self._outer)
-        result = solve(instance, cost=cost, stop=stop, seed=self._seed + number, all_vehicles=self._all_vehicles)
+        result = solve(
+            instance,
+            cost=cost,
+            stop=stop,
+            seed=self._seed + number,
+            all_vehicles=self._all_vehicles,
+            params=self._plans_params,
+        )
         self._outer.iterations += result.iterations
         return result.plan
 
@@ -225,7 +201,7 @@ class RobustSearch:
             return
         routes = [route.visits for route in plan.routes]
         used = [vehicle for vehicle, visits in enumerate(routes) if visits]
-        choices = itertools.product((False, True), repeat=len(used) if len(used) <= MOST_FLIPPED else 0)
+        choices = itertools.product((False, True), repeat=len(used) if len(used) <= self._params.most_flipped else 0)
         found = [self._look_along(routes, dict(zip(used, flipped, strict=False))) for flipped in choices]
         self._enter(min(found, key=lambda one: one.earliest_s))
 
@@ -259,7 +235,7 @@ class RobustSearch:
                 allowed = self._outer.inside().allowed // self._starts
                 if allowed <= 0:
                     break
-                batch = min(BATCH, allowed)
+                batch = min(self._params.batch, allowed)
                 list(threads.map(self._advance, walkers, [batch] * len(walkers)))
                 self._outer.iterations += batch * len(walkers)
                 self._gather(walkers)
@@ -275,7 +251,7 @@ class RobustSearch:
             return
         for _ in range(waiting):
             self._look_at(self._other())
-        elite = sorted(self.archive, key=lambda found: found.earliest_s)[:ELITE]
+        elite = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.elite]
         for walker in walkers:
             if walker.waits:
                 walker.best, walker.start = elite[0], elite[walker.rounds % len(elite)]
@@ -287,11 +263,12 @@ class RobustSearch:
         return Walker(
             here=self._room(base), there=self._room(copy_of(base)), loss=loss_of(self._problem),
             desk=desk_of(base), own=desk_of(base), full=no_repairs(self._problem, fleet),
-            rng=random_state(seed), best=best, start=best,
+            rng=random_state(seed), best=best, start=best, step=self._params.first_step,
+            probes_s=np.full(self._params.probes, -1.0), length=self._params.cycle,
         )  # fmt: skip
 
     def _room(self, base: State) -> RobustWalk:
-        slots = PROBES * len(base.lengths)
+        slots = self._params.probes * len(base.lengths)
         return RobustWalk(
             base, clock_of(self._problem, self._timing, base), no_repairs(self._problem, slots), np.zeros(slots),
             opened=np.zeros((slots, len(base.route_of)), dtype=np.int64),
@@ -313,16 +290,17 @@ class RobustSearch:
     def _earliest(self, walker: Walker) -> tuple[float, float]:
         return earliest(
             self._problem, self._timing, walker.here.base, walker.here.clock, self._fly_again, walker.loss,
-            walker.full, walker.desk, LOOK, walker.rng,
+            walker.full, walker.desk, self._params.look, walker.rng,
         )  # fmt: skip
 
     def _advance(self, walker: Walker, iterations: int) -> None:
         while iterations > 0 and not walker.waits:
             if walker.left <= 0:
                 self._begin_cycle(walker)
+            cooling = (self._params.cold / self._hot(walker)) ** (1 / walker.length)
             done = walk(
                 self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
-                walker.probes_s, self._limits(walker), walker.temperature, (COLD / _hot(walker)) ** (1 / walker.length),
+                walker.probes_s, self._limits(walker), walker.temperature, cooling,
                 min(iterations, walker.left), walker.rng,
             )  # fmt: skip
             iterations -= max(1, done)
@@ -331,7 +309,7 @@ class RobustSearch:
                 self._look_again(walker)
             if walker.here.lacks.sum() <= 0:
                 self._arrive(walker)
-                iterations -= WHOLE_LOOK
+                iterations -= self._params.whole_look
                 if walker.best.earliest_s <= 0:
                     return
             elif walker.left <= 0:
@@ -339,26 +317,27 @@ class RobustSearch:
 
     def _look_again(self, walker: Walker) -> None:
         """Make those repairs anew that lack a little at the end of a cycle."""
-        if walker.here.lacks.sum() <= NEARLY * self._transit_pct(walker.here.base):
+        if walker.here.lacks.sum() <= self._params.nearly * self._transit_pct(walker.here.base):
             walker.here.repairs.known[walker.here.lacks > 0] = 0
             self._assess(walker)
 
     def _next_step(self, walker: Walker) -> None:
         """Aim less far in the next cycle; after the last step begin again, with longer cycles."""
         walker.cycles += 1
-        if walker.step > LAST_STEP:
+        if walker.step > self._params.last_step:
             walker.step /= 2
         else:
-            walker.step = FIRST_STEP
+            walker.step = self._params.first_step
             walker.rounds += 1
             often = walker.rounds & -walker.rounds
-            walker.length = min(CYCLE * often * often, LONGEST_CYCLE)
+            walker.length = min(self._params.cycle * often * often, self._params.longest_cycle)
             walker.waits = True
 
     def _limits(self, walker: Walker) -> WalkLimits:
-        early, polish = WAYS[walker.cycles % len(WAYS)]
-        rise = RISE * float(walker.here.base.loads.sum())
-        return WalkLimits(self._cap_s, self._all_vehicles, self._fly_again, FOLLOW, rise, early, polish)
+        params = self._params
+        early, polish = params.ways[walker.cycles % len(params.ways)]
+        rise = params.rise * float(walker.here.base.loads.sum())
+        return WalkLimits(self._cap_s, self._all_vehicles, self._fly_again, params.follow, rise, early, polish)
 
     def _begin_cycle(self, walker: Walker) -> None:
         self._place(walker, walker.start.routes)
@@ -370,7 +349,7 @@ class RobustSearch:
         walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
         walker.probes_s[walker.probes_s < walker.probes_s[0]] = -1.0
         self._assess(walker)
-        walker.temperature[0] = _hot(walker) * self._transit_pct(walker.here.base)
+        walker.temperature[0] = self._hot(walker) * self._transit_pct(walker.here.base)
         walker.left = walker.length
 
     def _assess(self, walker: Walker) -> None:
@@ -380,6 +359,10 @@ class RobustSearch:
             self._limits(walker), np.inf, walker.rng,
         )  # fmt: skip
         take_repairs(walker.there, walker.here)
+
+    def _hot(self, walker: Walker) -> float:
+        """Return the temperature that a cycle begins with, in mean transits."""
+        return self._params.hot * math.sqrt(math.sqrt(walker.length / self._params.cycle))
 
     def _transit_pct(self, base: State) -> float:
         """Return the mean energy that a plan spends from visit to visit, inspections not counted."""
@@ -397,7 +380,7 @@ class RobustSearch:
             )
             walker.best = walker.start = FoundPlan(routes, earliest_s)
             walker.found.append(walker.best)
-            walker.step = min(FIRST_STEP, 1.5 * walker.step)
+            walker.step = min(self._params.first_step, 1.5 * walker.step)
         elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
             # A repair that a walk has and a look does not find: elsewhere then.
             self._next_step(walker)
@@ -410,7 +393,7 @@ class RobustSearch:
 
     def _result(self, plans: Sequence[Plan]) -> WindowResult:
         outer, fly_again = self._outer, self._fly_again
-        best = sorted(self.archive, key=lambda found: found.earliest_s)[:FINALISTS]
+        best = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.finalists]
         candidates = [as_plan(found.routes) for found in best] or [
             min(plans, key=lambda plan: (len(plan.uncovered), self._route_s(plan)))
         ]
@@ -420,7 +403,6 @@ class RobustSearch:
             plan=candidates[chosen],
             window=windows[chosen],
             evaluation=evaluate(self._instance, candidates[chosen], Cost.MINMAX),
-            longest_allowed_s=self._cap_s,
             feasible=bool(best),
             iterations=outer.iterations,
             seconds=outer.watch.seconds,
@@ -431,8 +413,3 @@ class RobustSearch:
 def as_plan(routes: Sequence[tuple[int, ...]]) -> Plan:
     """Return routes as a plan that leaves nothing out."""
     return Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))
-
-
-def _hot(walker: Walker) -> float:
-    """Return the temperature that a cycle begins with, in mean transits."""
-    return HOT * math.sqrt(math.sqrt(walker.length / CYCLE))

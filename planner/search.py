@@ -12,14 +12,12 @@ the hard cycles between choose what to leave out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
 
 from planner.bounds import why_impossible
 from planner.construct import (
-    POWERS,
     guide_weights,
     insert_open,
     plan_of,
@@ -32,23 +30,10 @@ from planner.cost import Cost
 from planner.evaluate import Evaluation, evaluate
 from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
 from planner.starts import SearchStart
 from planner.stop import Progress, StopRule, Stopwatch
-
-BATCH = 500
-"""Iterations of a start between two questions to the stop rule: some milliseconds."""
-FIRST_CYCLE = 4_000
-"""Iterations of the first cycle."""
-FIRST_CYCLE_LEAVING_OUT = 500
-"""The same where the first plan leaves something out, as after a loss.
-
-To find room for the rest is a question of luck as much as of length: several short cycles have the slowest hundredth of
-all re-plans in half the time that it takes with one long first cycle."""
-HOT = 6.0
-"""Temperature at the begin of a cycle, in mean transits of the plan."""
-COLD = 0.01
-"""Temperature at the end of a cycle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +49,8 @@ class _Cycle:
     """The largest load at the begin."""
     soft: bool
     """Whether routes may go beyond their budgets on the way."""
+    powers: tuple[float, ...]
+    """The p-norm's p in each stage."""
 
     @property
     def cooling(self) -> float:
@@ -71,13 +58,14 @@ class _Cycle:
         return float((self.cold / self.hot) ** (1 / self.length))
 
     def power(self, done: int) -> float:
-        """Return the p-norm's p: the cycle has as many stages as there are powers."""
-        return POWERS[done * len(POWERS) // self.length]
+        """Return the p-norm's p at this point."""
+        return self.powers[done * len(self.powers) // self.length]
 
     def stage_left(self, done: int) -> int:
         """Return the iterations until the power changes or the cycle ends, 0 at its end."""
-        stage = min(done * len(POWERS) // self.length, len(POWERS) - 1)
-        return -(-(stage + 1) * self.length // len(POWERS)) - done
+        stages = len(self.powers)
+        stage = min(done * stages // self.length, stages - 1)
+        return -(-(stage + 1) * self.length // stages) - done
 
 
 class Search:
@@ -93,14 +81,14 @@ class Search:
         all_vehicles: bool,
         watch: Stopwatch,
         starts: int = 1,
-        hot: float = HOT,
+        params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
         self._impossible = why_impossible(instance)
         self._instance = instance
         self._cost = cost
         self._all_vehicles = all_vehicles
         self._watch = watch
-        self._hot = hot
+        self._params = params.annealing
         self._problem: Problem = problem_of(instance)
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         truth = true_weights(self._problem, cost, all_vehicles=all_vehicles)
@@ -112,20 +100,18 @@ class Search:
         self._iterations = 0
         self._improved_at = 0
         soft = self._may_be_soft()
-        self._begin(FIRST_CYCLE_LEAVING_OUT if soft else FIRST_CYCLE, soft=soft)
+        self._begin(self._params.first_cycle_leaving_out if soft else self._params.first_cycle, soft=soft)
         self._publish()
 
-    def run(self, stop: StopRule, on_progress: Callable[[Progress], None] | None = None) -> Result:
+    def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
         with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
             while True:
                 progress = self._progress()
-                if on_progress is not None:
-                    on_progress(progress)
                 verdict = stop(progress)
                 if verdict.allowed <= 0:
                     break
-                self._advance(min(BATCH * len(self._starts), verdict.allowed), threads)
+                self._advance(min(self._params.batch * len(self._starts), verdict.allowed), threads)
         return Result(
             plan=self._plan,
             evaluation=self._evaluation,
@@ -139,13 +125,15 @@ class Search:
     def _first(self, initial: Plan | None) -> State:
         routes = [route.visits for route in initial.routes] if initial is not None else []
         state = state_of(self._problem, routes)
-        insert_open(self._problem, self._weights(float(self._problem.effort.max()), POWERS[0], soft=False), state)
+        weights = self._weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
+        insert_open(self._problem, weights, state)
         return state
 
     def _weights(self, scale: float, power: float, *, soft: bool) -> Weights:
         return guide_weights(
-            self._problem, self._cost, scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft
-        )
+            self._problem, self._cost, self._params,
+            scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft,
+        )  # fmt: skip
 
     def _may_be_soft(self) -> bool:
         return self._impossible is None and bool((self._leader.best.route_of < 0).any())
@@ -153,7 +141,10 @@ class Search:
     def _begin(self, length: int, *, soft: bool) -> None:
         best = self._leader.best
         transit = self._mean_transit(best)
-        self._cycle = _Cycle(length, self._hot * transit, COLD * transit, float(best.loads.max()), soft)
+        params = self._params
+        self._cycle = _Cycle(
+            length, params.hot * transit, params.cold * transit, float(best.loads.max()), soft, params.powers
+        )
         for start in self._starts:
             start.begin(self._leader, self._cycle.hot)
 

@@ -10,14 +10,12 @@ from planner.evaluate import evaluate
 from planner.instance import build_instance
 from planner.model import Instance, Plan, Route, Vehicle, segment_of
 from planner.moves import Travel
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
-from planner.stop import Iterations, Progress, StopRule, Stopwatch
-
-WHOLE_UP_TO = 500
-"""Segments up to which all routes are searched at once."""
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, reported
 
 
-def solve(
+def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from where
     instance: Instance,
     *,
     cost: Cost,
@@ -26,6 +24,7 @@ def solve(
     initial: Plan | None = None,
     all_vehicles: bool = False,
     starts: int = 1,
+    params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
     """Return the best plan found until ``stop`` ends the search.
@@ -43,6 +42,7 @@ def solve(
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it: the paper's setting.
         starts: searches side by side, a thread each, that share their best plan from time to time; iterations are
             counted over all of them. As many as there are processors is best. Part of what decides the plan.
+        params: what the search is tuned by. Part of what decides the plan.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
@@ -59,10 +59,11 @@ def solve(
     from planner.search import Search
 
     watch = Stopwatch()
-    search = (LargeSearch if instance.segments > WHOLE_UP_TO else Search)(
-        instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts
-    )
-    return search.run(stop, on_progress)
+    search = (LargeSearch if instance.segments > params.large.above else Search)(
+        instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts,
+        params=params,
+    )  # fmt: skip
+    return search.run(reported(stop, on_progress))
 
 
 def warm_up() -> None:

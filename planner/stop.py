@@ -119,6 +119,18 @@ def any_of(*rules: StopRule) -> StopRule:
     return AnyOf(rules)
 
 
+def reported(stop: StopRule, on_progress: Callable[[Progress], None] | None) -> StopRule:
+    """Return the rule that tells where a search stands before it asks ``stop``."""
+    if on_progress is None:
+        return stop
+
+    def asked(progress: Progress) -> StopVerdict:
+        on_progress(progress)
+        return stop(progress)
+
+    return asked
+
+
 class Stopwatch:
     """Seconds since it was made, by the monotonic clock."""
 

@@ -70,8 +70,6 @@ class WindowResult:
     """As ``replan_window`` computes it."""
     evaluation: Evaluation
     """With MinMax as its value."""
-    longest_allowed_s: float
-    """No route was to be longer."""
     feasible: bool
     """Whether every segment is inspected, no budget exceeded and no route longer than allowed."""
     iterations: int

@@ -103,10 +103,11 @@ def test_there_is_something_to_try() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the tutorial's site file."""
+    """A folder with the tutorial's site file, and one that tunes the search."""
     assert SITE is not None
     folder = tmp_path_factory.mktemp("docs")
     (folder / "site.toml").write_text(SITE.group(1), encoding="utf-8")
+    (folder / "search.toml").write_text("[annealing]\nhot = 8.0\n\n[window]\nprobes = 6\n", encoding="utf-8")
     return folder
 
 
@@ -115,7 +116,7 @@ def test_a_call_of_the_table(
     said: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(folder)
-    names = {"SITE": "site.toml", "PLAN": "plan.json", "DIR": "out", "NETWORK": "default"}
+    names = {"SITE": "site.toml", "PLAN": "plan.json", "DIR": "out", "NETWORK": "default", "FILE": "search.toml"}
     if said.startswith("init"):
         names["SITE"] = "new.toml"
     if not Path("plan.json").exists():

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executor.bench.errors import BenchError
+from executor.bench.machine import ROOT
 
-BESIDE = Path("..") / "shared" / "data"
 NECHRANICE = "nechranice_graph.yaml"
 MTSP = "minmax_mtsp.csv"
 TSPLIB = "tsplib"
@@ -20,12 +20,21 @@ def data_directory(given: Path | None) -> Path | None:
     Raises:
         BenchError: the one given does not exist.
     """
-    if given is not None:
-        if not given.is_dir():
-            raise BenchError(f"--data: {given}: expected a directory with {NECHRANICE}")
-        return given
-    project = Path(__file__).resolve().parents[2]
-    return next((place for place in (project / BESIDE, BESIDE) if place.is_dir()), None)
+    return shared_folder(given, "data", f"a directory with {NECHRANICE}")
+
+
+def shared_folder(given: Path | None, name: str, expected: str) -> Path | None:
+    """Return the folder given by the option of its name, or else that of ../shared beside the project or from here.
+
+    Raises:
+        BenchError: the one given does not exist.
+    """
+    if given is None:
+        beside = Path("..") / "shared" / name
+        return next((place for place in (ROOT / beside, beside) if place.is_dir()), None)
+    if not given.is_dir():
+        raise BenchError(f"--{name}: {given}: expected {expected}")
+    return given
 
 
 @dataclass(frozen=True, slots=True)

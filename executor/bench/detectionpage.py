@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from executor.bench.errors import BenchError
+from executor.bench.data import shared_folder
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import MISSING, figure, markdown_page, markdown_table
 from executor.bench.store import Json, write_result, write_text
@@ -16,7 +16,6 @@ from executor.replay.logs import replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.tuning import few_lines
 
-BESIDE = Path("..") / "shared" / "logs"
 NAMES = {"watchpoints": "watchpoints", "few_lines": "a few lines"}
 INTRODUCTION = (
     "`{command}`: {flights} modelled flights, {hours:.0f} flight hours, half of them "
@@ -36,12 +35,7 @@ def logs_directory(given: Path | None) -> Path | None:
     Raises:
         BenchError: the one given does not exist.
     """
-    if given is not None:
-        if not given.is_dir():
-            raise BenchError(f"--logs: {given}: expected a folder of telemetry logs with their truths")
-        return given
-    project = Path(__file__).resolve().parents[2]
-    return next((place for place in (project / BESIDE, BESIDE) if place.is_dir()), None)
+    return shared_folder(given, "logs", "a folder of telemetry logs with their truths")
 
 
 def recorded(folder: Path) -> list[Json]:

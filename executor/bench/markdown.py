@@ -19,12 +19,12 @@ def markdown_page(title: str, *parts: str) -> str:
     return "\n\n".join([f"# {title}", *(part for part in parts if part)]) + "\n"
 
 
-def figure(value: float | None, digits: int = 1, unit: str = "") -> str:
+def figure(value: float | None, digits: int = 1) -> str:
     """Return a figure with so many digits behind the point, or a dash where there is none."""
     if value is None:
         return MISSING
-    text = f"{value:.{digits}f}{unit}"
-    return text.lstrip("-") if float(f"{value:.{digits}f}") == 0 else text
+    text = f"{value:.{digits}f}"
+    return text.lstrip("-") if float(text) == 0 else text
 
 
 def percent_over(value: float | None, reference: float | None, digits: int = 2) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -57,11 +57,17 @@ from missions import (
     read_plan,
     write_plan,
 )
-from planner import Cost, ReplanWindow, repairs_at, replan_window
+from planner import Cost, ReplanWindow, SearchParams, repairs_at, replan_window
 
 if TYPE_CHECKING:
     from executor.analysis.pictures import FrontPoint
 
+SearchOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--search", metavar="FILE", help="What the search is tuned by (TOML); what it does not set is as by default."
+    ),
+]
 FrontOption = Annotated[
     bool,
     typer.Option(
@@ -81,6 +87,7 @@ def plan(
     seconds: SecondsOption = DEFAULT.seconds,
     seed: SeedOption = DEFAULT.seed,
     starts: StartsOption = 0,
+    search: SearchOption = None,
     front: FrontOption = False,
     after: AfterOption = None,
     output: Annotated[
@@ -96,6 +103,8 @@ def plan(
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
     wanted = wanted_of(PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    if search is not None:
+        wanted = replace(wanted, params=SearchParams.load(search))
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
     ground = assembly.ground_of(read_site(site), site.parent)

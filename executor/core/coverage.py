@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from missions.geometry import locate
+
 SPEED_FACTOR = 1.3
 END_TOLERANCE_M = 5.0
 """How near to a pylon a run may begin and end: an acceptance radius of 2 m, a GPS fix, and a sample's way at 4 Hz."""
@@ -36,12 +38,7 @@ class Track:
 
     def locate(self, place_m: tuple[float, float]) -> tuple[float, float]:
         """Return how far along the track a place lies, and how far beside or beyond it."""
-        length = self.length_m
-        east, north = (self.end_m[0] - self.begin_m[0]) / length, (self.end_m[1] - self.begin_m[1]) / length
-        de, dn = place_m[0] - self.begin_m[0], place_m[1] - self.begin_m[1]
-        along = de * east + dn * north
-        nearest = min(max(along, 0.0), length)
-        return along, math.hypot(de - nearest * east, dn - nearest * north)
+        return locate(self.begin_m, self.end_m, place_m)
 
     def aside_m(self, place_m: tuple[float, float]) -> float:
         """Return how far beside the track, or beside its continuation, a place lies."""

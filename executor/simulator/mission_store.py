@@ -116,11 +116,11 @@ def ack(partner: Peer, result: MissionResult, mission_type: int = MISSION_TYPE_M
     )  # fmt: skip
 
 
-def count_message(partner: Peer, count: int, mission_type: int = MISSION_TYPE_MISSION, opaque_id: int = 0) -> Outbound:
+def count_message(partner: Peer, count: int, opaque_id: int = 0) -> Outbound:
     """Return a MISSION_COUNT."""
     return out(
         "MISSION_COUNT", target_system=partner.sysid, target_component=partner.compid, count=count,
-        mission_type=mission_type, opaque_id=opaque_id,
+        mission_type=MISSION_TYPE_MISSION, opaque_id=opaque_id,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from missions import PlanFile, PlanFileError, Solved, Task, Window, check_plan, make_plan_file, plan_document
 from planner import (
+    DEFAULT_PARAMS,
     Cost,
     Instance,
     NoImprovement,
@@ -23,6 +24,7 @@ from planner import (
     ReplanWindow,
     Result,
     Route,
+    SearchParams,
     Seconds,
     StopRule,
     any_of,
@@ -69,15 +71,19 @@ class Wanted:
     """With a window: how much longer than the best MinMax plan's the longest route may be, as a share of it."""
     starts: int = 0
     """Searches side by side; 0 for as many as there are processors."""
+    params: SearchParams = DEFAULT_PARAMS
+    """What the search is tuned by."""
 
     def __post_init__(self) -> None:
         """Check that the solver can do it.
 
         Raises:
-            PlanFileError: the window is asked of a solver that does not know it.
+            PlanFileError: the window is asked of a solver that does not know it, or the paper's solver is to be tuned.
         """
         if self.cost is None and self.solver is not PlanSolver.SEARCH:
             raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+        if self.params != DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
+            raise PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
 
     @property
     def threads(self) -> int:
@@ -107,7 +113,7 @@ def first_plan(
     if wanted.cost is None:
         found = solve_window(
             task.instance, stretch=wanted.stretch, stop=Seconds(wanted.seconds), seed=wanted.seed,
-            all_vehicles=wanted.all_vehicles, starts=wanted.threads, on_progress=on_progress,
+            all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
         )  # fmt: skip
         plan, seconds, window = found.plan, found.seconds, window_in(found.window)
     else:
@@ -130,7 +136,7 @@ def front_plans(
     task = assembly.task_of(ground)
     found = front(
         task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
-        starts=wanted.threads, on_progress=on_progress,
+        starts=wanted.threads, params=wanted.params, on_progress=on_progress,
     )  # fmt: skip
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
     return tuple(
@@ -161,12 +167,13 @@ def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callabl
             )  # fmt: skip
         case PlanSolver.EXACT:
             return solve_exact(
-                instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, on_progress=on_progress
-            )
+                instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, params=wanted.params,
+                on_progress=on_progress,
+            )  # fmt: skip
         case PlanSolver.SEARCH:
             return solve(
                 instance, cost=cost, stop=_settled(wanted.seconds), seed=wanted.seed, starts=wanted.threads,
-                all_vehicles=wanted.all_vehicles, on_progress=on_progress,
+                all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
             )  # fmt: skip
 
 
@@ -300,8 +307,3 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
     )
     return WhatIf(left, content, result.feasible)
-
-
-def left_out(plan: PlanFile) -> list[str]:
-    """Return the names of the segments that a plan leaves out."""
-    return [plan.segments[number].called for number in plan.plan.uncovered]

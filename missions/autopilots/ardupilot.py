@@ -96,7 +96,6 @@ ARDUPILOT = Dialect(
     # Measured: it asks for items with MISSION_REQUEST (40), never _INT, and again after 1 s.
     upload_silence_s=8.0,  # measured: then ACK 15 and "Mission upload timeout"
     upload_warnings=frozenset({13}),  # measured: a duplicate item brings INVALID_SEQUENCE and the upload goes on
-    upload_busy=frozenset({14}),  # measured: DENIED while another ground station uploads
     # Guide 1.4: neither ACK nor MISSION_CURRENT says which list it is.
     # Measured: each stored item restarts the leg, the same one too; the old index is kept.
     current_counts_home=True,  # measured: total is count - 1

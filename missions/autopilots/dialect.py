@@ -125,8 +125,6 @@ class Dialect:
     """It gives an upload up after this."""
     upload_warnings: frozenset[int]
     """MISSION_ACK types during an upload that do not end it."""
-    upload_busy: frozenset[int]
-    """MISSION_ACK types that mean 'another transfer is under way': to be tried again."""
     current_counts_home: bool
     """Whether MISSION_CURRENT.total leaves home out, so that the last seq equals it."""
     ends_in_other_mode: bool

@@ -84,7 +84,6 @@ PX4 = Dialect(
     # Measured: it asks for items with MISSION_REQUEST_INT, and again after 0.25 s.
     upload_silence_s=5.0,  # measured: "Operation timeout", without an ACK
     upload_warnings=frozenset(),
-    upload_busy=frozenset({1}),  # measured: a second ground station gets ERROR
     # Measured: ACK and MISSION_CURRENT carry a CRC32 of the list; a list with the same one changes nothing (ACK 0).
     # Measured: an item with `current` set is flown next when it is uploaded in flight.
     current_counts_home=False,  # guide 1.4

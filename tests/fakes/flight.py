@@ -55,6 +55,7 @@ from executor.core.state import FleetState
 from executor.core.vehicle import OnBoard, Stage, VehicleState
 from missions import FlightPath, Phase, encode
 from tests.fakes.solver import Answer, share_out
+from tests.missions.builders import arrival_seq
 
 STEP_S = 0.4
 HOLD_S = 1.0
@@ -114,7 +115,7 @@ class Craft:
         self.goals_m = [(*frame.to_local_m(at.lat_deg, at.lon_deg), at.alt_rel_m) for at in path.waypoints]
         home = self.context.vehicles[self.name].dialect.current_counts_home
         self.total = len(mission.items) - home if self.counts else None
-        self.items = [mission.arrival_seq(index) for index in range(len(path.waypoints))]
+        self.items = [arrival_seq(mission, index) for index in range(len(path.waypoints))]
 
     def begin(self) -> None:
         """Take off with the mission on board."""

@@ -7,9 +7,24 @@ from functools import cache
 
 import numpy as np
 
-from missions import FlightPath, FlightSetup, Inspection, Network, Phase, Pylon, Segment, Waypoint, flight_setup
+from missions import (
+    EncodedMission,
+    FlightPath,
+    FlightSetup,
+    Inspection,
+    Network,
+    Phase,
+    Pylon,
+    Segment,
+    Task,
+    Waypoint,
+    flight_setup,
+    open_task,
+)
 from missions.geo import LocalFrame
 from missions.readers import default_network_path, read_network
+from missions.tasks import DEPOT_M
+from planner import Travel, Vehicle
 
 FRAME = LocalFrame(49.6, 15.6, 450.0)
 """A depot for tests."""
@@ -54,3 +69,18 @@ def path_through(name: str, places_m: Sequence[tuple[float, float, float]]) -> F
         lat, lon = FRAME.to_wgs84_deg(east, north)
         waypoints.append(Waypoint(Phase.TRANSIT if index else Phase.TAKEOFF, lat, lon, up, 5.0))
     return FlightPath(name, tuple(waypoints))
+
+
+def depot_vehicle(name: str, budget_pct: float, consumption: float = 1.0) -> Vehicle:
+    """Return a vehicle that stands at the depot."""
+    return Vehicle(name, DEPOT_M, budget_pct, consumption)
+
+
+def whole_task(network: Network, vehicles: Sequence[Vehicle], travel: Travel) -> Task:
+    """Return the problem of inspecting every segment of a network."""
+    return open_task(network, range(len(network.segments)), vehicles, travel)
+
+
+def arrival_seq(mission: EncodedMission, waypoint: int) -> int:
+    """Return the item that is reached when a waypoint is: the last that serves it, behind its speed item."""
+    return len(mission.waypoint_of) - 1 - mission.waypoint_of[::-1].index(waypoint)

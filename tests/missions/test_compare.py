@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame, MissionItem, alike, differences, encode
+from tests.missions.builders import arrival_seq
 from tests.missions.test_encode import PATH
 
 
@@ -67,7 +68,7 @@ def test_what_ardupilot_rewrites_is_a_difference_on_px4() -> None:
 )
 def test_any_other_change_is_told(dialect: Dialect, key: str, value: float, told: str) -> None:
     mission = encode(PATH, dialect)
-    seq = mission.arrival_seq(2)
+    seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
     read_back[seq] = replace(read_back[seq], **{key: value})  # type: ignore[arg-type]
     (text,) = differences(mission.items, read_back, dialect)
@@ -85,7 +86,7 @@ def test_a_list_of_another_length_is_told_as_that() -> None:
 @pytest.mark.parametrize("moved", [-2, -1, 0, 1, 2])
 def test_a_place_may_be_off_by_one_step_of_its_degrees(dialect: Dialect, key: str, moved: int) -> None:
     mission = encode(PATH, dialect)
-    seq = mission.arrival_seq(2)
+    seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
     read_back[seq] = replace(read_back[seq], **{key: getattr(read_back[seq], key) + moved})
     assert bool(differences(mission.items, read_back, dialect)) == (abs(moved) > 1)
@@ -105,7 +106,7 @@ def test_a_place_may_be_off_by_one_step_of_its_degrees(dialect: Dialect, key: st
 )
 def test_a_height_may_be_cut_to_one_step_and_no_more(dialect: Dialect, off_m: float, told: bool) -> None:
     mission = encode(PATH, dialect)
-    seq = mission.arrival_seq(2)
+    seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
     read_back[seq] = replace(read_back[seq], z=read_back[seq].z + off_m)
     assert bool(differences(mission.items, read_back, dialect)) == told

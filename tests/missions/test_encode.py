@@ -22,6 +22,7 @@ from missions import (
     encode,
     flag_current,
 )
+from tests.missions.builders import arrival_seq
 
 PATH = FlightPath(
     "uav1",
@@ -88,16 +89,14 @@ def test_ardupilot_starts_with_a_slot_for_home() -> None:
 def test_items_are_numbered_and_rounded(dialect: Dialect) -> None:
     mission = encode(PATH, dialect)
     assert [item.seq for item in mission.items] == list(range(len(mission.items)))
-    third = mission.items[mission.arrival_seq(2)]
+    third = mission.items[arrival_seq(mission, 2)]
     assert (third.x, third.y, third.z) == (496020000, 156000000, 32.0)
 
 
-def test_a_leg_is_entered_at_its_speed_item_and_reached_at_its_place() -> None:
+def test_a_speed_item_serves_the_leg_behind_it() -> None:
     mission = encode(PATH, ARDUPILOT)
-    assert (mission.entry_seq(3), mission.arrival_seq(3)) == (5, 6)
-    assert (mission.entry_seq(4), mission.arrival_seq(4)) == (7, 7)
-    with pytest.raises(ValueError, match="not in tuple"):
-        mission.entry_seq(7)
+    assert mission.waypoint_of[5:8] == (3, 3, 4)
+    assert [mission.items[seq].command == Command.DO_CHANGE_SPEED for seq in (5, 6, 7)] == [True, False, False]
 
 
 def test_one_item_is_flagged_or_none() -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from missions import SafetyError, column_radius_m, place_pads
-from missions.pads import segment_distances_m, way_around_m
+from missions.geometry import place_distances_m
+from missions.pads import way_around_m
 
 LINES_M = np.array([[[60.0, 0.0], [500.0, 0.0]], [[-60.0, 10.0], [-500.0, 80.0]]])
 
@@ -22,7 +23,7 @@ def test_pads_are_apart_and_clear_of_the_lines(count: int, layer_m: float) -> No
     places = np.array([(pad.east_m, pad.north_m) for pad in pads])
     assert [pad.vehicle for pad in pads] == names
     assert all(pad.alt_m == 450.0 for pad in pads)
-    assert segment_distances_m(LINES_M, places).min() >= column_radius_m(layer_m)
+    assert place_distances_m(LINES_M, places).min() >= column_radius_m(layer_m)
     for one, other in itertools.combinations(places, 2):
         # A way must remain between two columns.
         assert math.dist(one, other) >= max(12.0, 2.0 * column_radius_m(layer_m))
@@ -58,7 +59,7 @@ def test_a_blocked_way_goes_around_and_is_hardly_longer_than_the_taut_one() -> N
     corners = way_around_m(start, goal, centre, 10.0)
     stops = [start, *corners, goal]
     legs = np.array(list(itertools.pairwise(stops)))
-    assert segment_distances_m(legs, centre).min() >= 10.0 - 1e-9
+    assert place_distances_m(legs, centre).min() >= 10.0 - 1e-9
     # Taut string around a circle of radius 10 whose centre is 1 m off the middle: about 101.8 m; a corner costs little.
     assert 100.0 < length_m(stops) < 103.0
     # It passes on the side away from the centre.
@@ -73,7 +74,7 @@ def test_a_way_through_a_field_of_columns_keeps_clear_of_all() -> None:
     start, goal = np.array([0.0, 2.0]), np.array([130.0, -3.0])
     legs = np.array(list(itertools.pairwise([start, *way_around_m(start, goal, centres, radius), goal])))
     assert len(legs) > 2
-    assert segment_distances_m(legs, centres).min() >= radius - 1e-9
+    assert place_distances_m(legs, centres).min() >= radius - 1e-9
 
 
 def test_a_column_around_the_goal_itself_is_no_obstacle() -> None:
@@ -89,5 +90,5 @@ def test_a_start_walled_in_by_columns_goes_straight() -> None:
 
 def test_distances_to_a_track_count_from_its_ends_too() -> None:
     tracks = np.array([[[0.0, 0.0], [10.0, 0.0]], [[5.0, 5.0], [5.0, 5.0]]])
-    distances = segment_distances_m(tracks, np.array([[13.0, 4.0], [5.0, 2.0]]))
+    distances = place_distances_m(tracks, np.array([[13.0, 4.0], [5.0, 2.0]]))
     assert distances == pytest.approx(np.array([[5.0, math.hypot(8.0, 1.0)], [2.0, 3.0]]))

@@ -18,18 +18,16 @@ from missions import (
     Solved,
     Window,
     check_plan,
-    depot_vehicle,
     make_plan_file,
     open_task,
     plan_document,
     read_network,
     read_plan,
-    whole_task,
     write_plan,
 )
 from missions.readers import default_network_path
 from planner import Cost, Dynamics, Plan, Route, SteadyWind, Travel, Vehicle
-from tests.missions.builders import line_east
+from tests.missions.builders import depot_vehicle, line_east, whole_task
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
 SOLVED = Solved("search", 7, 1.5)

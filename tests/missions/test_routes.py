@@ -22,7 +22,7 @@ from missions import (
     flight_path,
     flight_setup,
 )
-from missions.pads import segment_distances_m
+from missions.geometry import place_distances_m
 from tests.missions.builders import FLEET, default_setup, line_east, network_of
 
 
@@ -102,7 +102,7 @@ def test_ways_go_around_the_columns_over_others_pads() -> None:
     path = flight_path(setup, "uav1", [0])
     places = places_m(setup, path)
     legs = np.array(list(itertools.pairwise(places)))
-    assert segment_distances_m(legs, np.array([[50.0, -33.0]])).min() >= column_radius_m(5.0) - 1e-3
+    assert place_distances_m(legs, np.array([[50.0, -33.0]])).min() >= column_radius_m(5.0) - 1e-3
     assert shape(path)[1] == ("transit", False, 0)
     phases = [point.phase for point in path.waypoints]
     assert phases.count(Phase.TRANSIT) > 1

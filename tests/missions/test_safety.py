@@ -21,12 +21,18 @@ from missions import (
     check_separation,
     flight_setup,
     plan_layers,
-    separation_m,
     tracks_m,
 )
 from missions.geo import FloatArray
-from missions.safety import FLAT_M, _leg_distances_m, legs_m
+from missions.geometry import leg_distances_m
+from missions.safety import FLAT_M, _nearest_legs, legs_m
 from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
+
+
+def separation_m(path_a: FlightPath, path_b: FlightPath, home_alt_m: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Return the least distance in space between two flights; infinite if one of them stays on the ground."""
+    nearest = _nearest_legs(path_a, path_b, home_alt_m)
+    return math.inf if nearest is None else nearest[0]
 
 
 def test_tracks_lie_to_the_right_of_a_to_b() -> None:
@@ -164,8 +170,8 @@ def test_legs_that_touch_at_an_end_and_legs_that_cross() -> None:
         ([[5.0, 4.0, 3.0], [5.0, 4.0, 3.0]], 5.0),
     ]:
         legs = np.array([other])
-        assert _leg_distances_m(flat, legs).tolist() == [[pytest.approx(expected_m)]], other
-        assert _leg_distances_m(legs, flat).tolist() == [[pytest.approx(expected_m)]], other
+        assert leg_distances_m(flat, legs).tolist() == [[pytest.approx(expected_m)]], other
+        assert leg_distances_m(legs, flat).tolist() == [[pytest.approx(expected_m)]], other
 
 
 def test_a_vehicle_on_the_ground_counts_for_nothing() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from missions import depot_vehicle, open_task, whole_task
+from missions import open_task
 from planner import Plan, Route, Travel, Vehicle
-from tests.missions.builders import line_east
+from tests.missions.builders import depot_vehicle, line_east, whole_task
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
 

@@ -54,6 +54,9 @@ MODULES = {
     "compare": Module(
         ("missions/compare.py",), ("tests/missions/test_compare.py", "tests/properties/test_missions_items.py")
     ),
+    "geometry": Module(
+        ("missions/geometry.py",), ("tests/properties/test_geometry.py", "tests/missions/test_safety.py")
+    ),
     "safety": Module(("missions/safety.py",), ("tests/missions/test_safety.py", "tests/missions/test_clearance.py")),
     "replan": Module(("planner/replan.py",), ("tests/planner/test_replan.py", "tests/planner/test_window.py")),
     "window": Module(

@@ -15,12 +15,14 @@ from planner import (
     Cancelled,
     Cost,
     Dynamics,
+    ExactParams,
     Instance,
     InstanceError,
     Iterations,
     Plan,
     Progress,
     Route,
+    SearchParams,
     Seconds,
     Travel,
     Vehicle,
@@ -119,9 +121,8 @@ def test_twelve_segments_are_closed(cost: Cost) -> None:
 def test_the_optimum_is_found_where_the_search_has_not() -> None:
     """The search does not see more than its first plan here; the proof must not depend on it."""
     instance = random_instance(21, 9, fleet(45.0, 40.0, 35.0))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.exact.SEARCH_ITERATIONS", 0)
-        exact = solve_exact(instance, cost=Cost.MINSUM, stop=TO_THE_END)
+    blind = SearchParams(exact=ExactParams(search_iterations=0))
+    exact = solve_exact(instance, cost=Cost.MINSUM, stop=TO_THE_END, params=blind)
     first = solve(instance, cost=Cost.MINSUM, stop=Iterations(0))
     best = solve(instance, cost=Cost.MINSUM, stop=Iterations(6000))
     assert exact.evaluation.value < first.evaluation.value - 0.1

@@ -18,7 +18,7 @@ def walked(instance: Instance, seed: int, iterations: int) -> Walker:
     """Return a walk that has gone some way below the window of an ordinary plan."""
     plan = solve(instance, cost=Cost.MINSUM, stop=Iterations(2_000), seed=seed).plan
     search = RobustSearch(
-        instance, Outer(Iterations(10**9), None, Stopwatch()), seed=seed, all_vehicles=False, starts=1, fly_again=True
+        instance, Outer(Iterations(10**9), Stopwatch()), seed=seed, all_vehicles=False, starts=1, fly_again=True
     )
     routes = tuple(route.visits for route in plan.routes)
     walker = search._walker(seed, FoundPlan(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))

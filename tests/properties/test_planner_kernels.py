@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner import (
+    DEFAULT_PARAMS,
     Cost,
     Dynamics,
     Instance,
@@ -23,7 +24,7 @@ from planner import (
     evaluate,
     route_energy_pct,
 )
-from planner.construct import SLACK, guide_weights, plan_of, problem_of, random_state, state_of, true_weights
+from planner.construct import guide_weights, plan_of, problem_of, random_state, state_of, true_weights
 from planner.kernels.anneal import objective
 from planner.kernels.chance import below, uniform
 from planner.kernels.insertion import cheapest_place, insert_by_regret
@@ -79,7 +80,11 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
             for vehicle, route in zip(instance.vehicles, plan.routes, strict=True):
                 # What is given a visit is within its budget; one that cannot even get home is given none. On its
                 # way the search may go beyond.
-                most = vehicle.budget_pct if state is search._leader.best else vehicle.budget_pct * (1 + SLACK)
+                most = (
+                    vehicle.budget_pct
+                    if state is search._leader.best
+                    else vehicle.budget_pct * (1 + DEFAULT_PARAMS.annealing.slack)
+                )
                 assert not route.visits or state.loads[route.vehicle] <= most + 1e-6
             accounted = [visit >> 1 for route in plan.routes for visit in route.visits] + list(plan.uncovered)
             assert sorted(accounted) == list(range(instance.segments))
@@ -159,7 +164,7 @@ def test_regret_leaves_out_only_what_fits_nowhere(instance: Instance, cost: Cost
     problem = problem_of(instance)
     state = state_of(problem, [])
     everything = np.arange(instance.segments, dtype=np.int64)
-    weights = guide_weights(problem, cost, scale=1.0, all_vehicles=False)
+    weights = guide_weights(problem, cost, DEFAULT_PARAMS.annealing, scale=1.0, all_vehicles=False, power=8.0)
     insert_by_regret(problem, weights, state, everything, random_state(0))
     plan = plan_of(state)
     for left in plan.uncovered:

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from executor.bench.errors import BenchError
+from executor.bench.machine import ROOT
 from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.problems import PAPER_S, line_instance
@@ -65,10 +66,9 @@ def _order(setting: Setting, name: str, vehicles: int, cost: Cost, budget: float
 
 def _in_a_process(order: Json) -> Json:
     code = "import sys; from executor.bench.parts.scale import child; child(sys.argv[1])"
-    root = Path(__file__).resolve().parents[3]
     done = subprocess.run(
         [sys.executable, "-c", code, json.dumps(order)],
-        cwd=root, capture_output=True, text=True, check=False, timeout=60 + 20 * order["seconds"],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=60 + 20 * order["seconds"],
     )  # fmt: skip
     if done.returncode != 0:
         lines = done.stderr.strip().splitlines() or ["no word"]

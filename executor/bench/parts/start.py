@@ -6,9 +6,9 @@ import os
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 from statistics import median
 
+from executor.bench.machine import ROOT
 from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.store import Json
@@ -16,7 +16,6 @@ from planner import Stopwatch
 
 TITLE = "Start times"
 WARM_STARTS = 5
-ROOT = Path(__file__).resolve().parents[3]
 NOTHING = "pass"
 IMPORT = "import planner"
 FIRST_PLAN = """

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
@@ -15,6 +17,7 @@ from executor.core.roster.offers import open_segments
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
+from missions.geometry import place_distances_m
 from planner import segment_of
 
 LINE_M = 12.0
@@ -138,13 +141,7 @@ def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
 
 def _from_line_m(context: Context, place_m: tuple[float, float]) -> float:
     """Return the distance to the nearest segment, seen from above."""
-    least_m = math.inf
-    for (ax, ay), (bx, by) in context.setup.network.ends_m.tolist():
-        along_x, along_y = bx - ax, by - ay
-        share = ((place_m[0] - ax) * along_x + (place_m[1] - ay) * along_y) / (along_x**2 + along_y**2)
-        share = min(1.0, max(0.0, share))
-        least_m = min(least_m, math.dist(place_m, (ax + share * along_x, ay + share * along_y)))
-    return least_m
+    return float(place_distances_m(context.setup.network.ends_m, np.array([place_m])).min(initial=math.inf))
 
 
 def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001

@@ -17,6 +17,7 @@ from executor.core.coverage import SPEED_FACTOR, Run, Sample, run_joined
 from executor.core.vehicle import Before, Fix, OnBoard, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode
+from missions.geometry import locate
 from planner import segment_of
 
 LEAST_TOLERANCE_S = 2.0
@@ -166,12 +167,4 @@ def _share_left(board: OnBoard, waypoint: int, fix: Fix) -> float:
 
 def _beside_m(board: OnBoard, waypoint: int, place_m: tuple[float, float]) -> float:
     """Return how far beside the leg to a waypoint a place lies."""
-    end = board.places_m[waypoint]
-    begin = board.places_m[max(0, waypoint - 1)]
-    length = math.dist(begin, end)
-    if length < 1.0:
-        return math.dist(place_m, end)
-    east, north = (end[0] - begin[0]) / length, (end[1] - begin[1]) / length
-    de, dn = place_m[0] - begin[0], place_m[1] - begin[1]
-    along = min(length, max(0.0, de * east + dn * north))
-    return math.hypot(de - along * east, dn - along * north)
+    return locate(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]

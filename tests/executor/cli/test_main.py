@@ -122,6 +122,7 @@ OPTIONS = {
         "--seconds",
         "--seed",
         "--starts",
+        "--search",
         "--front",
         "--after",
         "--output",
@@ -285,6 +286,23 @@ def test_a_site_that_cannot_be_used(place: Place) -> None:
     assert "no such file" in place.refused("plan", place.path("nowhere.toml"))
     place.site(budget_pct=-1)
     assert "vehicle[0].budget_pct: expected" in place.refused("plan", place.path("site.toml"))
+
+
+def test_what_the_search_is_tuned_by(place: Place) -> None:
+    tuned = Path(place.path("search.toml"))
+    tuned.write_text("[annealing]\nbatch = 50\n", encoding="utf-8")
+    site, search = place.path("site.toml"), ("--search", str(tuned))
+    code, out, _ = place.run("plan", site, "--seconds", "0.2", "--json", *search)
+    assert code == 0
+    assert not json.loads(out)["uncovered"]
+    reason = place.refused("plan", site, "--solver", "grasp", *search)
+    assert "--search: expected none beside --solver grasp" in reason
+    tuned.write_text("[annealing]\nbatch = 0\n", encoding="utf-8")
+    assert f"{tuned}: annealing.batch: expected a whole number, 1 or more, got 0" in place.refused(
+        "plan", site, *search
+    )
+    tuned.unlink()
+    assert f"{tuned}: no such file" in place.refused("plan", site, *search)
 
 
 @pytest.mark.parametrize(

@@ -39,8 +39,6 @@ def test_px4s_modes_are_the_published_packed_numbers() -> None:
 
 def test_acks_have_pymavlinks_numbers() -> None:
     assert ARDUPILOT.upload_warnings == {mavlink.MAV_MISSION_INVALID_SEQUENCE}
-    assert ARDUPILOT.upload_busy == {mavlink.MAV_MISSION_DENIED}
-    assert PX4.upload_busy == {mavlink.MAV_MISSION_ERROR}
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])

@@ -1,0 +1,78 @@
+"""How far places lie from straight legs, and legs from each other: the only place that knows.
+
+Arrays hold metres: places (m, d), legs (n, 2, d) from begin to end, with d = 2 over the ground or d = 3 in space. A leg
+without length is a place.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from missions.geo import FloatArray
+
+SHORTEST_M2 = 1e-12
+"""The square of a length that counts as one."""
+
+
+def nearest_on(places_m: FloatArray, begins_m: FloatArray, along_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (m, n) distances of places from legs, and where on each leg that is, as a share of it from 0 to 1.
+
+    Args:
+        places_m: (m, d).
+        begins_m: (n, d), where the legs begin.
+        along_m: (n, d), from there to where they end.
+    """
+    offsets = places_m[:, np.newaxis] - begins_m
+    square = np.maximum((along_m**2).sum(axis=1), SHORTEST_M2)
+    share = np.clip((offsets * along_m).sum(axis=2) / square, 0.0, 1.0)
+    apart = offsets - share[..., np.newaxis] * along_m
+    if apart.shape[2] == 2:
+        return np.hypot(apart[..., 0], apart[..., 1]), share
+    return np.sqrt((apart**2).sum(axis=2)), share
+
+
+def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
+    """Return (m, n) float64: the distances of (m, d) places from (n, 2, d) legs."""
+    return nearest_on(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
+
+
+def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
+    """Return (m, n) float64: least distances between (m, 2, 3) and (n, 2, 3) legs.
+
+    The least is at an end of one of the legs, or where the common perpendicular meets both inside.
+    """
+    m, n = len(legs_a), len(legs_b)
+    candidates = [
+        place_distances_m(legs_b, legs_a[:, 0]), place_distances_m(legs_b, legs_a[:, 1]),
+        place_distances_m(legs_a, legs_b[:, 0]).T, place_distances_m(legs_a, legs_b[:, 1]).T,
+    ]  # fmt: skip
+    along_a = np.broadcast_to((legs_a[:, 1] - legs_a[:, 0])[:, np.newaxis], (m, n, 3))
+    along_b = np.broadcast_to((legs_b[:, 1] - legs_b[:, 0])[np.newaxis], (m, n, 3))
+    offset = legs_a[:, 0][:, np.newaxis] - legs_b[:, 0][np.newaxis]
+    aa, bb, ab = ((u * v).sum(axis=2) for u, v in ((along_a, along_a), (along_b, along_b), (along_a, along_b)))
+    ao, bo = (along_a * offset).sum(axis=2), (along_b * offset).sum(axis=2)
+    determinant = aa * bb - ab * ab
+    # Parallel legs have no single perpendicular: their ends decide.
+    crossing = determinant > 1e-9 * aa * bb
+    safe = np.where(crossing, determinant, 1.0)
+    share_a, share_b = (ab * bo - bb * ao) / safe, (aa * bo - ab * ao) / safe
+    inside = crossing & (share_a > 0) & (share_a < 1) & (share_b > 0) & (share_b < 1)
+    apart = offset + share_a[..., np.newaxis] * along_a - share_b[..., np.newaxis] * along_b
+    candidates.append(np.where(inside, np.sqrt((apart**2).sum(axis=2)), math.inf))
+    return np.asarray(np.min(candidates, axis=0), dtype=np.float64)
+
+
+def locate(
+    begin_m: tuple[float, float], end_m: tuple[float, float], place_m: tuple[float, float]
+) -> tuple[float, float]:
+    """Return in metres how far along a leg a place lies, before and beyond it too, and how far from the leg."""
+    length = math.dist(begin_m, end_m)
+    if length**2 < SHORTEST_M2:
+        return 0.0, math.dist(begin_m, place_m)
+    east, north = (end_m[0] - begin_m[0]) / length, (end_m[1] - begin_m[1]) / length
+    de, dn = place_m[0] - begin_m[0], place_m[1] - begin_m[1]
+    along = de * east + dn * north
+    nearest = min(max(along, 0.0), length)
+    return along, math.hypot(de - nearest * east, dn - nearest * north)
