@@ -274,6 +274,9 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     if not on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
+    if vehicle.taken is not None:
+        text = f"{heard}, on the ground; armed as it is, it takes off with its old mission; its pilot's, not commanded"
+        return state, (Say(Level.WARNING, text),)
     text = f"{heard}, on the ground; it is switched to RTL, so that it does not take off with its old mission"
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 

@@ -133,7 +133,9 @@ class StormJudge(Judge):
 
     def _crossed(self, name: str, one: Truth) -> bool:
         """Return whether an order that was on its way put it on its mission in the same moment, by our word."""
-        ordered = [order.t_s for order in self.happened(name, "order command") if one.t_s <= order.t_s]
+        if self._is_back(one):
+            return False
+        ordered = [order.t_s for order in self.orders(name) if one.t_s <= order.t_s]
         flies = self.happened(name, f"mode {MISSION[self.flown.autopilot]['mission']}")
         return any(
             order_s - one.t_s < KNOWS_S and 0 <= mode.t_s - order_s < 0.1 for order_s in ordered for mode in flies

@@ -130,6 +130,22 @@ ROWS = [
         {},
     ),
     Row(
+        "who was lost in its pilot's hands is not switched",
+        replace(LOST_ON_PAD, taken=TakenOver(NOW_S - 90.0)),
+        said(beat(armed=False)),
+        [
+            Say(
+                Level.WARNING,
+                (
+                    "uav1: link regained, on the ground; armed as it is, it takes off with its old mission; its "
+                    "pilot's, not commanded"
+                ),
+            )
+        ],
+        {"uav1": REGAINED | {"stage": Stage.LANDED, "heartbeat": beat(armed=False), "ordered_mode_s": NOW_S}},
+        {},
+    ),
+    Row(
         "who was lost and is on its pad in another mode",
         LOST_ON_PAD,
         said(beat(RTL, armed=False)),
