@@ -408,9 +408,9 @@ def test_what_cannot_be_restored_is_refused(place: Place) -> None:
     assert place.refused("restore", str(place.folder)) == f"{place.folder}: {missing}"
     path = place.folder / "parameters.json"
     for text, words in (
-        ("{", "the file: expected what was changed on board: "),
-        ('{"format": "faultline-parameters/2", "parameters": []}', "format: expected what was changed on board: "),
-        ('{"format": "faultline-parameters/1"}', "parameters: expected what was changed on board: "),
+        ("{", "content: expected JSON: "),
+        ('{"format": "faultline-parameters/2", "parameters": []}', "format: expected 'faultline-parameters/1', got "),
+        ('{"format": "faultline-parameters/1"}', "parameters: expected this key, but it is missing"),
     ):
         path.write_text(text)
         assert place.refused("restore", str(place.folder)).startswith(f"{path}: {words}")
