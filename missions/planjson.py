@@ -19,7 +19,7 @@ from missions.files import printable, read_text, write_whole
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
 from missions.setup import MOST, Inspection
-from missions.validation import Figure, Flag, Text, first_reason
+from missions.validation import Figure, Flag, Id, Pair, Text, first_reason, is_none
 from planner import (
     Cost,
     Dynamics,
@@ -38,19 +38,10 @@ from planner import (
 Above0 = Annotated[Figure, Field(gt=0)]
 Speed = Annotated[Figure, Field(ge=0.001)]
 Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
-Id = Annotated[int, Field(strict=True, ge=0, le=2**53)]
-"""JSON's readers elsewhere do not keep a greater number."""
-Pair = tuple[Figure, Figure]
-Place = tuple[Figure, Figure, Figure]
-Known = tuple[Figure | None, Figure | None]
-
-
-def _is_none(value: object) -> bool:
-    return value is None
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, serialize_by_alias=True)
 
 
 class DepotPart(_Part):
@@ -137,15 +128,6 @@ class CostPart(_Part):
     """In percent of a full battery; of a window, its ``earliest_s``."""
 
 
-class WindowPart(_Part):
-    """The re-plan window: from when on the others can finish if any one vehicle is lost."""
-
-    window_pct: Figure
-    """Of the longest route."""
-    earliest_s: Figure
-    longest_route_s: Figure
-
-
 class InspectionPart(_Part):
     """How segments are flown; the same figures as the site file's table of this name."""
 
@@ -158,27 +140,6 @@ class InspectionPart(_Part):
     return_ceiling_m: Size | None = None
     heights: Literal["flat", "known"] = "known"
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
-
-
-class SegmentPart(_Part):
-    """A stretch of line between two pylons, a and b."""
-
-    id: Id
-    """The network's number of it."""
-    name: Annotated[Text | None, Field(exclude_if=_is_none)] = None
-    """What its network's file calls it."""
-    a: Place
-    """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
-    b: Place
-    a_lat_lon_deg: Pair
-    b_lat_lon_deg: Pair
-    pylons: tuple[str, str]
-    length_m: Figure
-    """Over the ground."""
-    elevation_m: Known = (None, None)
-    """Ground at a and b above mean sea level, where it is known."""
-    height_m: Known = (None, None)
-    """Structure at a and b, where it is known."""
 
 
 class PlanDocument(_Part):
@@ -199,10 +160,10 @@ class PlanDocument(_Part):
     """Its name."""
     seconds: Figure
     """What it took."""
-    window: Annotated[WindowPart | None, Field(exclude_if=_is_none)] = None
-    inspection: Annotated[InspectionPart | None, Field(exclude_if=_is_none)] = None
+    window: Annotated[Window | None, Field(exclude_if=is_none)] = None
+    inspection: Annotated[InspectionPart | None, Field(exclude_if=is_none)] = None
     """Without it the plan can be checked, but not flown."""
-    segments: tuple[SegmentPart, ...]
+    segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
     @model_validator(mode="after")
@@ -246,7 +207,7 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
     document = plan_document(replace(plan_file, source=str(path)))
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    write_whole(path, (json.dumps(document, indent=1) + "\n").encode())
+    write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_plan(path: Path | str) -> PlanFile:
@@ -298,21 +259,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         **asdict(content.solved),
         "window": content.window,
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
-        "segments": [
-            {
-                "id": segment.id,
-                "name": segment.name or None,
-                "a": segment.a_enu_m,
-                "b": segment.b_enu_m,
-                "a_lat_lon_deg": segment.a_lat_lon_deg,
-                "b_lat_lon_deg": segment.b_lat_lon_deg,
-                "pylons": segment.pylons,
-                "length_m": segment.length_m,
-                "elevation_m": segment.elevation_m,
-                "height_m": segment.height_m,
-            }
-            for segment in content.segments
-        ],
+        "segments": content.segments,
     }
     try:
         return PlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json")
@@ -322,24 +269,10 @@ def plan_document(content: PlanFile) -> dict[str, object]:
 
 def _content(document: PlanDocument, source: str) -> PlanFile:
     position = {segment.id: index for index, segment in enumerate(document.segments)}
-    travel, window, inspection = document.travel, document.window, document.inspection
+    travel, inspection = document.travel, document.inspection
     return PlanFile(
         frame=LocalFrame(**dict(document.depot)),
-        segments=tuple(
-            PlanSegment(
-                id=segment.id,
-                name=segment.name or "",
-                a_enu_m=segment.a,
-                b_enu_m=segment.b,
-                a_lat_lon_deg=segment.a_lat_lon_deg,
-                b_lat_lon_deg=segment.b_lat_lon_deg,
-                pylons=segment.pylons,
-                length_m=segment.length_m,
-                elevation_m=segment.elevation_m,
-                height_m=segment.height_m,
-            )
-            for segment in document.segments
-        ),
+        segments=document.segments,
         vehicles=tuple(
             Vehicle(
                 vehicle.name,
@@ -367,7 +300,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         cost=None if document.cost.name == WINDOW_COST else Cost(document.cost.name),
         cost_value=document.cost.value,
         solved=Solved(printable(document.solver), document.seed, document.seconds),
-        window=None if window is None else Window(**dict(window)),
+        window=document.window,
         inspection=None if inspection is None else Inspection(
             **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
         ),

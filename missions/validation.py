@@ -16,6 +16,11 @@ Figure = Annotated[float, Field(strict=True, ge=-MOST_FIGURE, le=MOST_FIGURE, al
 """A number that a place, a time or a share can have: no text, no boolean, nothing without end."""
 Text = Annotated[str, Field(min_length=1)]
 Flag = Annotated[bool, Field(strict=True)]
+Id = Annotated[int, Field(strict=True, ge=0, le=2**53)]
+"""JSON's readers elsewhere do not keep a greater number."""
+Pair = tuple[Figure, Figure]
+Place = tuple[Figure, Figure, Figure]
+Known = tuple[Figure | None, Figure | None]
 
 _KINDS = {
     "bool_parsing": "true or false",
@@ -32,6 +37,11 @@ _KINDS = {
     "tuple_type": "a list",
 }
 """What pydantic calls an error, where its own words are a programmer's."""
+
+
+def is_none(value: object) -> bool:
+    """Return whether a key is left out when its model is written."""
+    return value is None
 
 
 def first_reason(error: ValidationError, *, page: str = "the documents", shown: bool = True) -> str:

@@ -189,7 +189,7 @@ class NotCountedRow(Document):
     reason: str
 
 
-class Report(Document):
+class FlightReport(Document):
     """What a flight came to. Times are seconds since the order to take off."""
 
     format: Literal["faultline-report/1"]
@@ -260,13 +260,13 @@ class AskedVehicles(Document):
     """The checklist."""
 
 
-def read_report(run: Path) -> Report:
+def read_report(run: Path) -> FlightReport:
     """Return what the flight of a run directory came to.
 
     Raises:
         LogError: there is no report yet, or it cannot be used.
     """
-    return Report.read(RunDirectory(run).report, "the report of a flight that is over")
+    return FlightReport.read(RunDirectory(run).report, "the report of a flight that is over")
 
 
 def read_asked(run: Path) -> AskedVehicles:

@@ -12,7 +12,7 @@ from pydantic import AliasChoices, BaseModel, Field
 
 from executor.adapters.eventlog import read_events
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import Report, read_report
+from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import (
     Decision,
     FaultRecord,
@@ -139,7 +139,7 @@ def _read_decisions(path: Path, launched_s: float) -> Iterator[Decision]:
                 yield Decision(said.t_s - launched_s, said.level, said.said)
 
 
-def _vehicles(site: Site, report: Report, log: _Log) -> tuple[VehicleRecord, ...]:
+def _vehicles(site: Site, report: FlightReport, log: _Log) -> tuple[VehicleRecord, ...]:
     faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
     vehicles = []
     for layer, table in enumerate(site.vehicle):
@@ -161,7 +161,7 @@ def _vehicles(site: Site, report: Report, log: _Log) -> tuple[VehicleRecord, ...
     return tuple(vehicles)
 
 
-def _segments(first: PlanFile, site: Site, report: Report, log: _Log) -> tuple[SegmentRecord, ...]:
+def _segments(first: PlanFile, site: Site, report: FlightReport, log: _Log) -> tuple[SegmentRecord, ...]:
     inspected_by = {segment: row.name for row in report.vehicles for segment in row.segments}
     standoff_m = (first.inspection or Inspection()).standoff_m
     lines_m = tracks_m(first.network(), standoff_m).tolist()

@@ -12,6 +12,7 @@ from executor.analysis.documents import (
     AskedVehicles,
     CheckRow,
     FaultRow,
+    FlightReport,
     HeightsPart,
     InspectionRow,
     LastPosition,
@@ -19,7 +20,6 @@ from executor.analysis.documents import (
     PadPart,
     ParameterRow,
     ReplanRow,
-    Report,
     VehicleRow,
 )
 from executor.core.context import Context
@@ -118,7 +118,7 @@ def report_of(
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
     parameters: Sequence[ParameterRow] = (),
-) -> Report:
+) -> FlightReport:
     """Return the content of report.json.
 
     Args:
@@ -133,7 +133,7 @@ def report_of(
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
     uncovered = tuple(sorted(context.wanted - set(state.inspected)))
-    return Report(
+    return FlightReport(
         format="faultline-report/1",
         segments_total=context.segments,
         segments_inspected=len(state.inspected),

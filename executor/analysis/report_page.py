@@ -12,7 +12,7 @@ from enum import Enum
 from html import escape
 from pathlib import Path
 
-from executor.analysis.documents import Document, Report
+from executor.analysis.documents import Document, FlightReport
 from executor.analysis.flight_record import FlightRecord, given_away
 from executor.core import words
 from executor.core.commands import Level
@@ -87,7 +87,7 @@ figcaption { color: var(--faint); font-size: .9rem; }
 """
 
 
-def write_page(record: FlightRecord, report: Report, path: Path) -> None:
+def write_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
     """Write the page of a flight; the pictures that lie beside it go into it.
 
     Args:
@@ -103,7 +103,7 @@ def write_page(record: FlightRecord, report: Report, path: Path) -> None:
     path.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
 
 
-def page(record: FlightRecord, report: Report, pictures: Mapping[str, bytes]) -> str:
+def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
     """Return the page.
 
     Args:
@@ -150,7 +150,7 @@ def outcome(record: FlightRecord) -> str:
     return f"{missing} of {total} segments {were} not inspected{reason}; the flight took {_clock(record.duration_s)}."
 
 
-def _facts(record: FlightRecord, report: Report) -> str:
+def _facts(record: FlightRecord, report: FlightReport) -> str:
     facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
     if report.min_separation_m is not None:
         facts.append(f"any two vehicles stayed at least {value_words(report.min_separation_m)} m apart")
@@ -160,11 +160,11 @@ def _facts(record: FlightRecord, report: Report) -> str:
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
 
-def _severities(report: Report) -> list[str]:
+def _severities(report: FlightReport) -> list[str]:
     return ["" if check.severity is Severity.OK else "warning" for check in report.checks]
 
 
-def _speeds(report: Report) -> list[str]:
+def _speeds(report: FlightReport) -> list[str]:
     """Return in words how fast and how near to the track the segments were flown; nothing if no run is on record."""
     rows = report.inspections
     highest = [row.speed_max_m_s for row in rows if row.speed_max_m_s is not None]
@@ -197,7 +197,7 @@ def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
         yield segment.shown, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, _at(segment.inspected_s)
 
 
-def _rows(report: Report, rows: Iterable[Document], columns: Iterable[str]) -> list[Sequence[object]]:
+def _rows(report: FlightReport, rows: Iterable[Document], columns: Iterable[str]) -> list[Sequence[object]]:
     return [[_named(report.segment_names, column, getattr(row, column)) for column in columns] for row in rows]
 
 
@@ -210,7 +210,7 @@ def _named(names: Mapping[str, str], column: str, value: object) -> object:
     return names.get(str(value), value)
 
 
-def _away(report: Report) -> Iterator[Sequence[object]]:
+def _away(report: FlightReport) -> Iterator[Sequence[object]]:
     for row in report.vehicles:
         at = row.last_position
         if not row.landed and at is not None:

@@ -14,7 +14,7 @@ import typer
 from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.interrupts import nobody_reads
 from executor.adapters.run_directory import RunDirectory, new_run_directory
-from executor.analysis.documents import Report
+from executor.analysis.documents import FlightReport
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.report import checked
 from executor.cli.console import TerminalConsole
@@ -280,7 +280,7 @@ def _told(text: str, *, to: TextIO | None = None) -> None:
         nobody_reads(stream)
 
 
-def _keep_next_sortie(order: Order, report: Report, *, quiet: bool) -> None:
+def _keep_next_sortie(order: Order, report: FlightReport, *, quiet: bool) -> None:
     path = RunDirectory(order.run).next_sortie
     try:
         plan = next_sortie(order.ground, report, order.plan.solved.seed)
@@ -294,7 +294,7 @@ def _keep_next_sortie(order: Order, report: Report, *, quiet: bool) -> None:
         _told(sortie_words(plan, path))
 
 
-def _show_flight(run: Path, report: Report) -> None:
+def _show_flight(run: Path, report: FlightReport) -> None:
     from executor.analysis.read_run import read_run
     from executor.analysis.report_page import write_page
 

@@ -15,11 +15,11 @@ from executor.adapters.mqtt import intake, payloads
 from executor.analysis import documents
 from executor.core import state, view
 from executor.site import config
-from missions import planjson
+from missions import planfile, planjson
 
 FILES: dict[str, type[BaseModel]] = {
     "plan": planjson.PlanDocument,
-    "report": documents.Report,
+    "report": documents.FlightReport,
     "site": config.Site,
     "vehicles": documents.AskedVehicles,
 }
@@ -39,7 +39,7 @@ Words = Mapping[tuple[str, str], str]
 
 def schemas() -> dict[str, str]:
     """Return every schema as text, by its place below `docs`."""
-    words = {(kind, key): text for module in (view, state, planjson, documents, config)
+    words = {(kind, key): text for module in (view, state, planfile, planjson, documents, config)
              for kind, key, text in docstrings(module)}  # fmt: skip
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
     sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}

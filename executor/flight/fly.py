@@ -15,7 +15,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import RunDirectory, locked
 from executor.adapters.solver import SolverProcess, SolverSetup
-from executor.analysis.documents import Report
+from executor.analysis.documents import FlightReport
 from executor.analysis.report import Said, report_of, vehicles_of
 from executor.core import fleet
 from executor.core.commands import Level, Say
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 class FlightResult:
     """What is left after a flight."""
 
-    report: Report
+    report: FlightReport
     context: Context
     left: bool
     """Whether the operator left while the vehicles flew on."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import Report, read_report
+from executor.analysis.documents import FlightReport, read_report
 from executor.errors import LogError
 from executor.site import assembly, planning
 from executor.site.assembly import Ground
@@ -32,7 +32,7 @@ def segments_left(run: Path, ground: Ground) -> tuple[int, ...]:
     return report.segments_uncovered
 
 
-def next_sortie(ground: Ground, report: Report, seed: int) -> PlanFile | None:
+def next_sortie(ground: Ground, report: FlightReport, seed: int) -> PlanFile | None:
     """Return a plan for what a flight left over, by the vehicles that are not at fault; None if nothing, or nobody, is.
 
     Args:

@@ -16,7 +16,7 @@ from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisio
 from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
 from executor.adapters.run_directory import RunDirectory, locked
-from executor.analysis.documents import Report, read_asked, read_report
+from executor.analysis.documents import FlightReport, read_asked, read_report
 from executor.analysis.report import NOTHING_SAID, Said, report_of
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
@@ -204,7 +204,7 @@ def how_it_was_left(left: Left) -> list[str]:
     return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
 
 
-def over(run: Path, left: Left) -> Report | None:
+def over(run: Path, left: Left) -> FlightReport | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
     if not left.state.finished:
         return None

@@ -18,7 +18,7 @@ import numpy as np
 
 from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import keep_site
-from executor.analysis.documents import FaultRow, Report
+from executor.analysis.documents import FaultRow, FlightReport
 from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position
 from executor.core.vehicle import FaultKind
@@ -55,7 +55,7 @@ def second_plan_file() -> PlanFile:
     return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINCOMB, Solved("search", 1, 0.1), inspection=INSPECTION)
 
 
-def write_run(run: Path, *, finished: bool = True) -> Report:
+def write_run(run: Path, *, finished: bool = True) -> FlightReport:
     """Write the flight's run directory, and return the content of its report.json."""
     keep_site(run, _site(), {})
     write_plan(run / "plan-000.json", first_plan_file())
@@ -68,14 +68,14 @@ def write_run(run: Path, *, finished: bool = True) -> Report:
         else:
             log.write(entry, LAUNCH_S + t_s)
     log.close()
-    report = Report.model_validate(_report(finished=finished))
+    report = FlightReport.model_validate(_report(finished=finished))
     report.write(run / "report.json")
     return report
 
 
-def short_report(uncovered: list[int], *lost: str) -> Report:
+def short_report(uncovered: list[int], *lost: str) -> FlightReport:
     """Return the least that a report says of a flight over six segments: what it left over, and who was lost."""
-    return Report(
+    return FlightReport(
         format="faultline-report/1",
         segments_total=6,
         segments_inspected=6 - len(uncovered),

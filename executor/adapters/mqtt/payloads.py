@@ -20,7 +20,7 @@ VERSION = "1.1.0"
 class Payload(BaseModel):
     """What every message begins with."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True, use_attribute_docstrings=True)
 
     headerId: Annotated[int, Field(ge=0, le=2**32 - 1)]  # noqa: N815 - VDA 5050's name
     """Counted for each topic from 0; the same number twice is the same message twice, a gap is what was dropped."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.analysis.documents import LastPosition, Report
+from executor.analysis.documents import FlightReport, LastPosition
 from executor.analysis.flight_record import Decision, FlightRecord, Revision
 from executor.analysis.read_run import read_run
 from executor.analysis.report_page import outcome, page, value_words, write_page
@@ -53,7 +53,7 @@ class _Reader(HTMLParser):
 
 
 @pytest.fixture
-def flight(tmp_path: Path) -> tuple[FlightRecord, Report]:
+def flight(tmp_path: Path) -> tuple[FlightRecord, FlightReport]:
     """Return record and report of the flight in `flights`."""
     report = write_run(tmp_path)
     return read_run(tmp_path), report
@@ -67,7 +67,7 @@ def _read(text: str) -> _Reader:
     return reader
 
 
-def test_the_outcome_comes_first(flight: tuple[FlightRecord, Report]) -> None:
+def test_the_outcome_comes_first(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     reader = _read(page(record, report, {}))
     sentence = "All 5 segments were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of them."
@@ -83,14 +83,14 @@ def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
     assert "not inspected: 1." in _read(page(record, report, {})).of("p")[0]
 
 
-def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, Report]) -> None:
+def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     quiet = replace(record, vehicles=tuple(replace(vehicle, fault=None) for vehicle in record.vehicles), duration_s=42)
     assert outcome(quiet) == "All 5 segments were inspected in 42 s."
     assert "Faults" not in _read(page(quiet, report, {})).of("h2")
 
 
-def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, Report]) -> None:
+def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     reader = _read(page(record, report, {}))
     assert reader.of("h2") == [
@@ -112,7 +112,7 @@ def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, Report]) -> Non
     assert cells[segment : segment + 4] == ["0", "100.0", "uav2", "uav2"]
 
 
-def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, Report]) -> None:
+def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     facts = _read(page(record, report, {})).of("p")[0]
     assert "flown at 5.00 m/s on average (5.00 m/s were asked for), at most 5.40 m/s and at most 0.25 m beside" in facts
@@ -120,7 +120,7 @@ def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, Report])
     assert "on average" not in _read(page(record, without, {})).of("p")[0]
 
 
-def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, Report], tmp_path: Path) -> None:
+def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, FlightReport], tmp_path: Path) -> None:
     record, report = flight
     (tmp_path / "map.png").write_bytes(b"picture")
     write_page(record, report, tmp_path / "report.html")
@@ -129,7 +129,7 @@ def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, Report], t
     assert reader.tags.isdisjoint({"script", "link", "iframe", "object"})
 
 
-def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, Report]) -> None:
+def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     evil = """</td><script>alert("1 & 2")</script><img src='http://x/'>"""
     fault = record.vehicles[1].fault
@@ -147,7 +147,7 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, Report]
     assert evil in reader.of("h1")[0]
 
 
-def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, Report]) -> None:
+def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     at = LastPosition(lat_deg=49.6012349, lon_deg=15.6, alt_rel_m=0.4, at_s=83.2)
     ends = [("landed", True, at), ("down", False, at), ("lost", False, None)]
@@ -163,7 +163,7 @@ def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, Report]) ->
     assert cells.count("49.601235, 15.600000") == 1
 
 
-def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, Report]) -> None:
+def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     names = {str(segment.id): f"P{segment.id}-P{segment.id + 1}" for segment in record.segments}
     named = tuple(replace(segment, name=names[str(segment.id)]) for segment in record.segments)

@@ -6,7 +6,7 @@ import json
 import tomllib
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -46,10 +46,14 @@ def flown() -> Any:
 def documents() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Yield real documents: the name of the schema, and what makes one."""
     for path in PLANS:
-        yield "plan", lambda path=path: json.loads(path.read_text())
+        yield "plan", partial(read_json, path)
     yield "report", flown
     yield "vehicles", lambda: vehicles_of(FLEET.context, SAID).plain()
     yield "site", site
+
+
+def read_json(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def site() -> dict[str, Any]:

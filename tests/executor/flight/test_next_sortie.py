@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.analysis.documents import Report
+from executor.analysis.documents import FlightReport
 from executor.analysis.report import report_of
 from executor.core import fleet
 from executor.core.replan import replanning
@@ -59,7 +59,7 @@ def test_what_is_beyond_the_budgets_is_named(ground: Ground) -> None:
 
 
 @pytest.mark.parametrize("case", [short_report([]), short_report([], "uav1"), short_report([1], *NAMES)])
-def test_nothing_left_or_nobody_to_fly_it(ground: Ground, case: Report) -> None:
+def test_nothing_left_or_nobody_to_fly_it(ground: Ground, case: FlightReport) -> None:
     assert next_sortie(ground, case, seed=1) is None
 
 
