@@ -49,6 +49,7 @@ from missions.routes import continue_path, flight_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, Motion, flight_setup
 from missions.tasks import Task, open_task
+from missions.validation import first_reason
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
@@ -113,6 +114,7 @@ __all__ = [
     "differences",
     "encode",
     "estimate",
+    "first_reason",
     "flag_current",
     "flight_path",
     "flight_setup",

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
+from typing import TypeGuard
+
+MOST_FIGURE = 1e12
+"""A figure beyond is a mistake, and sums and squares of it are no numbers any more."""
 
 
 def read_text(path: Path, what: str, error: type[Exception]) -> str:
@@ -58,3 +63,19 @@ def write_whole(path: Path, content: bytes) -> None:
         os.fsync(folder)  # the new name
     finally:
         os.close(folder)
+
+
+def is_number(value: object) -> TypeGuard[int | float]:
+    """Return whether a parsed JSON value is a finite number; a boolean is none, nor is what no float can hold."""
+    most = sys.float_info.max
+    return isinstance(value, int | float) and not isinstance(value, bool) and -most <= value <= most
+
+
+def is_figure(value: object) -> TypeGuard[int | float]:
+    """Return whether a parsed JSON value is a number that a place, a time or a share can have."""
+    return is_number(value) and abs(value) <= MOST_FIGURE
+
+
+def printable(text: str) -> str:
+    """Return a name for people: on one line, without what a terminal would not show."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from missions.errors import PlanFileError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
 from missions.setup import Inspection
 from missions.tasks import DEPOT_M, Task
+from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
 from planner import (
     Cost,
     Instance,
@@ -37,26 +40,26 @@ WINDOW_COST = "window"
 """What a file names as the cost of a plan that was chosen by its re-plan window."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlanSegment:
-    """One segment of the plan's own network."""
+    """A stretch of line between two pylons, a and b: one segment of the plan's own network."""
 
-    id: int
+    id: Id
     """The network's number of it; a plan over a part of a network skips some."""
-    a_enu_m: tuple[float, float, float]
-    """East, north and up over the depot; up is 0 where the ground's height is not known."""
-    b_enu_m: tuple[float, float, float]
-    a_lat_lon_deg: tuple[float, float]
-    b_lat_lon_deg: tuple[float, float]
+    name: Annotated[Text | None, Field(exclude_if=is_none)] = None
+    """What its network's file calls it."""
+    a_enu_m: Annotated[Place, Field(alias="a")]
+    """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
+    b_enu_m: Annotated[Place, Field(alias="b")]
+    a_lat_lon_deg: Pair
+    b_lat_lon_deg: Pair
     pylons: tuple[str, str]
-    length_m: float
+    length_m: Figure
     """Over the ground."""
-    elevation_m: tuple[float | None, float | None] = (None, None)
-    """Ground at a and b above mean sea level, if known."""
-    height_m: tuple[float | None, float | None] = (None, None)
-    """Structure at a and b, if known."""
-    name: str = ""
-    """What its network's file calls it; empty if nothing."""
+    elevation_m: Known = (None, None)
+    """Ground at a and b above mean sea level, where it is known."""
+    height_m: Known = (None, None)
+    """Structure at a and b, where it is known."""
 
     @property
     def called(self) -> str:
@@ -66,11 +69,12 @@ class PlanSegment:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The re-plan window, when it has been computed."""
+    """The re-plan window: from when on the others can finish if any one vehicle is lost."""
 
-    window_pct: float
-    earliest_s: float
-    longest_route_s: float
+    window_pct: Figure
+    """Of the longest route."""
+    earliest_s: Figure
+    longest_route_s: Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +309,7 @@ def _plan_segment(network: Network, number: int) -> PlanSegment:
         length_m=float(network.lengths_m[number]),
         elevation_m=(a.elevation_m, b.elevation_m),
         height_m=(a.height_m, b.height_m),
-        name=segment.label,
+        name=segment.label or None,
     )
 
 

@@ -1,4 +1,4 @@
-"""The plan file on disk: JSON, ``faultline-plan/1``.
+"""The plan file on disk: JSON, ``faultline-plan/1``, as the models below have it.
 
 Figures are written as Python prints a float, so reading a file gives back exactly what was written.
 """
@@ -8,16 +8,18 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
-from missions.errors import PlanFileError, SafetyError
-from missions.fields import Fields, printable
-from missions.files import NESTED, parse_json, read_text, write_whole
-from missions.geo import LocalFrame
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from missions.errors import PlanFileError
+from missions.files import printable, read_text, write_whole
+from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
-from missions.setup import Inspection
+from missions.setup import MOST, Inspection
+from missions.validation import Figure, Flag, Id, Pair, Text, first_reason, is_none
 from planner import (
     Cost,
     Dynamics,
@@ -33,16 +35,165 @@ from planner import (
     visit_of,
 )
 
-FORMAT = "faultline-plan/1"
+Above0 = Annotated[Figure, Field(gt=0)]
+Speed = Annotated[Figure, Field(ge=0.001)]
+Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
 
-MOST_SEED = 2**31 - 1
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-"""Of a vehicle, as in a site file; files are named after it."""
-SLOWEST_M_S = 0.001
-_INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
-_CEILINGS = ("ceiling_m", "return_ceiling_m")
-FLAT, KNOWN = "flat", "known"
-"""What ``inspection.heights`` may say."""
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, serialize_by_alias=True)
+
+
+class DepotPart(_Part):
+    """Where the vehicles start and land, WGS 84; the local metres of this file begin there."""
+
+    lat_deg: Annotated[Figure, Field(ge=-MAX_LATITUDE_DEG, le=MAX_LATITUDE_DEG)]
+    lon_deg: Figure
+    alt_m: Figure
+    """Above mean sea level."""
+
+
+class DynamicsPart(_Part):
+    """What turns and stops take."""
+
+    acceleration_m_s2: Above0
+    yaw_rate_rad_s: Above0
+
+
+class WindPart(_Part):
+    """Steady wind, and what flying at an air speed uses."""
+
+    east_m_s: Figure
+    """Where the air moves to."""
+    north_m_s: Figure
+    airspeed_m_s: tuple[Figure, ...]
+    """Ascending from 0."""
+    pct_per_s: tuple[Figure, ...]
+    """At each of those air speeds, for a consumption of 1; straight lines between them."""
+
+
+class TravelPart(_Part):
+    """How fast a vehicle moves, and what a second of it uses in percent of a full battery."""
+
+    transit_speed_m_s: Speed
+    """Between segments."""
+    inspection_speed_m_s: Speed
+    """Along a segment."""
+    transit_pct_per_s: Above0
+    inspection_pct_per_s: Above0
+    dynamics: DynamicsPart | None = None
+    wind: WindPart | None = None
+
+
+class VehiclePart(_Part):
+    """A vehicle as the planner sees it."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    """As in the site file; files are named after it."""
+    start: Pair
+    """Where its route starts: metres east and north of the depot."""
+    budget_pct: Figure
+    """What it may spend from its start until it is home, in percent of a full battery."""
+    consumption: Figure | None = None
+    """What it uses relative to the energy model; without it 1."""
+    airborne: Flag = False
+    """Whether it flies already, and so pays its way home in any case."""
+
+
+class VisitPart(_Part):
+    """One segment of a route."""
+
+    segment: Id
+    """Its id."""
+    reversed: Flag
+    """Whether it is flown from b to a."""
+
+
+class RoutePart(_Part):
+    """What one vehicle flies, from its start to the depot."""
+
+    vehicle: str
+    visits: tuple[VisitPart, ...]
+    """In the order of flight."""
+    duration_s: Figure
+    energy_pct: Figure
+    """Of a full battery."""
+
+
+class CostPart(_Part):
+    """What the plan was chosen by."""
+
+    name: Literal["minmax", "minsum", "mincomb", "window"]
+    value: Figure
+    """In percent of a full battery; of a window, its ``earliest_s``."""
+
+
+class InspectionPart(_Part):
+    """How segments are flown; the same figures as the site file's table of this name."""
+
+    height_m: Size
+    standoff_m: Annotated[float, Field(strict=True, ge=0, le=MOST)]
+    speed_m_s: Size
+    transit_speed_m_s: Size
+    layer_m: Size
+    ceiling_m: Size | None = None
+    return_ceiling_m: Size | None = None
+    heights: Literal["flat", "known"] = "known"
+    """`flat`: the ground is claimed to be as high as the depot's everywhere."""
+
+
+class PlanDocument(_Part):
+    """A plan, with all that is needed to check and to fly it."""
+
+    format: Literal["faultline-plan/1"]
+    depot: DepotPart
+    travel: TravelPart
+    vehicles: Annotated[tuple[VehiclePart, ...], Field(min_length=1)]
+    routes: tuple[RoutePart, ...]
+    """One for each vehicle, in their order."""
+    uncovered: tuple[Id, ...]
+    """Ids of the segments that nobody flies."""
+    cost: CostPart
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
+    """The solver's."""
+    solver: Text
+    """Its name."""
+    seconds: Figure
+    """What it took."""
+    window: Annotated[Window | None, Field(exclude_if=is_none)] = None
+    inspection: Annotated[InspectionPart | None, Field(exclude_if=is_none)] = None
+    """Without it the plan can be checked, but not flown."""
+    segments: tuple[PlanSegment, ...]
+    """Last, for it is by far the longest."""
+
+    @model_validator(mode="after")
+    def _distinct(self) -> PlanDocument:
+        for key, names in (
+            ("segments[{}].id", [segment.id for segment in self.segments]),
+            ("vehicles[{}].name", [vehicle.name for vehicle in self.vehicles]),
+        ):
+            if len(set(names)) < len(names):
+                index, name = next((index, name) for index, name in enumerate(names) if name in names[:index])
+                raise ValueError(f"{key.format(index)}: expected one of its own, got {name}, which another has")
+        return self
+
+    @model_validator(mode="after")
+    def _of_a_piece(self) -> PlanDocument:
+        known = {segment.id for segment in self.segments}
+        names = [vehicle.name for vehicle in self.vehicles]
+        if [route.vehicle for route in self.routes] != names:
+            raise ValueError(f"routes: expected one each for {', '.join(names)}, in that order")
+        for row, route in enumerate(self.routes):
+            for index, visit in enumerate(route.visits):
+                if visit.segment not in known:
+                    place = f"routes[{row}].visits[{index}].segment"
+                    raise ValueError(f"{place}: expected the id of a segment, got {visit.segment}")
+        unknown = [segment for segment in self.uncovered if segment not in known]
+        if unknown:
+            raise ValueError(f"uncovered: expected ids of segments, got unknown {unknown[0]}")
+        if self.cost.name == WINDOW_COST and self.window is None:
+            raise ValueError("window: expected the window that the plan was chosen by")
+        return self
 
 
 def write_plan(path: Path | str, plan_file: PlanFile) -> None:
@@ -53,13 +204,10 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    try:
-        text = json.dumps(plan_document(plan_file), indent=1, allow_nan=False) + "\n"
-    except ValueError as error:
-        raise PlanFileError(f"{path}: expected finite figures only: {error}") from error
+    document = plan_document(replace(plan_file, source=str(path)))
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    write_whole(path, text.encode())
+    write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_plan(path: Path | str) -> PlanFile:
@@ -69,44 +217,32 @@ def read_plan(path: Path | str) -> PlanFile:
         PlanFileError: one line that names the file, the key and what was expected.
     """
     path = Path(path)
-    document = parse_json(read_text(path, "plan file", PlanFileError), str(path), PlanFileError)
-    if not isinstance(document, dict):
-        raise PlanFileError(f"{path}: content: expected a JSON object")
+    text = read_text(path, "plan file", PlanFileError)
     try:
-        return _parsed(Fields(document, str(path), PlanFileError))
-    except RecursionError:
-        raise PlanFileError(f"{path}: content: {NESTED}") from None
+        return _content(PlanDocument.model_validate_json(text), str(path))
+    except ValidationError as error:
+        raise PlanFileError(f"{path}: {first_reason(error)}") from error
+    except InstanceError as error:
+        raise PlanFileError(f"{path}: travel.{error}") from error
+    except PlanError as error:
+        raise PlanFileError(f"{path}: routes: expected every segment at most once: {error}") from error
 
 
 def plan_document(content: PlanFile) -> dict[str, object]:
-    """Return what a plan file says, as JSON has it."""
+    """Return what a plan file says, as JSON has it.
+
+    Raises:
+        PlanFileError: a figure is NaN or infinite.
+    """
     ids = [segment.id for segment in content.segments]
-    document: dict[str, object] = {
-        "format": FORMAT,
-        "depot": {"lat_deg": content.frame.lat_deg, "lon_deg": content.frame.lon_deg, "alt_m": content.frame.alt_m},
-        "travel": {
-            "transit_speed_m_s": content.travel.transit_speed_m_s,
-            "inspection_speed_m_s": content.travel.inspection_speed_m_s,
-            "transit_pct_per_s": content.travel.transit_pct_per_s,
-            "inspection_pct_per_s": content.travel.inspection_pct_per_s,
-            "dynamics": None if content.travel.dynamics is None else {
-                "acceleration_m_s2": content.travel.dynamics.acceleration_m_s2,
-                "yaw_rate_rad_s": content.travel.dynamics.yaw_rate_rad_s,
-            },
-            "wind": None if content.travel.wind is None else {
-                "east_m_s": content.travel.wind.east_m_s,
-                "north_m_s": content.travel.wind.north_m_s,
-                "airspeed_m_s": list(content.travel.wind.airspeed_m_s),
-                "pct_per_s": list(content.travel.wind.pct_per_s),
-            },
-        },
-        "vehicles": [
-            {
-                "name": vehicle.name, "start": list(vehicle.start_m), "budget_pct": vehicle.budget_pct,
-                "consumption": vehicle.consumption, "airborne": vehicle.airborne,
-            }
-            for vehicle in content.vehicles
-        ],
+    inspection, rows = content.inspection, zip(
+        content.plan.routes, content.durations_s, content.energies_pct, strict=True
+    )  # fmt: skip
+    document = {
+        "format": "faultline-plan/1",
+        "depot": content.frame,
+        "travel": content.travel,
+        "vehicles": [{**asdict(vehicle), "start": vehicle.start_m} for vehicle in content.vehicles],
         "routes": [
             {
                 "vehicle": content.vehicles[route.vehicle].name,
@@ -116,212 +252,57 @@ def plan_document(content: PlanFile) -> dict[str, object]:
                 "duration_s": duration_s,
                 "energy_pct": energy_pct,
             }
-            for route, duration_s, energy_pct in zip(
-                content.plan.routes, content.durations_s, content.energies_pct, strict=True
-            )
+            for route, duration_s, energy_pct in rows
         ],
         "uncovered": [ids[segment] for segment in content.plan.uncovered],
         "cost": {"name": content.cost_name, "value": content.cost_value},
-        "seed": content.solved.seed,
-        "solver": content.solved.solver,
-        "seconds": content.solved.seconds,
-    }  # fmt: skip
-    if content.window is not None:
-        document["window"] = {
-            "window_pct": content.window.window_pct,
-            "earliest_s": content.window.earliest_s,
-            "longest_route_s": content.window.longest_route_s,
-        }
-    if content.inspection is not None:
-        document["inspection"] = _inspection_document(content.inspection)
-    # Last, for it is by far the longest.
-    document["segments"] = [_segment_document(segment) for segment in content.segments]
-    return document
-
-
-def _inspection_document(inspection: Inspection) -> dict[str, object]:
-    figures = {key: getattr(inspection, key) for key in (*_INSPECTION_KEYS, *_CEILINGS)}
-    return {**figures, "heights": FLAT if inspection.flat else KNOWN}
-
-
-def _segment_document(segment: PlanSegment) -> dict[str, object]:
-    return {
-        "id": segment.id,
-        **({"name": segment.name} if segment.name else {}),
-        "a": list(segment.a_enu_m),
-        "b": list(segment.b_enu_m),
-        "a_lat_lon_deg": list(segment.a_lat_lon_deg),
-        "b_lat_lon_deg": list(segment.b_lat_lon_deg),
-        "pylons": list(segment.pylons),
-        "length_m": segment.length_m,
-        "elevation_m": list(segment.elevation_m),
-        "height_m": list(segment.height_m),
+        **asdict(content.solved),
+        "window": content.window,
+        "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
+        "segments": content.segments,
     }
-
-
-def _parsed(fields: Fields) -> PlanFile:
-    if fields.content.get("format") != FORMAT:
-        raise fields.fail("format", repr(FORMAT))
-    segments = tuple(_parsed_segment(entry) for entry in fields.each("segments"))
-    position: dict[int, int] = {}
-    for index, segment in enumerate(segments):
-        if position.setdefault(segment.id, index) != index:
-            raise PlanFileError(f"{fields.source}: segments[{index}].id: expected an id of its own, got {segment.id}")
-    vehicles = _parsed_vehicles(fields)
-    routes, durations_s, energies_pct = _parsed_routes(fields, vehicles, position)
-    uncovered = fields.integers("uncovered")
-    unknown = [segment for segment in uncovered if segment not in position]
-    if unknown:
-        raise PlanFileError(f"{fields.source}: uncovered: expected ids of segments, got unknown {unknown[0]}")
-    cost = fields.inner("cost")
-    names = [*(known.value for known in Cost), WINDOW_COST]
-    if cost.content.get("name") not in names:
-        raise cost.fail("name", f"one of {', '.join(names)}")
-    window = _parsed_window(fields.optional_inner("window"))
-    if cost.text("name") == WINDOW_COST and window is None:
-        raise fields.fail("window", "the window that the plan was chosen by")
     try:
-        plan = Plan(routes, tuple(position[segment] for segment in uncovered))
-    except PlanError as error:
-        raise PlanFileError(f"{fields.source}: routes: expected every segment at most once: {error}") from error
+        return PlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json")
+    except ValidationError as error:
+        raise PlanFileError(f"{content.source}: {first_reason(error)}") from error
+
+
+def _content(document: PlanDocument, source: str) -> PlanFile:
+    position = {segment.id: index for index, segment in enumerate(document.segments)}
+    travel, inspection = document.travel, document.inspection
     return PlanFile(
-        frame=_parsed_frame(fields.inner("depot")),
-        segments=segments,
-        vehicles=vehicles,
-        travel=_parsed_travel(fields.inner("travel")),
-        plan=plan,
-        durations_s=durations_s,
-        energies_pct=energies_pct,
-        cost=None if cost.text("name") == WINDOW_COST else Cost(cost.text("name")),
-        cost_value=cost.number("value"),
-        solved=Solved(printable(fields.text("solver")), _parsed_seed(fields), fields.number("seconds")),
-        window=window,
-        inspection=_parsed_inspection(fields.optional_inner("inspection")),
-        source=fields.source,
-    )
-
-
-def _parsed_seed(fields: Fields) -> int:
-    seed = fields.integer("seed")
-    if not 0 <= seed <= MOST_SEED:
-        raise fields.fail("seed", f"0 to {MOST_SEED}")
-    return seed
-
-
-def _parsed_segment(fields: Fields) -> PlanSegment:
-    a_m, b_m = fields.numbers("a", 3), fields.numbers("b", 3)
-    a_deg, b_deg = fields.numbers("a_lat_lon_deg", 2), fields.numbers("b_lat_lon_deg", 2)
-    pylons = fields.texts("pylons", 2)
-    number = fields.integer("id")
-    if number < 0:
-        raise fields.fail("id", "0 or a greater number")
-    elevation_m, height_m = fields.optional_numbers("elevation_m", 2), fields.optional_numbers("height_m", 2)
-    return PlanSegment(
-        id=number,
-        name="" if fields.content.get("name") is None else fields.text("name"),
-        a_enu_m=(a_m[0], a_m[1], a_m[2]),
-        b_enu_m=(b_m[0], b_m[1], b_m[2]),
-        a_lat_lon_deg=(a_deg[0], a_deg[1]),
-        b_lat_lon_deg=(b_deg[0], b_deg[1]),
-        pylons=(pylons[0], pylons[1]),
-        length_m=fields.number("length_m"),
-        elevation_m=(elevation_m[0], elevation_m[1]),
-        height_m=(height_m[0], height_m[1]),
-    )
-
-
-def _parsed_vehicles(fields: Fields) -> tuple[Vehicle, ...]:
-    vehicles: list[Vehicle] = []
-    for entry in fields.each("vehicles"):
-        name = entry.text("name")
-        if not NAME.fullmatch(name):
-            raise entry.fail("name", "a letter, then letters, digits, - and _ only, 32 at most")
-        if name in [vehicle.name for vehicle in vehicles]:
-            raise entry.fail("name", "a name that no other vehicle has")
-        east_m, north_m = entry.numbers("start", 2)
-        consumption = entry.optional_number("consumption")
-        vehicles.append(
+        frame=LocalFrame(**dict(document.depot)),
+        segments=document.segments,
+        vehicles=tuple(
             Vehicle(
-                name=name,
-                start_m=(east_m, north_m),
-                budget_pct=entry.number("budget_pct"),
-                consumption=1.0 if consumption is None else consumption,
-                airborne=entry.flag("airborne", default=False),
+                vehicle.name,
+                vehicle.start,
+                vehicle.budget_pct,
+                1.0 if vehicle.consumption is None else vehicle.consumption,
+                vehicle.airborne,
             )
-        )
-    if not vehicles:
-        raise fields.fail("vehicles", "at least one vehicle")
-    return tuple(vehicles)
-
-
-def _parsed_routes(
-    fields: Fields, vehicles: tuple[Vehicle, ...], position: dict[int, int]
-) -> tuple[tuple[Route, ...], tuple[float, ...], tuple[float, ...]]:
-    entries = list(fields.each("routes"))
-    names = [entry.text("vehicle") for entry in entries]
-    if names != [vehicle.name for vehicle in vehicles]:
-        expected = ", ".join(vehicle.name for vehicle in vehicles)
-        raise PlanFileError(f"{fields.source}: routes: expected one each for {expected}, in that order")
-    routes = tuple(Route(number, _parsed_visits(entry, position)) for number, entry in enumerate(entries))
-    durations_s = tuple(entry.number("duration_s") for entry in entries)
-    return routes, durations_s, tuple(entry.number("energy_pct") for entry in entries)
-
-
-def _parsed_visits(fields: Fields, position: dict[int, int]) -> tuple[int, ...]:
-    visits: list[int] = []
-    for entry in fields.each("visits"):
-        segment = entry.integer("segment")
-        if segment not in position:
-            raise entry.fail("segment", "the id of a segment")
-        visits.append(visit_of(position[segment], entry.flag("reversed")))
-    return tuple(visits)
-
-
-def _parsed_frame(fields: Fields) -> LocalFrame:
-    try:
-        return LocalFrame(fields.number("lat_deg"), fields.number("lon_deg"), fields.number("alt_m"))
-    except ValueError as error:
-        raise PlanFileError(f"{fields.source}: depot: {error}") from error
-
-
-def _parsed_travel(fields: Fields) -> Travel:
-    for key in ("transit_speed_m_s", "inspection_speed_m_s"):
-        if fields.number(key) < SLOWEST_M_S:
-            raise fields.fail(key, f"{SLOWEST_M_S:g} m/s or more")
-    dynamics, wind = fields.optional_inner("dynamics"), fields.optional_inner("wind")
-    try:
-        return Travel(
-            fields.number("transit_speed_m_s"),
-            fields.number("inspection_speed_m_s"),
-            fields.number("transit_pct_per_s"),
-            fields.number("inspection_pct_per_s"),
-            None if dynamics is None else Dynamics(
-                dynamics.number("acceleration_m_s2"), dynamics.number("yaw_rate_rad_s")
+            for vehicle in document.vehicles
+        ),
+        travel=replace(
+            Travel(**travel.model_dump(exclude={"dynamics", "wind"})),
+            dynamics=None if travel.dynamics is None else Dynamics(**dict(travel.dynamics)),
+            wind=None if travel.wind is None else SteadyWind(**dict(travel.wind)),
+        ),
+        plan=Plan(
+            tuple(
+                Route(number, tuple(visit_of(position[visit.segment], visit.reversed) for visit in route.visits))
+                for number, route in enumerate(document.routes)
             ),
-            None if wind is None else SteadyWind(
-                wind.number("east_m_s"), wind.number("north_m_s"),
-                wind.numbers("airspeed_m_s"), wind.numbers("pct_per_s"),
-            ),
-        )  # fmt: skip
-    except InstanceError as error:
-        raise PlanFileError(f"{fields.source}: travel: {error}") from error
-
-
-def _parsed_window(fields: Fields | None) -> Window | None:
-    if fields is None:
-        return None
-    return Window(fields.number("window_pct"), fields.number("earliest_s"), fields.number("longest_route_s"))
-
-
-def _parsed_inspection(fields: Fields | None) -> Inspection | None:
-    if fields is None:
-        return None
-    heights = fields.content.get("heights", KNOWN)
-    if heights not in {FLAT, KNOWN}:
-        raise fields.fail("heights", f"{FLAT!r} or {KNOWN!r}")
-    figures = {key: fields.number(key) for key in _INSPECTION_KEYS}
-    ceilings = {key: fields.number(key) for key in _CEILINGS if fields.content.get(key) is not None}
-    try:
-        return replace(Inspection(**figures, flat=heights == FLAT), **ceilings)  # type: ignore[arg-type]
-    except SafetyError as error:
-        raise PlanFileError(f"{fields.source}: {error}") from error
+            tuple(position[segment] for segment in document.uncovered),
+        ),
+        durations_s=tuple(route.duration_s for route in document.routes),
+        energies_pct=tuple(route.energy_pct for route in document.routes),
+        cost=None if document.cost.name == WINDOW_COST else Cost(document.cost.name),
+        cost_value=document.cost.value,
+        solved=Solved(printable(document.solver), document.seed, document.seconds),
+        window=document.window,
+        inspection=None if inspection is None else Inspection(
+            **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
+        ),
+        source=source,
+    )  # fmt: skip

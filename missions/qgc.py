@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 from missions.autopilots.dialect import Dialect
 from missions.errors import MissionFileError
-from missions.fields import is_number
-from missions.files import parse_json
+from missions.files import is_number, parse_json
 from missions.items import Command, Frame, MissionItem
 
 # MAV_TYPE_QUADROTOR.

@@ -75,10 +75,18 @@ SAID = sorted({(named(path), line) for path in TEXTS for line in command_lines(p
 SNIPPETS = [(named(path), content) for path in TEXTS for language, content in fenced(path) if language == "toml"]
 
 
-@pytest.mark.parametrize("name", [reference.COMMANDS, reference.SITE_FILE])
-def test_a_page_that_is_made_is_current(name: str) -> None:
-    """`./scripts/reference` makes them anew."""
-    assert (DOCS / "reference" / name).read_text(encoding="utf-8") == reference.pages()[name]
+MADE = reference.pages()
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_what_is_made_from_the_program_is_current(name: str) -> None:
+    """`./scripts/reference` makes it anew."""
+    assert (DOCS / name).read_text(encoding="utf-8") == MADE[name]
+
+
+def test_every_schema_is_made_from_the_program() -> None:
+    schemas = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.schema.json")}
+    assert schemas == {name for name in MADE if name.endswith(".json")}
 
 
 def test_every_key_of_a_site_file_is_in_its_reference_with_a_meaning() -> None:

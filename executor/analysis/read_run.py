@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AliasChoices, BaseModel, Field
 
 from executor.adapters.eventlog import read_events
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import (
     Decision,
     FaultRecord,
@@ -31,45 +32,12 @@ from executor.core.commands import Level
 from executor.core.coverage import Sample, Track
 from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position, SystemStatus
-from executor.core.vehicle import FaultKind
 from executor.errors import LogError
 from executor.site.config import Site, read_site
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 
 
-class _Row(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class _FaultRow(_Row):
-    vehicle: str
-    kind: FaultKind
-    reason: str
-    happened_s: float | None
-    detected_s: float
-
-
-class _VehicleRow(_Row):
-    name: str
-    segments: tuple[int, ...]
-
-
-class _ReplanRow(_Row):
-    revision: int
-
-
-class _Report(_Row):
-    """What a record takes from report.json; the rest is for people."""
-
-    format: Literal["faultline-report/1"]
-    duration_s: float
-    faults: tuple[_FaultRow, ...]
-    replans: tuple[_ReplanRow, ...]
-    vehicles: tuple[_VehicleRow, ...]
-    segment_names: dict[str, str] = {}
-
-
-class _SaidLine(_Row):
+class _SaidLine(BaseModel):
     """A line of the log that holds what the operator saw."""
 
     t_s: float
@@ -113,7 +81,7 @@ def read_run(run: Path) -> FlightRecord:
         SiteError: site.toml cannot be used.
         MissionsError: a plan file cannot be used.
     """
-    report = _read_report(RunDirectory(run).report)
+    report = read_report(run)
     site = read_site(RunDirectory(run).site)
     first = read_plan(RunDirectory(run).plan(0))
     log = _read_log(RunDirectory(run).events, first.frame, site)
@@ -130,17 +98,6 @@ def read_run(run: Path) -> FlightRecord:
         decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
         duration_s=report.duration_s,
     )
-
-
-def _read_report(path: Path) -> _Report:
-    try:
-        return _Report.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise LogError(f"{path}: {key}: expected the report of a flight: {first['msg']}") from error
 
 
 def _read_log(path: Path, frame: LocalFrame, site: Site) -> _Log:
@@ -182,7 +139,7 @@ def _read_decisions(path: Path, launched_s: float) -> Iterator[Decision]:
                 yield Decision(said.t_s - launched_s, said.level, said.said)
 
 
-def _vehicles(site: Site, report: _Report, log: _Log) -> tuple[VehicleRecord, ...]:
+def _vehicles(site: Site, report: FlightReport, log: _Log) -> tuple[VehicleRecord, ...]:
     faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
     vehicles = []
     for layer, table in enumerate(site.vehicle):
@@ -204,7 +161,7 @@ def _vehicles(site: Site, report: _Report, log: _Log) -> tuple[VehicleRecord, ..
     return tuple(vehicles)
 
 
-def _segments(first: PlanFile, site: Site, report: _Report, log: _Log) -> tuple[SegmentRecord, ...]:
+def _segments(first: PlanFile, site: Site, report: FlightReport, log: _Log) -> tuple[SegmentRecord, ...]:
     inspected_by = {segment: row.name for row in report.vehicles for segment in row.segments}
     standoff_m = (first.inspection or Inspection()).standoff_m
     lines_m = tracks_m(first.network(), standoff_m).tolist()

@@ -6,12 +6,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from executor.analysis.documents import (
+    AbsenceRow,
+    AskedVehicle,
+    AskedVehicles,
+    CheckRow,
+    FaultRow,
+    FlightReport,
+    HeightsPart,
+    InspectionRow,
+    LastPosition,
+    NotCountedRow,
+    PadPart,
+    ParameterRow,
+    ReplanRow,
+    VehicleRow,
+)
 from executor.core.context import Context
 from executor.core.hearing import firmware
 from executor.core.ports import LinkCounts
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Check, Facts
-from executor.core.state import FleetState
+from executor.core.state import FleetState, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from executor.core.view import state_word
 
@@ -35,59 +51,56 @@ class Said:
     """What each vehicle said."""
     checks: Sequence[Check]
     """The checklist."""
-    kept: Mapping[str, object] | None = None
+    kept: AskedVehicles | None = None
     """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
 
-    def plain_checks(self) -> list[object]:
-        """Return the checklist as plain data."""
-        kept = (self.kept or {}).get("checks")
-        return list(kept) if isinstance(kept, list) else [checked(check) for check in self.checks]
+    def check_rows(self) -> tuple[CheckRow, ...]:
+        """Return the checklist as a document has it."""
+        return tuple(map(checked, self.checks)) if self.kept is None else self.kept.checks
 
-    def firmware(self, name: str) -> dict[str, object]:
-        """Return what a vehicle is and which firmware it has, as plain data."""
-        kept = (self.kept or {}).get("vehicles")
-        for row in kept if isinstance(kept, list) else ():
-            if isinstance(row, dict) and row.get("name") == name:
-                return {key: row[key] for key in ("type", "autopilot", "firmware") if key in row}
+    def firmware(self, name: str) -> dict[str, str | None]:
+        """Return what a vehicle is and which firmware it has."""
+        rows = () if self.kept is None else self.kept.vehicles
+        known = next((row for row in rows if row.name == name), None)
+        if known is not None:
+            return {"type": known.type, "autopilot": known.autopilot, "firmware": known.firmware}
         return _firmware(self.facts.get(name))
 
 
 NOTHING_SAID = Said(MappingProxyType({}), ())
 
 
-def vehicles_of(context: Context, said: Said) -> dict[str, object]:
+def vehicles_of(context: Context, said: Said) -> AskedVehicles:
     """Return the content of vehicles.json: who was asked before the flight, and what each one answered."""
-    return {
-        "format": "faultline-vehicles/1",
-        "vehicles": [
-            {
-                "name": name,
-                "sysid": context.vehicles[name].sysid,
+    return AskedVehicles(
+        vehicles=tuple(
+            AskedVehicle(
+                name=name,
+                sysid=context.vehicles[name].sysid,
                 **_firmware(facts),
-                "remaining_pct": facts.remaining_pct,
-                "link_timeout_s": context.vehicles[name].link_timeout_s,
-                "pad": _pad(context, name),
-                "parameters": dict(sorted(facts.parameters.items())),
-                "stations": [[station.system, station.component] for station in facts.stations],
-            }
+                remaining_pct=facts.remaining_pct,
+                link_timeout_s=context.vehicles[name].link_timeout_s,
+                pad=_pad(context, name),
+                parameters=dict(sorted(facts.parameters.items())),
+                stations=tuple((station.system, station.component) for station in facts.stations),
+            )
             for name, facts in said.facts.items()
-        ],
-        "checks": [checked(check) for check in said.checks],
-    }
+        ),
+        checks=tuple(map(checked, said.checks)),
+    )
 
 
-def _pad(context: Context, name: str) -> dict[str, float]:
-    """Return where a vehicle stood, to the last digit: heights and layers follow from it."""
+def _pad(context: Context, name: str) -> PadPart:
     pad = context.setup.pad_of(name)
-    return {"east_m": pad.east_m, "north_m": pad.north_m, "alt_m": pad.alt_m}
+    return PadPart(east_m=pad.east_m, north_m=pad.north_m, alt_m=pad.alt_m)
 
 
-def checked(check: Check) -> dict[str, str]:
-    """Return a line of the checklist as plain data."""
-    return {"severity": check.severity.value, "subject": check.subject, "text": check.text}
+def checked(check: Check) -> CheckRow:
+    """Return a line of the checklist as a document has it."""
+    return CheckRow(severity=check.severity, subject=check.subject, text=check.text)
 
 
-def _firmware(facts: Facts | None) -> dict[str, object]:
+def _firmware(facts: Facts | None) -> dict[str, str | None]:
     if facts is None:
         return {}
     return {
@@ -104,8 +117,8 @@ def report_of(
     truths: Sequence[Happening] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
     said: Said = NOTHING_SAID,
-    parameters: Sequence[Mapping[str, object]] = (),
-) -> dict[str, object]:
+    parameters: Sequence[ParameterRow] = (),
+) -> FlightReport:
     """Return the content of report.json.
 
     Args:
@@ -119,128 +132,129 @@ def report_of(
         parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.launched_s if state.launched_s is not None else ended_s
-    uncovered = sorted(context.wanted - set(state.inspected))
-    return {
-        "format": "faultline-report/1",
-        "segments_total": context.segments,
-        "segments_inspected": len(state.inspected),
-        "segments_uncovered": uncovered,
-        "uncovered_names": [context.segment_name(segment) for segment in uncovered],
-        "segment_names": {str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
-        "finished": not uncovered,
-        "duration_s": round(ended_s - began_s, 1),
-        "faults": [_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))],
-        "replans": [
-            {
-                "revision": record.revision,
-                "trigger": record.trigger,
-                "feasible": record.feasible,
-                "solve_s": round(record.solve_s, 3),
-                "upload_s": round(record.upload_s, 2),
-                "total_s": round(record.ended_s - record.begun_s, 2),
-                "uncovered": list(record.uncovered),
-            }
-            for record in state.records
-        ],
-        "vehicles": [
-            {**_vehicle(context, state, vehicle, frames, began_s), **said.firmware(vehicle.name)}
+    uncovered = tuple(sorted(context.wanted - set(state.inspected)))
+    return FlightReport(
+        format="faultline-report/1",
+        segments_total=context.segments,
+        segments_inspected=len(state.inspected),
+        segments_uncovered=uncovered,
+        uncovered_names=tuple(map(context.segment_name, uncovered)),
+        segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
+        finished=not uncovered,
+        duration_s=round(ended_s - began_s, 1),
+        faults=tuple(_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))),
+        replans=tuple(map(_replan, state.records)),
+        vehicles=tuple(
+            _vehicle(context, state, vehicle, frames.get(vehicle.name), said.firmware(vehicle.name), began_s)
             for vehicle in state.vehicles.values()
-        ],
-        "checks": said.plain_checks(),
-        "parameters": list(parameters),
-        "heights": _heights(context, state),
-        "absences": [
-            {
-                "until_s": round(absence.until_s - began_s, 1),
-                "pause_s": round(absence.pause_s, 1),
-                "restarted": absence.restarted,
-            }
+        ),
+        checks=said.check_rows(),
+        parameters=tuple(parameters),
+        heights=_heights(context, state),
+        absences=tuple(
+            AbsenceRow(
+                until_s=round(absence.until_s - began_s, 1),
+                pause_s=round(absence.pause_s, 1),
+                restarted=absence.restarted,
+            )
             for absence in state.absences
-        ],
-        "inferred": sorted(state.inferred & set(state.inspected)),
-        "min_separation_m": None if state.separation is None else round(state.separation.least_m, 2),
-        "inspection_speed_m_s": context.inspection_speed_m_s,
-        "inspections": [_inspection(context, state, segment) for segment in sorted(state.flown)],
-        "not_counted": _not_counted(context, state),
-    }
+        ),
+        inferred=tuple(sorted(state.inferred & set(state.inspected))),
+        min_separation_m=None if state.separation is None else round(state.separation.least_m, 2),
+        inspection_speed_m_s=context.inspection_speed_m_s,
+        inspections=tuple(_inspection(context, state, segment) for segment in sorted(state.flown)),
+        not_counted=tuple(
+            NotCountedRow(vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason)
+            for vehicle in state.vehicles.values()
+            for segment, reason in vehicle.runs_broken
+        ),
+    )
 
 
-def _heights(context: Context, state: FleetState) -> dict[str, object]:
+def _replan(record: ReplanRecord) -> ReplanRow:
+    return ReplanRow(
+        revision=record.revision,
+        trigger=record.trigger,
+        feasible=record.feasible,
+        solve_s=round(record.solve_s, 3),
+        upload_s=round(record.upload_s, 2),
+        total_s=round(record.ended_s - record.begun_s, 2),
+        uncovered=tuple(record.uncovered),
+    )
+
+
+def _heights(context: Context, state: FleetState) -> HeightsPart:
     paths = [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
-    return heights.heights_document(context.setup, paths)
+    return HeightsPart.model_validate(heights.heights_document(context.setup, paths))
 
 
-def _not_counted(context: Context, state: FleetState) -> list[dict[str, object]]:
-    return [
-        {"vehicle": vehicle.name, "segment": segment, "name": context.segment_name(segment), "reason": reason}
-        for vehicle in state.vehicles.values()
-        for segment, reason in vehicle.runs_broken
-    ]
-
-
-def _inspection(context: Context, state: FleetState, segment: int) -> dict[str, object]:
+def _inspection(context: Context, state: FleetState, segment: int) -> InspectionRow:
     flown = state.flown[segment]
-    return {
-        "segment": segment,
-        "name": context.segment_name(segment),
-        "vehicle": state.inspected[segment],
-        "speed_mean_m_s": round(flown.mean_m_s, 2),
-        "speed_max_m_s": None if flown.max_m_s is None else round(flown.max_m_s, 2),
-        "deviation_mean_m": round(flown.deviation_mean_m, 2),
-        "deviation_max_m": round(flown.deviation_max_m, 2),
-    }
+    return InspectionRow(
+        segment=segment,
+        name=context.segment_name(segment),
+        vehicle=state.inspected[segment],
+        speed_mean_m_s=round(flown.mean_m_s, 2),
+        speed_max_m_s=None if flown.max_m_s is None else round(flown.max_m_s, 2),
+        deviation_mean_m=round(flown.deviation_mean_m, 2),
+        deviation_max_m=round(flown.deviation_max_m, 2),
+    )
 
 
 def _at_fault(state: FleetState) -> list[tuple[str, Fault]]:
     return [(name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None]
 
 
-def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening]) -> dict[str, object]:
+def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening]) -> FaultRow:
     known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
-    return {
-        "vehicle": name,
-        "kind": fault.kind.value,
-        "reason": fault.reason,
-        "happened_s": round(max(before) - began_s, 2) if before else None,
-        "detected_s": round(fault.detected_s - began_s, 2),
-    }
+    return FaultRow(
+        vehicle=name,
+        kind=fault.kind,
+        reason=fault.reason,
+        happened_s=round(max(before) - began_s, 2) if before else None,
+        detected_s=round(fault.detected_s - began_s, 2),
+    )
 
 
 def _vehicle(
-    context: Context, state: FleetState, vehicle: VehicleState, frames: Mapping[str, LinkCounts], began_s: float
-) -> dict[str, object]:
-    counts = frames.get(vehicle.name)
+    context: Context,
+    state: FleetState,
+    vehicle: VehicleState,
+    counts: LinkCounts | None,
+    known: Mapping[str, str | None],
+    began_s: float,
+) -> VehicleRow:
     battery = vehicle.battery
     pad_m = context.vehicles[vehicle.name].pad_m
     at_home = vehicle.fix is None or (
         (vehicle.fix.place_m[0] - pad_m[0]) ** 2 + (vehicle.fix.place_m[1] - pad_m[1]) ** 2
         <= context.limits.off_pad_m**2
     )
-    return {
-        "name": vehicle.name,
-        "segments": sorted(segment for segment, name in state.inspected.items() if name == vehicle.name),
-        "energy_used_pct": round(battery.given_pct, 1),
-        "landed": vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
-        "min_reserve_pct": battery.least_pct,
-        "state": state_word(context, vehicle),
-        "last_position": _last_position(context, vehicle, began_s),
-        "frames_received": None if counts is None else counts.received,
-        "frames_missing": None if counts is None else counts.missing,
-        "frames_foreign": None if counts is None else counts.foreign,
-        "frames_refused": None if counts is None else dict(counts.refused),
-    }
+    return VehicleRow(
+        name=vehicle.name,
+        segments=tuple(sorted(segment for segment, name in state.inspected.items() if name == vehicle.name)),
+        energy_used_pct=round(battery.given_pct, 1),
+        landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
+        min_reserve_pct=battery.least_pct,
+        state=state_word(context, vehicle),
+        last_position=_last_position(context, vehicle, began_s),
+        frames_received=None if counts is None else counts.received,
+        frames_missing=None if counts is None else counts.missing,
+        frames_foreign=None if counts is None else counts.foreign,
+        frames_refused=None if counts is None else dict(counts.refused),
+        **known,
+    )
 
 
-def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> dict[str, float] | None:
-    """Return where it was heard last, for who has to find it."""
+def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
     fix = vehicle.fix
     if fix is None:
         return None
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
-    return {
-        "lat_deg": round(lat_deg, 7),
-        "lon_deg": round(lon_deg, 7),
-        "alt_rel_m": round(fix.alt_rel_m, 1),
-        "at_s": round(fix.at_s - began_s, 1),
-    }
+    return LastPosition(
+        lat_deg=round(lat_deg, 7),
+        lon_deg=round(lon_deg, 7),
+        alt_rel_m=round(fix.alt_rel_m, 1),
+        at_s=round(fix.at_s - began_s, 1),
+    )

@@ -8,12 +8,15 @@ from __future__ import annotations
 import math
 from base64 import b64encode
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from enum import Enum
 from html import escape
 from pathlib import Path
 
+from executor.analysis.documents import Document, FlightReport
 from executor.analysis.flight_record import FlightRecord, given_away
 from executor.core import words
 from executor.core.commands import Level
+from executor.core.preflight.checks import Severity
 
 PICTURES = {
     "map.png": "The first plan, and what was flown",
@@ -44,7 +47,6 @@ VEHICLES = {
     "autopilot": "autopilot",
     "firmware": "firmware",
 }
-LANDINGS = dict.fromkeys(("name", "state", "landed", "last_position"), "")
 AWAY = ("vehicle", "state", "last heard at", "height (m)", "when")
 CHECKS = {"subject": "about", "severity": "finding", "text": "what"}
 INSPECTIONS = {
@@ -85,7 +87,7 @@ figcaption { color: var(--faint); font-size: .9rem; }
 """
 
 
-def write_page(record: FlightRecord, report: Mapping[str, object], path: Path) -> None:
+def write_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
     """Write the page of a flight; the pictures that lie beside it go into it.
 
     Args:
@@ -101,7 +103,7 @@ def write_page(record: FlightRecord, report: Mapping[str, object], path: Path) -
     path.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
 
 
-def page(record: FlightRecord, report: Mapping[str, object], pictures: Mapping[str, bytes]) -> str:
+def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
     """Return the page.
 
     Args:
@@ -115,12 +117,12 @@ def page(record: FlightRecord, report: Mapping[str, object], pictures: Mapping[s
         f'<p class="facts">{escape(_facts(record, report))}</p>',
         *(_picture(words, content) for words, content in pictures.items()),
         _section("Faults", FAULTS, _faults(record)),
-        _section("Re-plans", REPLANS.values(), _rows(report, "replans", REPLANS)),
-        _section("Vehicles", VEHICLES.values(), _rows(report, "vehicles", VEHICLES)),
+        _section("Re-plans", REPLANS.values(), _rows(report, report.replans, REPLANS)),
+        _section("Vehicles", VEHICLES.values(), _rows(report, report.vehicles, VEHICLES)),
         _section("Not at home: where to look", AWAY, _away(report)),
-        _section("Before the flight", CHECKS.values(), _rows(report, "checks", CHECKS), _severities(report)),
-        _section("How the segments were flown", INSPECTIONS.values(), _rows(report, "inspections", INSPECTIONS)),
-        _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, "not_counted", NOT_COUNTED)),
+        _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
+        _section("How the segments were flown", INSPECTIONS.values(), _rows(report, report.inspections, INSPECTIONS)),
+        _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, report.not_counted, NOT_COUNTED)),
         _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),
         _section("Segments", SEGMENTS, _segments(record)),
     ]
@@ -148,32 +150,31 @@ def outcome(record: FlightRecord) -> str:
     return f"{missing} of {total} segments {were} not inspected{reason}; the flight took {_clock(record.duration_s)}."
 
 
-def _facts(record: FlightRecord, report: Mapping[str, object]) -> str:
+def _facts(record: FlightRecord, report: FlightReport) -> str:
     facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
-    if report.get("min_separation_m") is not None:
-        facts.append(f"any two vehicles stayed at least {value_words(report['min_separation_m'])} m apart")
+    if report.min_separation_m is not None:
+        facts.append(f"any two vehicles stayed at least {value_words(report.min_separation_m)} m apart")
     facts += _speeds(report)
     if record.uncovered:
         facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
 
-def _severities(report: Mapping[str, object]) -> list[str]:
-    return ["" if severity == "ok" else "warning" for (severity,) in _rows(report, "checks", {"severity": ""})]
+def _severities(report: FlightReport) -> list[str]:
+    return ["" if check.severity is Severity.OK else "warning" for check in report.checks]
 
 
-def _speeds(report: Mapping[str, object]) -> list[str]:
+def _speeds(report: FlightReport) -> list[str]:
     """Return in words how fast and how near to the track the segments were flown; nothing if no run is on record."""
-    means, highest, asides = (
-        [value for (value,) in _rows(report, "inspections", {key: ""}) if isinstance(value, int | float)]
-        for key in ("speed_mean_m_s", "speed_max_m_s", "deviation_max_m")
-    )
-    if not (means and highest and asides):
+    rows = report.inspections
+    highest = [row.speed_max_m_s for row in rows if row.speed_max_m_s is not None]
+    if not highest:
         return []
     text = (
-        f"segments were flown at {value_words(sum(means) / len(means))} m/s on average "
-        f"({value_words(report.get('inspection_speed_m_s'))} m/s were asked for), "
-        f"at most {value_words(max(highest))} m/s and at most {value_words(max(asides))} m beside the track"
+        f"segments were flown at {value_words(sum(row.speed_mean_m_s for row in rows) / len(rows))} m/s on average "
+        f"({value_words(report.inspection_speed_m_s)} m/s were asked for), "
+        f"at most {value_words(max(highest))} m/s and at most "
+        f"{value_words(max(row.deviation_max_m for row in rows))} m beside the track"
     )
     return [text]
 
@@ -196,31 +197,24 @@ def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
         yield segment.shown, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, _at(segment.inspected_s)
 
 
-def _rows(report: Mapping[str, object], key: str, columns: Mapping[str, str]) -> list[Sequence[object]]:
-    rows = report.get(key)
-    if not isinstance(rows, list):
-        return []
-    names = report.get("segment_names")
-    known = names if isinstance(names, Mapping) else {}
-    return [[_named(known, column, row.get(column)) for column in columns] for row in rows if isinstance(row, Mapping)]
+def _rows(report: FlightReport, rows: Iterable[Document], columns: Iterable[str]) -> list[Sequence[object]]:
+    return [[_named(report.segment_names, column, getattr(row, column)) for column in columns] for row in rows]
 
 
-def _named(names: Mapping[str, object], column: str, value: object) -> object:
+def _named(names: Mapping[str, str], column: str, value: object) -> object:
     """Return a value with segments by the names of their assets."""
     if column not in {"segment", "segments", "uncovered"}:
         return value
-    if isinstance(value, list):
+    if isinstance(value, tuple):
         return [names.get(str(one), one) for one in value]
     return names.get(str(value), value)
 
 
-def _away(report: Mapping[str, object]) -> Iterator[Sequence[object]]:
-    for name, state, landed, last in _rows(report, "vehicles", LANDINGS):
-        if landed or not isinstance(last, Mapping):
-            continue
-        lat_deg, lon_deg, at_s = (last.get(key) for key in ("lat_deg", "lon_deg", "at_s"))
-        if isinstance(lat_deg, float) and isinstance(lon_deg, float) and isinstance(at_s, int | float):
-            yield name, words.state(str(state)), words.place(lat_deg, lon_deg), last.get("alt_rel_m"), _at(at_s)
+def _away(report: FlightReport) -> Iterator[Sequence[object]]:
+    for row in report.vehicles:
+        at = row.last_position
+        if not row.landed and at is not None:
+            yield row.name, words.state(row.state), words.place(at.lat_deg, at.lon_deg), at.alt_rel_m, _at(at.at_s)
 
 
 def _at(t_s: float | None) -> str | None:
@@ -258,6 +252,8 @@ def value_words(value: object) -> str:
     match value:
         case None:
             return "unknown"
+        case Enum():
+            return str(value.value)
         case bool():
             return "yes" if value else "no"
         case float():

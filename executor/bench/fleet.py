@@ -22,7 +22,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import cast
 
 from executor.adapters.eventlog import Head, read_head
 from executor.adapters.mavlink.bare import bare_codec_s
@@ -156,16 +155,16 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _launched(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)
-        rows = cast("list[dict[str, int]]", flown.report["vehicles"])
+        rows = flown.report.vehicles
         return FleetFlight(
             vehicles=vehicles,
             minutes=watch.taken_s * speedup / 60.0,
             speedup=speedup,
-            frames=sum(row["frames_received"] for row in rows),
-            missing=sum(row["frames_missing"] for row in rows),
+            frames=sum(row.frames_received or 0 for row in rows),
+            missing=sum(row.frames_missing or 0 for row in rows),
             events=events,
-            faults=len(cast("list[object]", flown.report["faults"])),
-            replans=len(cast("list[object]", flown.report["replans"])),
+            faults=len(flown.report.faults),
+            replans=len(flown.report.replans),
             cpu_s=watch.cpu_s,
             codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.blocked_ms(),

@@ -5,16 +5,16 @@ from __future__ import annotations
 import errno
 import json
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, TextIO, cast
+from typing import Annotated, TextIO
 
 import typer
 
 from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.interrupts import nobody_reads
 from executor.adapters.run_directory import RunDirectory, new_run_directory
+from executor.analysis.documents import FlightReport
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.report import checked
 from executor.cli.console import TerminalConsole
@@ -215,7 +215,7 @@ def preflight(
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
-        print(json.dumps({"ready": not stops, "checks": [checked(check) for check in found]}))
+        print(json.dumps({"ready": not stops, "checks": [checked(check).plain() for check in found]}))
     elif not quiet:
         print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
     if stops:
@@ -258,14 +258,14 @@ def resume(
 def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
-        _told(json.dumps(report))
+        _told(json.dumps(report.plain()))
     else:
-        _told(f"{report['segments_inspected']} of {report['segments_total']} segments inspected; record in {order.run}")
-        if report["segments_uncovered"]:
-            _told(f"not inspected: {', '.join(map(str, cast('list[str]', report['uncovered_names'])))}")
+        _told(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
+        if report.segments_uncovered:
+            _told(f"not inspected: {', '.join(report.uncovered_names)}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
-    if not report["finished"]:
+    if not report.finished:
         raise typer.Exit(1)
 
 
@@ -280,7 +280,7 @@ def _told(text: str, *, to: TextIO | None = None) -> None:
         nobody_reads(stream)
 
 
-def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool) -> None:
+def _keep_next_sortie(order: Order, report: FlightReport, *, quiet: bool) -> None:
     path = RunDirectory(order.run).next_sortie
     try:
         plan = next_sortie(order.ground, report, order.plan.solved.seed)
@@ -294,7 +294,7 @@ def _keep_next_sortie(order: Order, report: Mapping[str, object], *, quiet: bool
         _told(sortie_words(plan, path))
 
 
-def _show_flight(run: Path, report: Mapping[str, object]) -> None:
+def _show_flight(run: Path, report: FlightReport) -> None:
     from executor.analysis.read_run import read_run
     from executor.analysis.report_page import write_page
 

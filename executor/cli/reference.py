@@ -1,8 +1,7 @@
-"""The reference pages of the documents, made from the program: `python -m executor.cli.reference docs/reference`."""
+"""The pages and schemas of the documents that are made from the program: `python -m executor.cli.reference docs`."""
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 import sys
@@ -18,10 +17,11 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from executor.cli.commandline import cli
+from executor.cli.schemas import docstrings, schemas
 from executor.site import config
 
-COMMANDS = "command-line.md"
-SITE_FILE = "site-file.md"
+COMMANDS = "reference/command-line.md"
+SITE_FILE = "reference/site-file.md"
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
 UNITS = (
     ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"), ("_m2", "m²"),
@@ -31,12 +31,12 @@ UNITS = (
 
 
 def pages() -> dict[str, str]:
-    """Return each page by its name."""
-    return {COMMANDS: commands_page(), SITE_FILE: site_page()}
+    """Return each page, and each schema, by its place below `docs`."""
+    return {COMMANDS: commands_page(), SITE_FILE: site_page(), **schemas()}
 
 
 def write_pages(folder: Path) -> None:
-    """Write every page into a folder."""
+    """Write every page and schema below a folder."""
     for name, text in pages().items():
         (folder / name).write_text(text, encoding="utf-8")
 
@@ -108,7 +108,7 @@ def _ranged(meaning: str) -> str:
 
 def site_page() -> str:
     """Return the page of the site file: each table, and each key with its unit, default, values and meaning."""
-    words = {(name, key): text for name, key, text in _docstrings()}
+    words = {(name, key): text for name, key, text in docstrings(config)}
     lines = [
         MADE.format(what="site models (executor/site/config.py)"),
         "",
@@ -116,7 +116,8 @@ def site_page() -> str:
         "",
         "One TOML file describes a site: depot, power line, vehicles, and how they fly. `faultline init` writes one to",
         "start from. Paths are relative to the site file. An unknown key, or a value out of range, is refused with one",
-        "line that names the file, the key and what was expected.",
+        "line that names the file, the key and what was expected. As a schema, for editors that check TOML:",
+        "[site.schema.json](../schemas/site.schema.json).",
         "",
         "A table may be left out unless one of its keys is required. A default of - means that the key is unset.",
     ]
@@ -230,18 +231,6 @@ def _metadata(kind: object) -> Iterator[BaseMetadata]:
 def _leaves(kind: object) -> set[object]:
     parts = get_args(kind)
     return {kind} if not parts else set().union(*(_leaves(one) for one in parts))
-
-
-def _docstrings() -> Iterator[tuple[str, str, str]]:
-    """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
-    for node in ast.parse(inspect.getsource(config)).body:
-        if not isinstance(node, ast.ClassDef):
-            continue
-        for field, below in zip(node.body, node.body[1:], strict=False):
-            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-                continue
-            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, field.target.id, " ".join(str(below.value.value).split())
 
 
 def _cell(text: str) -> str:

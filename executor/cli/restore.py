@@ -43,7 +43,7 @@ def restore(
 def _finish(directory: Path, kept: Sequence[Kept], *, as_json: bool, quiet: bool) -> None:
     stay = sum(one.open for one in kept)
     if as_json:
-        print(json.dumps({"restored": stay == 0, "parameters": parameters_report(kept)}))
+        print(json.dumps({"restored": stay == 0, "parameters": [row.plain() for row in parameters_report(kept)]}))
     elif not quiet:
         print(f"{directory}: everything is as it was" if not stay else f"{directory}: {stay} of {len(kept)} stay")
     if stay:

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
-from executor.adapters.run_directory import RunDirectory, write_json
+from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import Document, Number, ParameterRow
 from executor.core.preflight.parameters import ChangeStage, Kept
-from executor.errors import LogError
 from executor.site.config import AutopilotKey
 
-FORMAT = "faultline-parameters/1"
-Number = Annotated[float, Field(allow_inf_nan=False)]
 
-
-class _Row(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class _KeptRow(_Row):
+class _KeptRow(Document):
     vehicle: str
     sysid: Annotated[int, Field(ge=1, le=254)]
     autopilot: AutopilotKey
@@ -31,11 +25,11 @@ class _KeptRow(_Row):
     kind: Annotated[int, Field(ge=1, le=10)]
     unit: str
     why: str
-    state: ChangeStage
     earlier: tuple[Number, ...] = ()
+    state: ChangeStage
 
 
-class _File(_Row):
+class _File(Document):
     format: Literal["faultline-parameters/1"]
     parameters: tuple[_KeptRow, ...]
 
@@ -47,16 +41,9 @@ def read_kept(run: Path) -> tuple[Kept, ...] | None:
         LogError: the record cannot be read.
     """
     path = RunDirectory(run).parameters
-    try:
-        content = _File.model_validate_json(path.read_bytes())
-    except FileNotFoundError:
+    if not path.exists():
         return None
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise LogError(f"{path}: {key}: expected what was changed on board: {first['msg']}") from error
+    content = _File.read(path, "what was changed on board")
     return tuple(_kept(row) for row in content.parameters)
 
 
@@ -70,17 +57,13 @@ def write_kept(run: Path, kept: Iterable[Kept]) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    write_json(RunDirectory(run).parameters, {"format": FORMAT, "parameters": [_plain(one) for one in kept]})
+    rows = (_KeptRow(**{**asdict(one), "state": one.stage}) for one in kept)
+    _File(format="faultline-parameters/1", parameters=tuple(rows)).write(RunDirectory(run).parameters)
 
 
-def _plain(one: Kept) -> dict[str, object]:
-    row = {key: getattr(one, key) for key in _KeptRow.model_fields if key != "state"}
-    return {**row, "state": one.stage.value}
-
-
-def parameters_report(kept: Sequence[Kept]) -> list[dict[str, object]]:
+def parameters_report(kept: Sequence[Kept]) -> list[ParameterRow]:
     """Return what a report says of the parameters that were changed."""
     return [
-        {"vehicle": one.vehicle, "name": one.name, "old": one.old, "new": one.new, "restored": not one.open}
+        ParameterRow(vehicle=one.vehicle, name=one.name, old=one.old, new=one.new, restored=not one.open)
         for one in kept
     ]

@@ -27,6 +27,7 @@ from executor.core.commands import Solve
 from executor.core.events import SolveEnded
 from executor.core.state import FleetState, Replan
 from executor.core.vehicle import VehicleState
+from missions import first_reason
 from missions.files import write_whole
 
 FORMAT = "faultline-checkpoint/1"
@@ -208,6 +209,5 @@ def _digest(content: bytes) -> str:
 def _why(error: Exception) -> str:
     """Return in one line why a checkpoint is not used."""
     if isinstance(error, ValidationError):
-        first = error.errors(include_url=False)[0]
-        return f"{'.'.join(map(str, first['loc'])) or 'the file'}: {first['msg']}"
+        return first_reason(error)
     return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)

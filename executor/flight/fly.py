@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import RunDirectory, locked, write_json
+from executor.adapters.run_directory import RunDirectory, locked
 from executor.adapters.solver import SolverProcess, SolverSetup
+from executor.analysis.documents import FlightReport
 from executor.analysis.report import Said, report_of, vehicles_of
 from executor.core import fleet
 from executor.core.commands import Level, Say
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 class FlightResult:
     """What is left after a flight."""
 
-    report: Mapping[str, object]
+    report: FlightReport
     context: Context
     left: bool
     """Whether the operator left while the vehicles flew on."""
@@ -151,7 +152,7 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
             raise PreflightFailed("the operator did not say yes; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
     await load_all(context, links, clock, beginning.boards, console)
-    write_json(RunDirectory(order.run).vehicles, vehicles_of(context, seat.said))
+    vehicles_of(context, seat.said).write(RunDirectory(order.run).vehicles)
     text = f"All missions are on board and read back: {summary(order.plan)}. Take off?"
     if not await _asked(flight, console, Action.TAKE_OFF, text, tuple(route_words(order.plan))):
         raise PreflightFailed("the operator did not say yes; nothing has moved")
@@ -224,7 +225,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         context, flight.state, ended_s, order.truths(clock), frames, seat.said, parameters_report(given_back)
     )
     try:
-        write_json(RunDirectory(order.run).report, report)
+        report.write(RunDirectory(order.run).report)
     except OSError as error:
         console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
     return FlightResult(report, context, interrupts.left)

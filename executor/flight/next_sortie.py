@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
-
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import FlightReport, read_report
 from executor.errors import LogError
 from executor.site import assembly, planning
 from executor.site.assembly import Ground
@@ -20,12 +17,6 @@ PLAN_S = 2.0
 """Of the solver; the crew can have more with `faultline plan --after`."""
 
 
-class _Report(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-    segments_uncovered: tuple[int, ...]
-
-
 def segments_left(run: Path, ground: Ground) -> tuple[int, ...]:
     """Return the segments that a flight over a site's network left, by its report.
 
@@ -33,25 +24,15 @@ def segments_left(run: Path, ground: Ground) -> tuple[int, ...]:
         LogError: there is no report yet, or nothing is left over.
         MissionsError: the flight's network is not the site's.
     """
-    path = RunDirectory(run).report
-    try:
-        report = _Report.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise LogError(
-            f"{path}: cannot be read: {error.strerror}; expected the report of a flight that is over"
-        ) from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise LogError(f"{path}: {key}: expected the report of a flight: {first['msg']}") from error
+    report = read_report(run)
     if not report.segments_uncovered:
-        raise LogError(f"{path}: segments_uncovered: nothing is left over")
+        raise LogError(f"{RunDirectory(run).report}: segments_uncovered: nothing is left over")
     plan = RunDirectory(run).plan(0)
     planning.same_segments(read_plan(plan), ground, str(plan))
     return report.segments_uncovered
 
 
-def next_sortie(ground: Ground, report: Mapping[str, object], seed: int) -> PlanFile | None:
+def next_sortie(ground: Ground, report: FlightReport, seed: int) -> PlanFile | None:
     """Return a plan for what a flight left over, by the vehicles that are not at fault; None if nothing, or nobody, is.
 
     Args:
@@ -59,13 +40,11 @@ def next_sortie(ground: Ground, report: Mapping[str, object], seed: int) -> Plan
         report: Of the flight.
         seed: Of the solver.
     """
-    uncovered = cast("list[int]", report["segments_uncovered"])
-    faults = cast("list[dict[str, str]]", report["faults"])
-    lost = {fault["vehicle"] for fault in faults}
-    if not uncovered or lost >= set(ground.names):
+    lost = {fault.vehicle for fault in report.faults}
+    if not report.segments_uncovered or lost >= set(ground.names):
         return None
     wanted = replace(planning.DEFAULT, seconds=PLAN_S, seed=seed)
-    return planning.first_plan(ground, wanted, task=assembly.task_of(ground, uncovered, lost))
+    return planning.first_plan(ground, wanted, task=assembly.task_of(ground, report.segments_uncovered, lost))
 
 
 def sortie_words(plan: PlanFile, file: Path) -> str:

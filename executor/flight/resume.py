@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,8 +15,9 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
 from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
-from executor.adapters.run_directory import RunDirectory, locked, write_json
-from executor.analysis.report import Said, report_of
+from executor.adapters.run_directory import RunDirectory, locked
+from executor.analysis.documents import FlightReport, read_asked, read_report
+from executor.analysis.report import NOTHING_SAID, Said, report_of
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.events import Reopened, SolveEnded
@@ -204,19 +204,17 @@ def how_it_was_left(left: Left) -> list[str]:
     return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
 
 
-def over(run: Path, left: Left) -> Mapping[str, object] | None:
+def over(run: Path, left: Left) -> FlightReport | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
     if not left.state.finished:
         return None
-    with suppress(OSError, ValueError, RecursionError):
-        report = json.loads(RunDirectory(run).report.read_text(encoding="utf-8"))
-        if isinstance(report, dict):
-            return report
+    with suppress(LogError):
+        return read_report(run)
     # It died between the end of the flight and its report.
     parameters = parameters_report(read_kept(run) or ())
     report = report_of(left.begun.context, left.state, left.last_s, said=_said(run), parameters=parameters)
     with suppress(OSError):  # it is shown all the same
-        write_json(RunDirectory(run).report, report)
+        report.write(RunDirectory(run).report)
     return report
 
 
@@ -337,8 +335,6 @@ def _note(log: EventLog, command: Command, at_s: float) -> None:
 
 def _said(run: Path) -> Said:
     """Return what was known before the flight, as vehicles.json has it."""
-    with suppress(OSError, ValueError, RecursionError):
-        kept = json.loads(RunDirectory(run).vehicles.read_text(encoding="utf-8"))
-        if isinstance(kept, dict):
-            return Said({}, (), kept)
-    return Said({}, ())
+    with suppress(LogError):
+        return Said({}, (), read_asked(run))
+    return NOTHING_SAID

@@ -7,42 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from pydantic import BaseModel, ConfigDict, ValidationError
-
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import AskedVehicle, read_asked
 from executor.core import fleet
 from executor.core.context import Context
 from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
 from executor.core.state import FleetState
 from executor.core.vehicle import aboard
-from executor.errors import LogError
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import read_site
 from executor.site.planning import belongs
 from missions import Pad, PlanFile, dialect_for, read_plan
-
-
-class _Row(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class _PadRow(_Row):
-    east_m: float
-    north_m: float
-    alt_m: float
-
-
-class _VehicleRow(_Row):
-    name: str
-    pad: _PadRow | None = None
-    parameters: dict[str, float] = {}
-
-
-class _Vehicles(_Row):
-    """What a replay takes from vehicles.json."""
-
-    vehicles: tuple[_VehicleRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +44,7 @@ def beginning(run: Path) -> Beginning:
     plan = read_plan(RunDirectory(run).plan(0))
     belongs(plan, ground, str(RunDirectory(run).plan(0)))
     task = plan.task()
-    rows = _vehicles(RunDirectory(run).vehicles)
+    rows = {row.name: row for row in read_asked(run).vehicles}
     pads = _pads(rows, ground.names)
     setup = assembly.setup_of(ground, pads)
     dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
@@ -85,19 +61,7 @@ def beginning(run: Path) -> Beginning:
     return Beginning(ground, plan, context, fleet.initial(boards))
 
 
-def _vehicles(path: Path) -> dict[str, _VehicleRow]:
-    try:
-        content = _Vehicles.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise LogError(f"{path}: {key}: expected what vehicles said before a flight: {first['msg']}") from error
-    return {row.name: row for row in content.vehicles}
-
-
-def _pads(rows: Mapping[str, _VehicleRow], names: tuple[str, ...]) -> list[Pad] | None:
+def _pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:
     pads = []
     for name in names:
         row = rows.get(name)

@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError
 from executor.core.connection import Connection, parse_connection
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
-from missions import AUTOPILOTS, NESTED
+from missions import AUTOPILOTS, NESTED, first_reason
 from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
@@ -33,6 +33,8 @@ HostName = Annotated[
 ]
 """A name, or an address of version 4 or 6."""
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
+PAGE = "docs/reference/site-file.md"
+"""Where every key stands."""
 EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
 
 
@@ -338,6 +340,13 @@ class Site(_Table):
     mqtt: MqttTable | None = None
     web: WebTable = WebTable()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _has_vehicles(cls, content: dict[str, Any]) -> dict[str, Any]:
+        if not content.get("vehicle"):
+            raise ValueError("vehicle: expected at least one [[vehicle]] table")
+        return content
+
     @model_validator(mode="after")
     def _distinct(self) -> Site:
         for key in ("name", "sysid"):
@@ -442,7 +451,7 @@ def check_site(content: dict[str, Any], source: str) -> Site:
     try:
         return Site.model_validate(content)
     except ValidationError as error:
-        raise SiteError(f"{source}: {_first_reason(error)}") from error
+        raise SiteError(f"{source}: {first_reason(error, page=PAGE)}") from error
     except RecursionError:
         raise SiteError(f"{source}: content: {NESTED}") from None
 
@@ -465,28 +474,3 @@ def read_secret(variable: str | None, key: str, source: str, environment: Mappin
     if not value:
         raise SiteError(f"{source}: {key}: expected a value in the environment variable {variable}, which is not set")
     return value
-
-
-def _first_reason(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
-    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
-    context = first.get("ctx", {})
-    match first["type"]:
-        case "missing":
-            reason = "expected this key, but it is missing"
-        case "extra_forbidden":
-            reason = "unknown key; expected one that the manual names"
-        case "value_error":
-            reason = str(context["error"])
-            # A check of several keys names its own; the place before it is the table's.
-            return f"{key}.{reason}" if key else reason
-        case "too_short":
-            reason = "expected at least one vehicle"
-        case "literal_error":
-            reason = f"expected {context['expected']}, got {first['input']!r}"
-        case _:
-            said = first["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-            reason = f"expected {said}, got {first['input']!r}"
-    if key == "vehicle" and first["type"] == "missing":
-        reason = "expected at least one [[vehicle]] table"
-    return f"{key}: {reason}"

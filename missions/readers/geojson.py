@@ -23,8 +23,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from missions.errors import NetworkError
-from missions.fields import is_figure, printable
-from missions.files import parse_json
+from missions.files import is_figure, parse_json, printable
 from missions.geo import LocalFrame, distance_m
 from missions.network import Network, Pylon, Segment
 

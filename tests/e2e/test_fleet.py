@@ -28,6 +28,7 @@ from tests.e2e.flights import (
     site_file,
 )
 from tests.e2e.judge import wrongly_counted
+from tests.executor.cli.test_schemas import validator
 
 pytestmark = pytest.mark.asyncio
 
@@ -62,6 +63,9 @@ async def test_a_silent_link(tmp_path: Path) -> None:
     assert min(one["min_reserve_pct"] for one in flown.report["vehicles"]) >= 15.0
     written = {path.name for path in flown.run.iterdir()}
     assert {"site.toml", "events.jsonl", "plan-000.json", "plan-001.json", "report.json", "uav1.tlog"} <= written
+    for name, files in {"plan": "plan-*.json", "report": "report.json", "vehicles": "vehicles.json"}.items():
+        for path in flown.run.glob(files):
+            validator(name).validate(json.loads(path.read_text(encoding="utf-8")))
     again = rerun(flown.run)
     assert again.comparison.same, again.comparison.first_difference
     assert again.comparison.logged > 10

@@ -17,9 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import keep_site, write_json
+from executor.adapters.run_directory import keep_site
+from executor.analysis.documents import FaultRow, FlightReport
 from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position
+from executor.core.vehicle import FaultKind
 from missions import Inspection, PlanFile, Solved, make_plan_file, open_task, write_plan
 from planner import Cost, Plan, Route, Travel, Vehicle
 from tests.missions.builders import FRAME, line_east
@@ -53,7 +55,7 @@ def second_plan_file() -> PlanFile:
     return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINCOMB, Solved("search", 1, 0.1), inspection=INSPECTION)
 
 
-def write_run(run: Path, *, finished: bool = True) -> dict[str, object]:
+def write_run(run: Path, *, finished: bool = True) -> FlightReport:
     """Write the flight's run directory, and return the content of its report.json."""
     keep_site(run, _site(), {})
     write_plan(run / "plan-000.json", first_plan_file())
@@ -66,9 +68,28 @@ def write_run(run: Path, *, finished: bool = True) -> dict[str, object]:
         else:
             log.write(entry, LAUNCH_S + t_s)
     log.close()
-    report = _report(finished=finished)
-    write_json(run / "report.json", report)
+    report = FlightReport.model_validate(_report(finished=finished))
+    report.write(run / "report.json")
     return report
+
+
+def short_report(uncovered: list[int], *lost: str) -> FlightReport:
+    """Return the least that a report says of a flight over six segments: what it left over, and who was lost."""
+    return FlightReport(
+        format="faultline-report/1",
+        segments_total=6,
+        segments_inspected=6 - len(uncovered),
+        segments_uncovered=tuple(uncovered),
+        finished=not uncovered,
+        duration_s=100.0,
+        faults=tuple(
+            FaultRow(vehicle=name, kind=FaultKind.LINK, reason="silent", happened_s=None, detected_s=9.0)
+            for name in lost
+        ),
+        replans=(),
+        vehicles=(),
+        min_separation_m=None,
+    )
 
 
 def _entries(*, finished: bool) -> list[tuple[float, Event | str]]:

@@ -16,11 +16,14 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.core.commands import Level
 from executor.core.intents import FOR_ALL, Action, Intent
+from missions import first_reason
 
 MOST_BYTES = 4096
 MOST_A_SECOND = 5.0
 """Intents that are taken in the long run; each is written to the event log."""
 BURST = 20
+MOST_REASON = 200
+"""Letters of a refusal."""
 SOURCE = "mqtt"
 ID = r"^[A-Za-z0-9._:-]{1,64}$"
 NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
@@ -91,7 +94,7 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     try:
         message = IntentMessage.model_validate_json(payload)
     except ValidationError as error:
-        return RefusedMessage(_id_of(payload), _first_reason(error))
+        return RefusedMessage(_id_of(payload), first_reason(error, page="docs/mqtt.md", shown=False)[:MOST_REASON])
     why = _objection(message, rules, now_unix_s, retained=retained)
     if why:
         return RefusedMessage(message.id, why)
@@ -118,13 +121,6 @@ def _id_of(payload: bytes) -> str | None:
         return _Named.model_validate_json(payload).id
     except ValidationError:
         return None
-
-
-def _first_reason(error: ValidationError) -> str:
-    first = error.errors(include_url=False, include_input=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
-    text = first["msg"].removeprefix("Value error, ")
-    return " ".join(f"{key}: {text}".removeprefix(": ").split())[:200]
 
 
 class Gate:

@@ -6,12 +6,13 @@ the topic, the states of a connection. What a flight looks like is in the core's
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from executor.core.state import CheckLine, Question
 from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
+from missions.planjson import PlanDocument
 
 VERSION = "1.1.0"
 
@@ -19,7 +20,7 @@ VERSION = "1.1.0"
 class Payload(BaseModel):
     """What every message begins with."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True, use_attribute_docstrings=True)
 
     headerId: Annotated[int, Field(ge=0, le=2**32 - 1)]  # noqa: N815 - VDA 5050's name
     """Counted for each topic from 0; the same number twice is the same message twice, a gap is what was dropped."""
@@ -121,8 +122,8 @@ class PlanMessage(Payload):
     """The plan in force; retained."""
 
     revision: int
-    plan: dict[str, Any]
-    """A plan file (faultline-plan/1)."""
+    plan: PlanDocument
+    """As a plan file has it (faultline-plan/1)."""
 
 
 class AcknowledgementMessage(Payload):

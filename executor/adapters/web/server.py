@@ -37,6 +37,7 @@ from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, beside
+from missions import first_reason
 
 PERIOD_S = 0.4
 """Real seconds between two states: at most half of the second that a state may be old."""
@@ -278,9 +279,7 @@ class WebServer:
         except ClientDisconnect:
             return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            key = ".".join(str(part) for part in first["loc"]) or "body"
-            return PlainTextResponse(f"{key}: {first['msg']}", 422)
+            return PlainTextResponse(first_reason(error), 422)
         intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page", wish.confirmed)
         try:
             async with asyncio.timeout(ANSWER_S):

@@ -124,7 +124,9 @@ def test_a_report_of_another_kind_is_refused(tmp_path: Path) -> None:
     write_run(tmp_path)
     text = (tmp_path / "report.json").read_text(encoding="utf-8")
     (tmp_path / "report.json").write_text(text.replace("faultline-report/1", "faultline-report/9"), encoding="utf-8")
-    with pytest.raises(LogError, match=r"report\.json: format: expected the report of a flight"):
+    with pytest.raises(
+        LogError, match=r"report\.json: format: expected 'faultline-report/1', got 'faultline-report/9'"
+    ):
         read_run(tmp_path)
 
 

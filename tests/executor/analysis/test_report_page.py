@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executor.analysis.documents import FlightReport, LastPosition
 from executor.analysis.flight_record import Decision, FlightRecord, Revision
 from executor.analysis.read_run import read_run
 from executor.analysis.report_page import outcome, page, value_words, write_page
 from executor.core.commands import Level
-from tests.executor.flights import write_run
+from tests.executor.flights import short_report, write_run
 
 EMPTY = {"meta", "img"}
 """Elements without an end tag."""
@@ -52,7 +53,7 @@ class _Reader(HTMLParser):
 
 
 @pytest.fixture
-def flight(tmp_path: Path) -> tuple[FlightRecord, dict[str, object]]:
+def flight(tmp_path: Path) -> tuple[FlightRecord, FlightReport]:
     """Return record and report of the flight in `flights`."""
     report = write_run(tmp_path)
     return read_run(tmp_path), report
@@ -66,7 +67,7 @@ def _read(text: str) -> _Reader:
     return reader
 
 
-def test_the_outcome_comes_first(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_the_outcome_comes_first(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     reader = _read(page(record, report, {}))
     sentence = "All 5 segments were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of them."
@@ -82,14 +83,14 @@ def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
     assert "not inspected: 1." in _read(page(record, report, {})).of("p")[0]
 
 
-def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     quiet = replace(record, vehicles=tuple(replace(vehicle, fault=None) for vehicle in record.vehicles), duration_s=42)
     assert outcome(quiet) == "All 5 segments were inspected in 42 s."
     assert "Faults" not in _read(page(quiet, report, {})).of("h2")
 
 
-def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     reader = _read(page(record, report, {}))
     assert reader.of("h2") == [
@@ -111,15 +112,15 @@ def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, dict[str, objec
     assert cells[segment : segment + 4] == ["0", "100.0", "uav2", "uav2"]
 
 
-def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     facts = _read(page(record, report, {})).of("p")[0]
     assert "flown at 5.00 m/s on average (5.00 m/s were asked for), at most 5.40 m/s and at most 0.25 m beside" in facts
-    without = {key: value for key, value in report.items() if key != "inspections"}
+    without = report.model_copy(update={"inspections": ()})
     assert "on average" not in _read(page(record, without, {})).of("p")[0]
 
 
-def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, dict[str, object]], tmp_path: Path) -> None:
+def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, FlightReport], tmp_path: Path) -> None:
     record, report = flight
     (tmp_path / "map.png").write_bytes(b"picture")
     write_page(record, report, tmp_path / "report.html")
@@ -128,14 +129,17 @@ def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, dict[str, 
     assert reader.tags.isdisjoint({"script", "link", "iframe", "object"})
 
 
-def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     evil = """</td><script>alert("1 & 2")</script><img src='http://x/'>"""
     fault = record.vehicles[1].fault
     assert fault is not None
     lost = replace(record.vehicles[1], name=evil, fault=replace(fault, reason=evil))
     record = replace(record, vehicles=(lost,), decisions=(Decision(1.0, Level.INFO, evil),))
-    report = {"vehicles": [{"name": evil, "segments": [evil]}], "replans": [{"trigger": evil}]}
+    vehicle = report.vehicles[0].model_copy(update={"name": evil, "segments": (3,)})
+    replan = report.replans[0].model_copy(update={"trigger": evil})
+    names = {"segment_names": {"3": evil}, "inspections": (), "checks": ()}
+    report = report.model_copy(update={"vehicles": (vehicle,), "replans": (replan,), **names})
     reader = _read(page(record, report, {evil: b""}))
     assert "script" not in reader.tags
     assert reader.links == ["data:image/png;base64,"]
@@ -143,15 +147,15 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, dict[st
     assert evil in reader.of("h1")[0]
 
 
-def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
-    at = {"lat_deg": 49.6012349, "lon_deg": 15.6, "alt_rel_m": 0.4, "at_s": 83.2}
-    vehicles = [
-        {"name": "uav1", "state": "landed", "landed": True, "last_position": at},
-        {"name": "uav2", "state": "down", "landed": False, "last_position": at},
-        {"name": "uav3", "state": "lost", "landed": False, "last_position": None},
-    ]
-    reader = _read(page(record, {**report, "vehicles": vehicles}, {}))
+    at = LastPosition(lat_deg=49.6012349, lon_deg=15.6, alt_rel_m=0.4, at_s=83.2)
+    ends = [("landed", True, at), ("down", False, at), ("lost", False, None)]
+    vehicles = tuple(
+        row.model_copy(update={"state": state, "landed": landed, "last_position": place})
+        for row, (state, landed, place) in zip(report.vehicles, ends, strict=True)
+    )
+    reader = _read(page(record, report.model_copy(update={"vehicles": vehicles}), {}))
     assert "Not at home: where to look" in reader.of("h2")
     cells = reader.of("td")
     first = cells.index("49.601235, 15.600000")
@@ -159,11 +163,12 @@ def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, dict[str, o
     assert cells.count("49.601235, 15.600000") == 1
 
 
-def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, dict[str, object]]) -> None:
+def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     names = {str(segment.id): f"P{segment.id}-P{segment.id + 1}" for segment in record.segments}
     named = tuple(replace(segment, name=names[str(segment.id)]) for segment in record.segments)
-    cells = _read(page(replace(record, segments=named), {**report, "segment_names": names}, {})).of("td")
+    report = report.model_copy(update={"segment_names": names})
+    cells = _read(page(replace(record, segments=named), report, {})).of("td")
     assert "P2-P3, P3-P4, P4-P5" in cells
     row = ["P0-P1", "100.0", "uav2", "uav2"]
     assert any(cells[at : at + 4] == row for at in range(len(cells)))
@@ -188,4 +193,4 @@ def test_values_in_words(value: object, words: str) -> None:
 @given(st.text())
 def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
     record = FlightRecord((), (), (Revision(0, 0.0, (), ()),), (Decision(0.0, Level.INFO, f"<{text}>"),), 0.0)
-    assert f"<{text}>".split() == "".join(_read(page(record, {}, {})).of("td")[2:]).split()
+    assert f"<{text}>".split() == "".join(_read(page(record, short_report([]), {})).of("td")[2:]).split()

@@ -9,10 +9,13 @@ import pytest
 
 from executor.site import assembly
 from executor.site.config import read_site
+from missions import read_plan
 from tests.executor.cli.test_main import Place, place
+from tests.executor.cli.test_schemas import validator
 
 __all__ = ["place"]
 
+SHARED = Path(__file__).resolve().parents[4] / "shared" / "data"
 GRAPH = 'pylons_position = "0 0 0; 100 0 0; 200 0 0;"\nconnections_indexes = "2; 1 3; 2;"\n'
 
 
@@ -44,6 +47,20 @@ def test_a_graph_file_needs_a_depot(place: Place) -> None:
     assert site.network.file == "../line.graph"
     assert len(assembly.ground_of(site, folder).network.segments) == 2
     assert '# heights = "flat"' in (folder / "site.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "segments"), [("nechranice_graph.yaml", 33), ("test_graph.yaml", 6)], ids=["nechranice", "test"]
+)
+def test_a_site_of_a_public_network_can_be_planned(place: Place, name: str, segments: int) -> None:
+    if not (SHARED / name).exists():
+        pytest.skip(f"the public network ../shared/data/{name} is not there")
+    words = ("--depot", "50.345749,13.325244,300", "--radius", "700", "-o", place.path("new.toml"))
+    code, out, _ = place.run("init", str(SHARED / name), *words)
+    assert (code, f": {segments} segments, 3 vehicles; next: " in out) == (0, True)
+    validator("site").validate(tomllib.loads(Path(place.path("new.toml")).read_text()))
+    assert place.run("plan", place.path("new.toml"), "--seconds", "0.2", "-o", place.path("new.json"))[0] == 0
+    assert len(read_plan(place.path("new.json")).segments) == segments
 
 
 def test_a_site_that_is_there_is_kept(place: Place) -> None:

@@ -17,6 +17,7 @@ from executor.cli.main import main
 from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.flight.changed_parameters import write_kept
 from missions import parse_qgc_plan, read_plan
+from tests.executor.flights import short_report
 
 DEPOT = (49.6, 15.6)
 STEP_LON_DEG = 0.00083
@@ -143,7 +144,7 @@ OPTIONS = {
 
 def test_what_a_flight_left_over_is_planned(place: Place) -> None:
     shutil.copyfile(place.planned(), place.folder / "plan-000.json")
-    (place.folder / "report.json").write_text('{"segments_uncovered": [1, 3]}')
+    short_report([1, 3]).write(place.folder / "report.json")
     code, out, _ = place.run(
         "plan", place.path("site.toml"), "--after", str(place.folder), "--seconds", "0.2", "--json"
     )
@@ -425,9 +426,9 @@ def test_what_cannot_be_restored_is_refused(place: Place) -> None:
     assert place.refused("restore", str(place.folder)) == f"{place.folder}: {missing}"
     path = place.folder / "parameters.json"
     for text, words in (
-        ("{", "the file: expected what was changed on board: "),
-        ('{"format": "faultline-parameters/2", "parameters": []}', "format: expected what was changed on board: "),
-        ('{"format": "faultline-parameters/1"}', "parameters: expected what was changed on board: "),
+        ("{", "content: expected JSON: "),
+        ('{"format": "faultline-parameters/2", "parameters": []}', "format: expected 'faultline-parameters/1', got "),
+        ('{"format": "faultline-parameters/1"}', "parameters: expected this key, but it is missing"),
     ):
         path.write_text(text)
         assert place.refused("restore", str(place.folder)).startswith(f"{path}: {words}")

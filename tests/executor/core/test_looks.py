@@ -10,13 +10,12 @@ from executor.core.events import Tick
 from executor.core.messages import Attitude
 from executor.core.state import Told
 from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, at, flying
+from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
     HOMEWARD,
     LOW,
-    RTL,
     SECOND,
     SENT_HOME,
     STILL,

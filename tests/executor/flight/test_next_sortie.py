@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from executor.analysis.documents import FlightReport
 from executor.analysis.report import report_of
 from executor.core import fleet
 from executor.core.replan import replanning
@@ -18,6 +19,7 @@ from executor.site.assembly import Ground
 from missions import Network, PlanFile, PlanFileError, read_plan, write_plan
 from planner import segment_of
 from tests.executor.builders import ground_for, site_of
+from tests.executor.flights import short_report
 from tests.missions.builders import line_east, network_of
 
 NAMES = ("uav1", "uav2", "uav3")
@@ -37,12 +39,8 @@ def segments_of(plan: PlanFile) -> list[int]:
     return sorted(plan.segments[segment_of(visit)].id for route in plan.plan.routes for visit in route.visits)
 
 
-def report(uncovered: list[int], *lost: str) -> dict[str, object]:
-    return {"segments_uncovered": uncovered, "faults": [{"vehicle": name} for name in lost]}
-
-
 def test_what_was_left_over_is_planned_for_those_who_are_well(ground: Ground) -> None:
-    plan = next_sortie(ground, report([2, 4, 5], "uav2"), seed=1)
+    plan = next_sortie(ground, short_report([2, 4, 5], "uav2"), seed=1)
     assert plan is not None
     assert [vehicle.name for vehicle in plan.vehicles] == ["uav1", "uav3"]
     assert segments_of(plan) == [2, 4, 5]
@@ -51,7 +49,7 @@ def test_what_was_left_over_is_planned_for_those_who_are_well(ground: Ground) ->
 
 def test_what_is_beyond_the_budgets_is_named(ground: Ground) -> None:
     poor = ground_for(site_of(NAMES), line(4000.0))
-    plan = next_sortie(poor, report([0, 5]), seed=1)
+    plan = next_sortie(poor, short_report([0, 5]), seed=1)
     assert plan is not None
     _, left = sortie_words(plan, Path("next.json")).splitlines()
     assert left == (
@@ -60,13 +58,13 @@ def test_what_is_beyond_the_budgets_is_named(ground: Ground) -> None:
     )
 
 
-@pytest.mark.parametrize("case", [report([]), report([], "uav1"), report([1], *NAMES)])
-def test_nothing_left_or_nobody_to_fly_it(ground: Ground, case: dict[str, object]) -> None:
+@pytest.mark.parametrize("case", [short_report([]), short_report([], "uav1"), short_report([1], *NAMES)])
+def test_nothing_left_or_nobody_to_fly_it(ground: Ground, case: FlightReport) -> None:
     assert next_sortie(ground, case, seed=1) is None
 
 
 def test_it_fits_a_site_without_the_lost_vehicle(ground: Ground, tmp_path: Path) -> None:
-    plan = next_sortie(ground, report([2, 4], "uav2"), seed=1)
+    plan = next_sortie(ground, short_report([2, 4], "uav2"), seed=1)
     assert plan is not None
     write_plan(tmp_path / "next.json", plan)
     kept = read_plan(tmp_path / "next.json")
@@ -78,22 +76,22 @@ def test_it_fits_a_site_without_the_lost_vehicle(ground: Ground, tmp_path: Path)
 
 
 def test_a_flight_is_for_the_segments_of_its_plan(ground: Ground) -> None:
-    plan = next_sortie(ground, report([2, 4, 5]), seed=1)
+    plan = next_sortie(ground, short_report([2, 4, 5]), seed=1)
     assert plan is not None
     context = assembly.context_of(ground, assembly.setup_of(ground), plan.task(), plan.plan)
     before = fleet.initial(dict.fromkeys(NAMES))
     assert context.segments == 3
     assert replanning.orphans(context, before) == {2, 4, 5}
     flown = report_of(context, replace(before, inspected={4: "uav1"}), 100.0)
-    assert (flown["segments_total"], flown["segments_inspected"]) == (3, 1)
-    assert (flown["segments_uncovered"], flown["finished"]) == ([2, 5], False)
+    assert (flown.segments_total, flown.segments_inspected) == (3, 1)
+    assert (flown.segments_uncovered, flown.finished) == ((2, 5), False)
 
 
 def test_the_flight_of_another_line_is_refused(ground: Ground, tmp_path: Path) -> None:
-    plan = next_sortie(ground, report([2, 4]), seed=1)
+    plan = next_sortie(ground, short_report([2, 4]), seed=1)
     assert plan is not None
     write_plan(tmp_path / "plan-000.json", plan)
-    (tmp_path / "report.json").write_text(json.dumps(report([4])))
+    short_report([4]).write(tmp_path / "report.json")
     assert segments_left(tmp_path, ground) == (4,)
     with pytest.raises(PlanFileError, match=r"segment 2: expected where the site's segment 2 is, got .* m beside it"):
         segments_left(tmp_path, ground_for(site_of(NAMES), line(120.0)))
@@ -103,8 +101,8 @@ def test_the_flight_of_another_line_is_refused(ground: Ground, tmp_path: Path) -
     ("content", "why"),
     [
         (None, "report.json: cannot be read: No such file or directory; expected the report of a flight"),
-        ("{}", "report.json: segments_uncovered: expected the report of a flight"),
-        ('{"segments_uncovered": []}', "report.json: segments_uncovered: nothing is left over"),
+        ("{}", "report.json: format: expected this key, but it is missing"),
+        (json.dumps(short_report([]).plain()), "report.json: segments_uncovered: nothing is left over"),
     ],
 )
 def test_a_report_that_says_nothing_is_refused(ground: Ground, tmp_path: Path, content: str | None, why: str) -> None:

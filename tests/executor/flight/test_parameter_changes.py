@@ -139,7 +139,7 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
     assert first["new"] == pads.on_board[0][first["name"]]
     kept = await pads.give_back()
     assert pads.as_before
-    assert all(row["restored"] for row in parameters_report(kept))
+    assert all(row.restored for row in parameters_report(kept))
     assert {one.stage for one in read_kept(tmp_path) or ()} == {ChangeStage.RESTORED}
     [said] = [line for line in pads.console.lines if "uav1" in line]
     assert said.startswith("info uav1: RTL_")
@@ -426,7 +426,7 @@ async def test_a_damaged_record_stops_a_flight_and_hides_no_landing(tmp_path: Pa
         '{"format": "faultline-parameters/1", "parameters": [{"vehicle": "uav1"}]}'
     )
     pads = Pads(tmp_path, "px4")
-    with pytest.raises(LogError, match=r"parameters.json: parameters\.0\.sysid: expected what was changed on board"):
+    with pytest.raises(LogError, match=r"parameters.json: parameters\[0\]\.sysid: expected this key"):
         await pads.apply()
     assert pads.sets() == []
     assert await pads.give_back() == ()

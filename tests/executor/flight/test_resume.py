@@ -311,7 +311,7 @@ async def test_a_flight_that_cannot_be_published_here_is_taken_up_all_the_same(
     finished(run)
     monkeypatch.setitem(sys.modules, "aiomqtt", None)
     console = Watchful()
-    assert (await resume.take_up(run, console)).report["finished"]
+    assert (await resume.take_up(run, console)).report.finished
     why = f"[mqtt] in {run / 'site.toml'} needs the extra mqtt: pip install aiomqtt"
     assert console.said[0] == f"{why}; the flight goes on unpublished"
 

@@ -75,6 +75,7 @@ def test_the_token() -> None:
     assert isinstance(read(rules, token=secret), Intent)
     assert reason(rules).startswith("token: expected the one that the site names")
     assert "guess" not in reason(rules, token="guess")  # noqa: S106
+    assert "guess" not in reason(rules, token="guess" * 60)
     assert secret not in repr(rules)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -15,7 +14,7 @@ from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
-from executor.adapters.mqtt.schemas import schemas
+from executor.cli.schemas import schemas
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, Tick
 from executor.core.intents import Action, Outcome
@@ -33,7 +32,6 @@ SCHEMA_OF = {
     "ack": "acknowledgement",
     "telemetry": "telemetry",
 }
-DOCUMENTED = Path(__file__).parents[4] / "docs" / "mqtt"
 
 
 class Desk:
@@ -66,18 +64,12 @@ def content(letter: Letter) -> dict[str, Any]:
 
 @cache
 def validator(name: str) -> jsonschema.Draft202012Validator:
-    return jsonschema.Draft202012Validator(json.loads(schemas()[f"{name}.schema.json"]))
+    return jsonschema.Draft202012Validator(json.loads(schemas()[f"mqtt/{name}.schema.json"]))
 
 
 def on(letters: list[Letter], topic: str) -> list[dict[str, Any]]:
     """Return the messages on a topic; every one of them keeps to its schema."""
     return [content(letter) for letter in letters if letter.topic == f"site/north/v1/{topic}"]
-
-
-def test_the_schemas_in_the_documents_are_current() -> None:
-    """`./scripts/schemas` writes them anew."""
-    written = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTED.glob("*.json")}
-    assert written == schemas()
 
 
 def test_states_are_retained_and_published_on_change() -> None:

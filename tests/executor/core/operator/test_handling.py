@@ -376,6 +376,4 @@ def test_the_report_keeps_the_faults_of_who_came_back() -> None:
     flight.run(lambda: flight.stage("uav3") is Stage.LANDED)
     flight.ask(Action.INCLUDE, "uav3")
     report = report_of(flight.context, flight.state, flight.now_s)
-    faults = report["faults"]
-    assert isinstance(faults, list)
-    assert [(fault["vehicle"], fault["kind"]) for fault in faults] == [("uav3", "operator")]
+    assert [(fault.vehicle, fault.kind) for fault in report.faults] == [("uav3", FaultKind.OPERATOR)]

@@ -1,0 +1,278 @@
+"""report.json and vehicles.json as models: whoever writes one, and whoever reads one, goes by them.
+
+All times are seconds since the order to take off.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from executor.adapters.run_directory import RunDirectory, write_json
+from executor.core.preflight.checks import Severity
+from executor.core.vehicle import FaultKind
+from executor.errors import LogError
+from missions import first_reason
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+YesNo = Annotated[bool, Field(strict=True)]
+
+
+class Document(BaseModel):
+    """A JSON object; keys that it does not know, of a later version, are passed over."""
+
+    model_config = ConfigDict(frozen=True)
+
+    def plain(self) -> dict[str, object]:
+        """Return it as JSON has it."""
+        return self.model_dump(mode="json")
+
+    def write(self, path: Path) -> None:
+        """Write it, whole or not at all.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        write_json(path, self.plain())
+
+    @classmethod
+    def read(cls, path: Path, expected: str) -> Self:
+        """Read it.
+
+        Args:
+            path: Its file.
+            expected: What it is, in words.
+
+        Raises:
+            LogError: one line that names the file, the key and what was expected.
+        """
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}; expected {expected}") from error
+        except ValidationError as error:
+            raise LogError(f"{path}: {first_reason(error)}") from error
+
+
+class FaultRow(Document):
+    """A vehicle that was declared lost."""
+
+    vehicle: str
+    kind: FaultKind
+    reason: str
+    happened_s: Number | None
+    """Where a simulator knows it."""
+    detected_s: Number
+
+
+class ReplanRow(Document):
+    """A re-plan."""
+
+    revision: Whole
+    """Of the plan that it brought: plan-001.json is 1."""
+    trigger: str
+    """What it was needed for."""
+    feasible: YesNo
+    """Whether every segment that was open is covered."""
+    solve_s: Number
+    """In real time."""
+    upload_s: Number
+    total_s: Number
+    """From the need to the missions verified on board."""
+    uncovered: tuple[Whole, ...]
+    """Ids of the segments that nobody can fly."""
+
+
+class LastPosition(Document):
+    """Where a vehicle was heard last, WGS 84, for who has to find it."""
+
+    lat_deg: Number
+    lon_deg: Number
+    alt_rel_m: Number
+    """Over its pad."""
+    at_s: Number
+
+
+class VehicleRow(Document):
+    """What became of one vehicle."""
+
+    name: str
+    segments: tuple[Whole, ...]
+    """Ids of what it inspected."""
+    energy_used_pct: Number
+    landed: YesNo
+    """Whether it stands on its pad."""
+    min_reserve_pct: Number | None
+    """The lowest battery that was seen."""
+    state: str = ""
+    """In one word, as the page has it."""
+    last_position: LastPosition | None = None
+    frames_received: Whole | None = None
+    """Of MAVLink, from this vehicle."""
+    frames_missing: Whole | None = None
+    """Lost on the way, by their sequence numbers."""
+    frames_foreign: Whole | None = None
+    """On its connection, of nobody's vehicle."""
+    frames_refused: dict[str, Whole] | None = None
+    """Not believed, by the reason."""
+    type: str | None = None
+    autopilot: str | None = None
+    firmware: str | None = None
+
+
+class CheckRow(Document):
+    """A line of the checklist before the take-off."""
+
+    severity: Severity
+    subject: str
+    """A vehicle, or what else it is about."""
+    text: str
+
+
+class ParameterRow(Document):
+    """A parameter that was changed on board."""
+
+    vehicle: str
+    name: str
+    old: Number
+    new: Number
+    restored: YesNo
+    """Whether it was given back."""
+
+
+class HeightsPart(Document):
+    """The heights that were flown, in metres."""
+
+    over: str
+    """What they are counted from."""
+    flat: YesNo
+    """Whether the ground is taken to be flat."""
+    least_over_tops_m: Number | None
+    """Over pylon tops."""
+    least_over_ground_m: Number | None
+    most_over_ground_m: Number | None
+    return_over_ground_m: Number
+    """The highest of the vehicles' own returns."""
+    ceiling_m: Number
+
+
+class AbsenceRow(Document):
+    """A time in which the ground station was not there."""
+
+    until_s: Number
+    pause_s: Number
+    restarted: YesNo
+
+
+class InspectionRow(Document):
+    """How a segment was flown."""
+
+    segment: Whole
+    name: str = ""
+    vehicle: str
+    speed_mean_m_s: Number
+    speed_max_m_s: Number | None
+    deviation_mean_m: Number
+    """From the planned track."""
+    deviation_max_m: Number
+
+
+class NotCountedRow(Document):
+    """A run along a segment that does not count."""
+
+    vehicle: str
+    segment: Whole
+    name: str
+    reason: str
+
+
+class FlightReport(Document):
+    """What a flight came to. Times are seconds since the order to take off."""
+
+    format: Literal["faultline-report/1"]
+    segments_total: Whole
+    segments_inspected: Whole
+    segments_uncovered: tuple[Whole, ...]
+    """Ids of the segments left over."""
+    uncovered_names: tuple[str, ...] = ()
+    """The same by the names of the assets."""
+    segment_names: dict[str, str] = {}
+    """Every segment's name by its id."""
+    finished: YesNo
+    """Whether everything was inspected."""
+    duration_s: Number
+    """To the end of the supervision."""
+    faults: tuple[FaultRow, ...]
+    replans: tuple[ReplanRow, ...]
+    vehicles: tuple[VehicleRow, ...]
+    checks: tuple[CheckRow, ...] = ()
+    """The checklist, as before the take-off."""
+    parameters: tuple[ParameterRow, ...] = ()
+    heights: HeightsPart | None = None
+    absences: tuple[AbsenceRow, ...] = ()
+    """Times in which the ground station itself was away."""
+    inferred: tuple[Whole, ...] = ()
+    """Ids of segments that count by evidence, not by positions, after an absence."""
+    min_separation_m: Number | None
+    """The least distance of any two flying vehicles that was measured."""
+    inspection_speed_m_s: Number | None = None
+    """That was asked for."""
+    inspections: tuple[InspectionRow, ...] = ()
+    not_counted: tuple[NotCountedRow, ...] = ()
+
+
+class PadPart(Document):
+    """Where a vehicle stood, to the last digit: heights and layers follow from it."""
+
+    east_m: Number
+    north_m: Number
+    alt_m: Number
+    """Above mean sea level."""
+
+
+class AskedVehicle(Document):
+    """What one vehicle answered before the flight."""
+
+    name: str
+    sysid: Whole | None = None
+    type: str | None = None
+    autopilot: str | None = None
+    firmware: str | None = None
+    remaining_pct: Number | None = None
+    link_timeout_s: Number | None = None
+    """How long it may be silent before it is declared lost."""
+    pad: PadPart | None = None
+    """None in an older directory: the pads are those that the site gives."""
+    parameters: dict[str, Number] = {}
+    stations: tuple[tuple[Whole, Whole], ...] = ()
+    """System and component of the ground stations that were heard on its connection."""
+
+
+class AskedVehicles(Document):
+    """Who was asked before the flight, and what each one answered."""
+
+    format: Literal["faultline-vehicles/1"] = "faultline-vehicles/1"
+    vehicles: tuple[AskedVehicle, ...]
+    checks: tuple[CheckRow, ...] = ()
+    """The checklist."""
+
+
+def read_report(run: Path) -> FlightReport:
+    """Return what the flight of a run directory came to.
+
+    Raises:
+        LogError: there is no report yet, or it cannot be used.
+    """
+    return FlightReport.read(RunDirectory(run).report, "the report of a flight that is over")
+
+
+def read_asked(run: Path) -> AskedVehicles:
+    """Return what the vehicles of a run directory answered before the flight.
+
+    Raises:
+        LogError: it cannot be read.
+    """
+    return AskedVehicles.read(RunDirectory(run).vehicles, "what vehicles said before a flight")

@@ -1,0 +1,72 @@
+"""The JSON schemas of the documents, made from the models: files that people and programs keep, and MQTT payloads."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+from collections.abc import Iterator, Mapping
+from types import ModuleType
+from typing import Any
+
+from pydantic import BaseModel
+
+from executor.adapters.mqtt import intake, payloads
+from executor.analysis import documents
+from executor.core import state, view
+from executor.site import config
+from missions import planfile, planjson
+
+FILES: dict[str, type[BaseModel]] = {
+    "plan": planjson.PlanDocument,
+    "report": documents.FlightReport,
+    "site": config.Site,
+    "vehicles": documents.AskedVehicles,
+}
+MESSAGES: dict[str, type[BaseModel]] = {
+    "acknowledgement": payloads.AcknowledgementMessage,
+    "connection": payloads.ConnectionMessage,
+    "event": payloads.EventMessage,
+    "fault": payloads.FaultMessage,
+    "fleet-state": payloads.FleetStateMessage,
+    "intent": intake.IntentMessage,
+    "plan": payloads.PlanMessage,
+    "telemetry": payloads.TelemetryMessage,
+    "vehicle-state": payloads.VehicleStateMessage,
+}
+Words = Mapping[tuple[str, str], str]
+
+
+def schemas() -> dict[str, str]:
+    """Return every schema as text, by its place below `docs`."""
+    words = {(kind, key): text for module in (view, state, planfile, planjson, documents, config)
+             for kind, key, text in docstrings(module)}  # fmt: skip
+    files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
+    sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}
+    return {f"{place}.schema.json": text for place, text in (files | sent).items()}
+
+
+def _text(name: str, model: type[BaseModel], words: Words) -> str:
+    sent = issubclass(model, payloads.Payload)
+    content: dict[str, Any] = model.model_json_schema(mode="serialization" if sent else "validation")
+    for part in (content, *content.get("$defs", {}).values()):
+        for key, known in part.get("properties", {}).items():
+            if (part["title"], key) in words:
+                known.setdefault("description", words[part["title"], key])
+        if sent:
+            # A later minor version may say more; in what comes in, an unknown key is a mistake.
+            part.pop("additionalProperties", None)
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": name}
+    return json.dumps(head | content, indent=1) + "\n"
+
+
+def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
+    """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
+    for node in ast.parse(inspect.getsource(module)).body:
+        if not isinstance(node, ast.ClassDef):
+            continue
+        for field, below in zip(node.body, node.body[1:], strict=False):
+            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+                continue
+            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                yield node.name, field.target.id, " ".join(str(below.value.value).split())
