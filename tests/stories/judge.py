@@ -365,8 +365,9 @@ class Judge:
         return "" if self._silent(found["name"], at_s, 8.0) else "it spoke"
 
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        # How long a restart takes is the simulator's: at most as long as the span says.
         spans = [span for span in self.silences(found["name"]) if span.from_s < at_s < span.to_s]
-        return "it cannot be heard" if spans else ""
+        return "it cannot be heard" if any(span.what != "reboot" for span in spans) else ""
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
