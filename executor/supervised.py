@@ -27,7 +27,7 @@ Work = Callable[[], Awaitable[None]]
 
 
 def report_mistake(what: str, error: BaseException, *, said: bool = False) -> None:
-    """Hand a mistake to whoever hears them; `said` if the crew knows of it already."""
+    """Hand a mistake to those who listen; `said` if the crew knows of it already."""
     with suppress(RuntimeError):  # without a loop nothing goes on
         asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error, "said": said})
 

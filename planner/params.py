@@ -1,4 +1,4 @@
-"""What the searches are tuned by: checked when it is made, and passed to whoever searches.
+"""What the searches are tuned by: checked when it is made, and passed to the searches.
 
 The defaults are what every figure of this project was found with. A TOML file may set any of them, each part in a table
 of its own:

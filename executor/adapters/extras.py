@@ -1,6 +1,6 @@
 """What is installed only where it is wanted: the package's extras, and the line that is said where one is missing.
 
-Whoever needs one asks here before the work, and imports it only then: an installation without it does all the rest.
+Who needs one asks here before the work, and imports it only then: an installation without it does all the rest.
 """
 
 from __future__ import annotations

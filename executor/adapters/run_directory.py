@@ -81,7 +81,7 @@ class RunDirectory:
 
     @property
     def lock(self) -> Path:
-        """Return the file that whoever flies the directory holds."""
+        """Return the file that is locked while the directory is flown."""
         return self.path / ".lock"
 
     def plan(self, revision: int) -> Path:

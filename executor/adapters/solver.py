@@ -144,7 +144,7 @@ def solve_for_survivors(
 def _each_once(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     """Return what each survivor carries without what another carries too.
 
-    Whoever comes back from its pilot still has the work on board that others were given meanwhile.
+    A vehicle that comes back from its pilot still has the work on board that others were given meanwhile.
     """
     taken: set[int] = set()
     once = []

@@ -1,4 +1,4 @@
-"""report.json and vehicles.json as models: whoever writes one, and whoever reads one, goes by them.
+"""report.json and vehicles.json as models: who writes one and who reads one go by them.
 
 All times are seconds since the order to take off.
 """

@@ -193,7 +193,7 @@ def _decisions(record: FlightRecord) -> Iterator[Sequence[object]]:
 def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
     planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
     for segment in record.segments:
-        by = segment.inspected_by or "nobody"
+        by = segment.inspected_by or "no vehicle"
         yield segment.shown, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, _at(segment.inspected_s)
 
 

@@ -179,7 +179,7 @@ class Pair:
 
 
 def fly_job(job: Job) -> list[Pair]:
-    """Fly and judge them; the same seed and number give the same flight whoever flies it."""
+    """Fly and judge them; the same seed and number always give the same flight."""
     found = []
     for number in job.numbers:
         rng = np.random.default_rng([job.seed, number, ("healthy", *KINDS).index(job.what)])

@@ -140,7 +140,7 @@ class TerminalConsole:
     async def ask(self, question: str) -> bool:
         """Ask while the vehicles are listened to; without somebody to answer the answer is no.
 
-        Whoever waits for it may stop to wait: it was answered elsewhere then.
+        The caller may stop to wait: it was answered elsewhere then.
         """
         if self._yes:
             return True

@@ -34,8 +34,8 @@ def restore(
     for one in waiting:
         console.say(Level.INFO, one.words)
     asked = "1 parameter" if len(waiting) == 1 else f"{len(waiting)} parameters"
-    if not console.confirm(f"Give back {asked}?"):
-        console.say(Level.WARNING, "nobody said yes; nothing was told to any vehicle")
+    if not console.confirm(f"Restore {asked}?"):
+        console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
         raise typer.Exit(1)
     _finish(directory, turns.run(restoring.restore(directory, console)), as_json=as_json, quiet=quiet)
 
@@ -45,6 +45,10 @@ def _finish(directory: Path, kept: Sequence[Kept], *, as_json: bool, quiet: bool
     if as_json:
         print(json.dumps({"restored": stay == 0, "parameters": [row.plain() for row in parameters_report(kept)]}))
     elif not quiet:
-        print(f"{directory}: everything is as it was" if not stay else f"{directory}: {stay} of {len(kept)} stay")
+        print(
+            f"{directory}: all parameters are restored"
+            if not stay
+            else f"{directory}: {stay} of {len(kept)} not restored"
+        )
     if stay:
         raise typer.Exit(1)

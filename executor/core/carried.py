@@ -81,7 +81,7 @@ def after_report(carried: Carried, message: MissionCurrent, expected: int, now_s
         # What it says first after an upload may be of before it.
         if carried.id is None or now_s - carried.ours_s < SETTLES_S:
             return replace(carried, id=number, foreign_s=None, words="")
-        return _foreign(carried, "as many items as ours, and others", now_s)
+        return _foreign(carried, "as many items as ours, but others", now_s)
     if carried.foreign_s is None or (not number and carried.by_items):
         return carried
     return replace(carried, foreign_s=None, words="", by_items=False)
@@ -98,12 +98,10 @@ def after_reading(carried: Carried, match: Match | None, now_s: float) -> Carrie
     """Take what was read from it, against the mission that is ours; None if nothing could be read."""
     known = replace(carried, told_s=None, asked_s=None, read_s=now_s)
     if match is None:
-        return replace(
-            _foreign(known, "it says that it was given one, and does not let it be read", now_s), by_items=True
-        )
+        return replace(_foreign(known, "it reports a new one, which cannot be read", now_s), by_items=True)
     if match.whole:
         return replace(known, foreign_s=None, words="", by_items=False)
-    words = f"read back: others from item {match.alike} on"
+    words = f"read-back differs from item {match.alike} on"
     return replace(_foreign(known, words, now_s), words=words, by_items=True)
 
 

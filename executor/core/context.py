@@ -48,7 +48,7 @@ class VehicleSetup:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What is needed to watch vehicles, whoever flies them and whether or not a plan is known."""
+    """What is needed to watch vehicles, ours or not, with a plan or without."""
 
     frame: LocalFrame
     """Local metres about the depot."""
@@ -97,7 +97,7 @@ class Context(Scene):
     pilot_grace_s: float
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
     pilot_returns: bool
-    """Whether a vehicle that its pilot has put back on its mission is in the plan again without asking."""
+    """Whether a vehicle that its pilot has put back on its mission is in the plan again at once."""
     offer_s: float
     """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float

@@ -96,7 +96,7 @@ class MissionsWanted:
 
 @dataclass(frozen=True, slots=True)
 class ReturnAllOrdered:
-    """The operator sends everybody home."""
+    """The operator aborts the flight."""
 
 
 @dataclass(frozen=True, slots=True)

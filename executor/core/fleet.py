@@ -265,19 +265,19 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
         vehicle = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
         state, more = homeward.sent_home(context, state, vehicle, now_s)
         if comes_home(context, vehicle):
-            return state, (Say(Level.WARNING, f"{heard}, on its way home or down by itself"), *more)
-        return state, (Say(Level.WARNING, f"{heard}; its work was given away, so it does not go on with it"), *more)
+            return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
+        return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
     if not over_its_pad(context, vehicle):
         state = state.put(replace(moved_to(vehicle, Stage.DOWN), ordered_mode_s=now_s, place_told=True))
         return state, (Say(Level.FAULT, f"{heard}, {place_words(context, vehicle)}"),)
     state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
     if not on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
-    # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
+    # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.taken is not None:
-        text = f"{heard}, on the ground; armed as it is, it takes off with its old mission; its pilot's, not commanded"
+        text = f"{heard}, on the ground with its pilot, not commanded: armed now, it takes off with its old mission"
         return state, (Say(Level.WARNING, text),)
-    text = f"{heard}, on the ground; it is switched to RTL, so that it does not take off with its old mission"
+    text = f"{heard}, on the ground; switched to RTL, so that it cannot take off with its old mission"
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 
 
@@ -421,7 +421,7 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
 
 def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: was taken to be {taken_for} and flies, {last_heard(context, vehicle)}"
+    text = f"{vehicle.name}: was thought to be {taken_for} but flies, {last_heard(context, vehicle)}"
     back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
     state, more = homeward.sent_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
@@ -468,13 +468,13 @@ def _has_landed(vehicle: VehicleState) -> bool:
 
 
 def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
-    """Return whether a vehicle came down other than it lands; None as long as that is not seen."""
+    """Return whether a vehicle came down, but not in a landing; None as long as that is not seen."""
     fix = vehicle.fix
     if not vehicle.took_off or fix is None:
         return False
     if fix.at_s < vehicle.disarmed_s + SEEN_AFTER_S and now_s - vehicle.disarmed_s < UNSEEN_S:
         return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.lands else None
-    # Who was told to land may do so on a hill.
+    # A commanded landing may end on a hill.
     came_down = sank(vehicle) if vehicle.lands else fell(context, vehicle)
     return came_down or vehicle.disarmed_s - vehicle.falls_s < CRASHED_S
 
@@ -484,7 +484,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     if came_down is None:
         return state, ()
     if came_down:
-        text = f"{vehicle.name}: came down other than it lands; {last_heard(context, vehicle)}"
+        text = f"{vehicle.name}: came down, but not in a landing; {last_heard(context, vehicle)}"
         lies = replace(moved_to(vehicle, Stage.DOWN), run=None, errand=None, anchor=vehicle.fix, place_told=False)
         return state.put(lies), (Say(Level.FAULT, text),)
     vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None, errand=None, cleared_s=None)
@@ -501,7 +501,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
     left = f" with {battery.remaining_pct:.0f} %" if known else ""
     if vehicle.rebooted_s is not None and over_its_pad(context, vehicle):
-        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has started anew"
+        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
         return state, (Say(Level.INFO, text),)
     place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
     return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
@@ -547,14 +547,14 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(replace(vehicle, stubborn=True))
-        text = f"{vehicle.name}: could not be given its new mission ({event.reason}); planning around it"
+        text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it"
         commands.append(Say(Level.WARNING, text))
         state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
     if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
         state, start = _start(context, state, state.vehicles[vehicle.name], now_s)
         commands.append(start)
     elif mission.fresh and event.accepted:
-        commands.append(Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's word for it is too old"))
+        commands.append(Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's clearance is too old"))
     elif vehicle.stage is Stage.STARTING and not event.mixed:
         state, more = _started_again(context, state, state.vehicles[vehicle.name], now_s)
         commands.extend(more)
@@ -565,7 +565,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
             state,
             state.vehicles[vehicle.name],
             FaultKind.INTERRUPTION,
-            "its mission is a mixture of two",
+            "its mission on board is a mix of two",
             now_s,
         )
         commands.extend(more)
@@ -574,7 +574,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
 
 
 def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle does not fly what is on board any more: a mixture of two missions harms nobody then."""
+    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
     return vehicle.stage is Stage.RETURNING or homeward.comes_down(context, vehicle)
 
 

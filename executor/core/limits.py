@@ -11,7 +11,7 @@ class Limits:
 
     link_stale_s: float = 3.0
     all_silent_s: float = 60.0
-    """How long all vehicles may be silent at once before they are given up: until then it is our own fault."""
+    """How long all links may be lost at once before the vehicles are: until then it is our own fault."""
     battery_step_pct: float = 8.0
     """A loss of this much within `battery_step_window_s`, beyond what the flight costs, is no consumption."""
     battery_step_window_s: float = 6.0

@@ -265,7 +265,7 @@ class StationHeard:
 
 @dataclass(frozen=True, slots=True)
 class DoubleHeard:
-    """Frames of one system come from two addresses in turn: two vehicles have the same number."""
+    """Frames of one system come from two addresses in turn: two vehicles have the same sysid."""
 
     system: int
     places: tuple[str, ...]

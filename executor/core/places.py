@@ -76,7 +76,7 @@ def at_rest(vehicle: VehicleState, now_s: float) -> bool:
 
 
 def place_words(context: Scene, vehicle: VehicleState) -> str:
-    """Return where a vehicle is down, and what that means for whoever goes there."""
+    """Return where a vehicle is down, and whether it is safe to go there."""
     state = "armed: keep away" if vehicle.armed else "disarmed"
     return f"down at {coordinates(context, vehicle)}, {state}"
 

@@ -86,7 +86,7 @@ class Separation:
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """A time in which the ground station was not there: stopped, or started anew."""
+    """A time in which the ground station was not there: stopped, or restarted."""
 
     until_s: float
     pause_s: float
@@ -194,7 +194,7 @@ class FleetState:
     silence_told_s: float | None = None
     """When that was said last."""
     recalled: bool = False
-    """Everybody was sent home."""
+    """The flight was aborted."""
     separation: Separation | None = None
     told: Mapping[str, Told] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that was not well: what the operator was told."""

@@ -72,7 +72,7 @@ class TakenOver:
 
     since_s: float
     given_away: bool = False
-    """Whether its segments were given to the others."""
+    """Whether its segments were reassigned."""
     returned_s: float | None = None
     """Since when it is on its mission again, by its pilot's doing; None if it is not."""
 
@@ -257,7 +257,7 @@ class VehicleState:
     held_s: float | None = None
     """Since when it holds by the operator's order; None if it does not."""
     hold_asked_s: float = float("-inf")
-    """When it was last told to hold, and has not been told to go on since: it may follow late."""
+    """When a hold was commanded last, and no resume since: it may follow late."""
     excluded: bool = False
     """Whether the operator took it out of the plan: it is given nothing until it is included."""
     lands: bool = False

@@ -1,4 +1,4 @@
-"""When a checkpoint is due, and how it is written without that anybody waits for it."""
+"""When a checkpoint is due, and how it is written: nothing waits for it."""
 
 from __future__ import annotations
 

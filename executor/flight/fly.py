@@ -149,13 +149,13 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
     if proposal.changes:
         text = parameter_changes.changes_question(proposal)
         if not await _asked(flight, console, Action.PREPARE, text, parameter_changes.lines(proposal)):
-            raise PreflightFailed("the operator did not say yes; nothing was changed on board")
+            raise PreflightFailed("not confirmed; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
     await load_all(context, links, clock, beginning.boards, console)
     vehicles_of(context, seat.said).write(RunDirectory(order.run).vehicles)
-    text = f"All missions are on board and read back: {summary(order.plan)}. Take off?"
+    text = f"All missions are on board, verified by read-back: {summary(order.plan)}. Take off?"
     if not await _asked(flight, console, Action.TAKE_OFF, text, tuple(route_words(order.plan))):
-        raise PreflightFailed("the operator did not say yes; nothing has moved")
+        raise PreflightFailed("not confirmed; nothing has moved")
 
 
 async def _asked(flight: Flight, console: Console, action: Action, text: str, lines: Sequence[str] = ()) -> bool:

@@ -197,7 +197,7 @@ def _tell(run: Path, console: Console, name: str, given: GivenBack) -> None:
     stays = [f"{one.name} (was {number(one.old)})" for one in given.kept if one.open]
     if stays:
         console.say(Level.WARNING, f"{name}: {', '.join(stays)} not restored: {'; '.join(given.problems)}")
-        console.say(Level.WARNING, f"{name}: to give it back: faultline restore {run}")
+        console.say(Level.WARNING, f"{name}: to restore them: faultline restore {run}")
 
 
 def still_open(run: Path) -> list[Kept]:
@@ -218,6 +218,6 @@ def check_run(run: Path, site: Site) -> None:
         if one.open and systems.get(one.vehicle) != one.sysid:
             record = RunDirectory(run).parameters
             raise LogError(
-                f"{record}: {one.vehicle} (system {one.sysid}) has not been given {one.name} back, and is not in the "
+                f"{record}: {one.vehicle} (system {one.sysid}) has not got its {one.name} back, and is not in the "
                 f"site file; expected a new directory, or faultline restore {run} before"
             )

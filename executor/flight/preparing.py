@@ -136,6 +136,6 @@ async def load_all(
         dialect = context.vehicles[name].dialect
         mission = encode(board.path, dialect)
         await asking.load_mission(name, links[name], clock, dialect, mission)
-        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, read back the same")
+        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
 
     await together(one(name, board) for name, board in boards.items() if board is not None)

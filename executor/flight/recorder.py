@@ -1,4 +1,4 @@
-"""Whoever wants to know of a flight is told here: the operator, the event log, the plan files, the broker."""
+"""Tells of a flight: the operator, the event log, the plan files, the broker."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from executor.flight.mqtt import Publication
 
 CLOCK_SET_S = 2.0
-"""Less than this a clock drifts, or is corrected, without that anybody set it."""
+"""Smaller steps are drift or NTP corrections."""
 
 SETTLE_S = 60.0
 """Real seconds that the plans may take to be kept at the end of a flight."""
@@ -146,7 +146,7 @@ class Keeper:
         self.told(Say(Level.WARNING, text), self._clock.now_s())
 
     def _look_at_the_clock(self, now_s: float) -> None:
-        """Write down that the time of day was set: the flight does not go by it, but whoever takes it up again does."""
+        """Write down that the time of day was set: the flight does not go by it, but its resumption does."""
         set_s = self._clock.set_s()
         by_s = set_s - self._set_s
         if abs(by_s) < CLOCK_SET_S:

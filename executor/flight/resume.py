@@ -192,7 +192,7 @@ def _launched(run: Path) -> bool:
 
 
 def how_it_was_left(left: Left) -> list[str]:
-    """Return how a flight was left, for whoever must say yes."""
+    """Return how a flight was left, for the crew to confirm."""
     state = left.state
     vehicles = [
         f"{vehicle.name} {vehicle.stage.value}" if vehicle.fault is None else f"{vehicle.name} at fault"
@@ -317,7 +317,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
 
 
 async def _read(run: Path, known: Outset) -> Left:
-    """Read the log in a thread, which ends with whoever waits for it."""
+    """Read the log in a thread, which ends with its caller."""
     over = threading.Event()
     try:
         return await asyncio.to_thread(read_rest, run, known, over.is_set)

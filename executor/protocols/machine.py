@@ -26,7 +26,7 @@ class Rejected:
 
 @dataclass(frozen=True, slots=True)
 class TimedOut:
-    """The vehicle fell silent."""
+    """The vehicle did not answer any more."""
 
     reason: str
 

@@ -97,7 +97,7 @@ class UploadDialogue:
         if now_s - self.heard_s >= self.silence_s:
             if self.refusal is not None:
                 return self._ended(_rejected(self.refusal)), ()
-            return self._ended(TimedOut(f"silence after item {self.furthest} of {len(self.items)}")), ()
+            return self._ended(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
         if self.furthest == len(self.items) - 1:
             return state, (SendMissionItem(self.items[-1]),)

@@ -7,6 +7,7 @@ it stood. What the flight decided stands in the log beside the events, so the tw
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,8 @@ class Comparison:
     replayed: int
     first_difference: str
     """Empty if there is none."""
+    reworded: str = ""
+    """The first line or reason that has other words now; empty if there is none. It decides nothing."""
 
     @property
     def same(self) -> bool:
@@ -79,9 +82,11 @@ def rerun(run: Path) -> RunReplay:
             decided += [(at_s, _plain(command)) for command in commands]
         if isinstance(event, Tick):
             watch.look(state, at_s)
-    comparison = _compared(list(read_decisions(events)), decided)
+    comparison = compared(list(read_decisions(events)), decided)
     vehicles = watch.vehicles(state, head.began_unix_s, at_s)
     notes = () if comparison.same else (f"not what the flight decided: {comparison.first_difference}",)
+    if comparison.same and comparison.reworded:
+        notes = (f"recorded by a version with other words: {comparison.reworded}",)
     log = LogReplay(run, vehicles, Skipped(), round(head.began_unix_s * 1e6), at_s, notes)
     return RunReplay(log, comparison, state)
 
@@ -90,20 +95,31 @@ def _plain(command: Command) -> object:
     return command.text if isinstance(command, Say) else to_plain(command)
 
 
-def _compared(logged: list[Decided], replayed: list[Decided]) -> Comparison:
-    """Compare in the form that the log has: through JSON and back."""
+def compared(logged: Sequence[Decided], replayed: Sequence[Decided]) -> Comparison:
+    """Compare what was logged with what was decided again, in the form that the log has: through JSON and back."""
     made: list[Any] = json.loads(json.dumps(replayed))
     commands = any(not isinstance(what, str) for _, what in logged)
     if not commands:  # written before commands were kept: the lines are compared alone
         made = [one for one in made if isinstance(one[1], str)]
-    first = ""
+    first = reworded = ""
     for number, (before, after) in enumerate(zip(logged, made, strict=False)):
-        if [before[0], before[1]] != after:
-            first = f"decision {number} at {before[0]:.2f} s was {_words(before[1])}, is {_words(after[1])}"
+        if [before[0], before[1]] == after:
+            continue
+        what = f"decision {number} at {before[0]:.2f} s was {_words(before[1])}, is {_words(after[1])}"
+        if before[0] != after[0] or _wordless(before[1]) != _wordless(after[1]):
+            first = what
             break
+        reworded = reworded or what
     if not first and len(logged) != len(made):
         first = f"the flight made {len(logged)} decisions, the replay {len(made)}"
-    return Comparison(len(logged), len(made), first)
+    return Comparison(len(logged), len(made), first, reworded)
+
+
+def _wordless(decided: object) -> object:
+    """Return a decision without its sentences, which another version of the program may word otherwise."""
+    if not isinstance(decided, dict):
+        return ""
+    return {key: value for key, value in decided.items() if key not in {"trigger", "reason"}}
 
 
 def _words(decided: object) -> str:

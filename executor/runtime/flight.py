@@ -113,7 +113,7 @@ class Flight:
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
         if self.state.briefing.answered:
             self._answer.set()
-        # Whoever looks on, and one command, must not keep the others from being carried out.
+        # An observer, and one command, must not keep the others from being carried out.
         supervised.safely("what shows the flight", self._observer.applied, event, self.state, now_s)
         for command in decided:
             supervised.safely("what keeps the decisions", self._observer.decided, command, now_s)

@@ -35,7 +35,7 @@ SETTLE_S = 1.0
 
 
 async def read_present(link: Link, clock: Clock, dialect: Dialect) -> dict[str, ParamValue]:
-    """Return what a vehicle has of the parameters that its own return goes by."""
+    """Return what a vehicle has of the parameters that its RTL goes by."""
     present = await read_parameters(link, clock, first_names(dialect))
     return present | await read_parameters(link, clock, newer_names(dialect, present))
 

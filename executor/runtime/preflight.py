@@ -168,7 +168,7 @@ async def interview(
     finally:
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
-        raise PreflightFailed(f"{name}: fell silent while it was asked")
+        raise PreflightFailed(f"{name}: link lost while its parameters were read")
     stations = [one for one in heard.strangers if isinstance(one, StationHeard)]
     return Facts(
         name,

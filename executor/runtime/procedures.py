@@ -110,7 +110,7 @@ async def put_on_board(
         different = differences(items, download.items, dialect)
         if not different:
             return Done(accepted=True)
-        reason = f"reads back differently: {different[0]}"
+        reason = f"read-back differs: {different[0]}"
     return Done(accepted=False, reason=reason, mixed=mixed)
 
 

@@ -147,7 +147,7 @@ class Airframe:
         self._falling = True
 
     def put_on_pad(self) -> None:
-        """Stand on its pad as if nothing had been, as a simulator does that is started anew."""
+        """Stand on its pad as if nothing had been, as a simulator does that is restarted."""
         self._falling = self.wrecked = self._turns_over = False
         self.crashed_s = None
         self.body.east_m = self.body.north_m = self.body.up_m = 0.0

@@ -47,7 +47,7 @@ STEP_S = 0.05
 BOOT_S = 5.0
 """Silence of a restart."""
 BOOT_ANEW_S = 8.0
-"""Measured: PX4's simulator, killed and started anew, answers again from its pad."""
+"""Measured: PX4's simulator, killed and restarted, answers again from its pad."""
 DRIFT_M, DRIFT_M_S = 4.0, 0.5
 """How far and how fast the air carries a vehicle that holds its height alone."""
 LAST_WORDS_S = 2.0
@@ -138,7 +138,7 @@ class Autopilot(ABC):
             self._dispatch(received.sender, received.body)
 
     def reboot(self, *, on_pad: bool = False) -> None:
-        """Restart; the motors stop. A simulator that is started anew may stand on its pad again."""
+        """Restart; the motors stop. A simulator that is restarted may stand on its pad again."""
         self._rebooting_until_s = self.now_s + (BOOT_ANEW_S if on_pad else BOOT_S)
         if on_pad:
             self.frame.put_on_pad()

@@ -26,7 +26,7 @@ class InjectionKind(Enum):
     """The motors stop."""
     REBOOT = "reboot"
     """The autopilot restarts: on the ground it is back after a few seconds, in the air it falls; with ``pad`` it is
-    back on its pad wherever it was, as a simulator that is started anew."""
+    back on its pad wherever it was, as a simulator that is restarted."""
     REFUSE_UPLOAD = "refuse-upload"
     """No mission is accepted any more."""
     HALF_UPLOAD = "half-upload"

@@ -1,4 +1,4 @@
-"""A plan in words, for whoever must say yes to it: who flies what for how long, and what is left over and why."""
+"""A plan in words, for the crew to confirm: which vehicle flies what for how long, and what is left over and why."""
 
 from __future__ import annotations
 

@@ -32,25 +32,25 @@ OTHER_MODES = MappingProxyType({
 """mode.h of ArduCopter."""
 
 _ARDUPILOT_LOW: Words = (
-    (1, "lands"),
-    (2, "returns"),
-    (3, "returns"),  # by the way it came where it can
-    (4, "returns"),  # by the way it came, else it lands
-    (5, "terminates the flight"),
-    (6, "returns"),  # or flies to a landing sequence, which our missions do not have
-    (7, "brakes and lands"),
+    (1, "land"),
+    (2, "RTL"),
+    (3, "SmartRTL or RTL"),
+    (4, "SmartRTL or land"),
+    (5, "flight termination"),
+    (6, "RTL"),  # or flies to a landing sequence, which our missions do not have
+    (7, "brake and land"),
 )
 
 ARDUPILOT_LINK = GroundStationFailsafe(
     action="FS_GCS_ENABLE",
     action_return=1,  # measured: RTL
     actions=(
-        (1, "returns"),
-        (3, "returns"),  # by the way it came where it can
-        (4, "returns"),  # by the way it came, else it lands
-        (5, "lands"),
-        (6, "returns"),  # or flies to a landing sequence, which our missions do not have
-        (7, "brakes and lands"),
+        (1, "RTL"),
+        (3, "SmartRTL or RTL"),
+        (4, "SmartRTL or land"),
+        (5, "land"),
+        (6, "RTL"),  # or flies to a landing sequence, which our missions do not have
+        (7, "brake and land"),
     ),
     timeout="FS_GCS_TIMEOUT",
     timeout_s=5.0,  # recorded parameters

@@ -15,7 +15,7 @@ Words = tuple[tuple[int, str], ...]
 
 @dataclass(frozen=True, slots=True)
 class GroundStationFailsafe:
-    """What the vehicle does when the ground station falls silent."""
+    """What the vehicle does when it does not receive the ground station."""
 
     action: str
     """Parameter that chooses it; 0 is nothing on both autopilots."""
@@ -23,7 +23,7 @@ class GroundStationFailsafe:
     """Its value for a return home."""
     actions: Words
     timeout: str
-    """Parameter: seconds of silence."""
+    """Parameter: seconds without a link until it acts."""
     timeout_s: float
     """Its default."""
     pause: str | None

@@ -29,7 +29,7 @@ OTHER_MODES = MappingProxyType({
 PX4_LINK = GroundStationFailsafe(
     action="NAV_DLL_ACT",
     action_return=2,  # measured: AUTO.LOITER, then RTL
-    actions=((1, "holds"), (2, "returns"), (3, "lands"), (5, "terminates the flight"), (6, "disarms")),
+    actions=((1, "hold"), (2, "RTL"), (3, "land"), (5, "flight termination"), (6, "disarm")),
     timeout="COM_DL_LOSS_T",
     timeout_s=10.0,  # commander_params.c
     pause="COM_FAIL_ACT_T",
@@ -45,7 +45,7 @@ PX4_BATTERY = BatteryFailsafe(
         BatteryLevel(
             "critical",
             _PX4_LOW,
-            ((1, "returns"), (2, "lands"), (3, "returns")),
+            ((1, "RTL"), (2, "land"), (3, "RTL")),
             "BAT_CRIT_THR",
             ThresholdUnit.SHARE,
             None,
@@ -53,7 +53,7 @@ PX4_BATTERY = BatteryFailsafe(
         BatteryLevel(
             "emergency",
             _PX4_LOW,
-            ((1, "returns"), (2, "lands"), (3, "lands")),
+            ((1, "RTL"), (2, "land"), (3, "land")),
             "BAT_EMERGEN_THR",
             ThresholdUnit.SHARE,
             None,

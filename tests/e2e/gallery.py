@@ -53,7 +53,7 @@ CHECKS = (
     CheckLine("ok", "uav1", "quadrotor, ArduPilot 4.6.1"),
     CheckLine("ok", "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %"),
     CheckLine(
-        "warning", "uav2", "no battery failsafe (BATT_FS_LOW_ACT 0): on an empty battery it flies on until it falls"
+        "warning", "uav2", "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it flies on until it falls"
     ),
     CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %"),
     CheckLine("ok", "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %"),
@@ -136,7 +136,7 @@ def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scen
              "uav2: RTL_ALT 15 m to 50 m, the same", "uav3: RTL_ALT 82 m to 55 m, the same"),
         ),
         "take-off": Question(
-            "take-off", "All missions are on board and read back. Take off?",
+            "take-off", "All missions are on board, verified by read-back. Take off?",
             ("uav1, uav2 and uav3 take off from their pads", "back in 5.9 min, 66 % left at the least"),
         ),
     }  # fmt: skip

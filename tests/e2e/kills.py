@@ -190,7 +190,7 @@ async def _dies(station: asyncio.subprocess.Process, chance: random.Random, *, l
         "landing": (("landed with",), 3.0),
     }
     if lost:
-        moments["re-plan"] = (("link, silent for",), 1.5)
+        moments["re-plan"] = (("link lost for",), 1.5)
     moment = chance.choice(sorted(moments)) if first else "taken up"
     words, within_s = moments.get(moment, ((), 8.0))
     if words:

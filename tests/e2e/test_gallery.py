@@ -42,7 +42,9 @@ async def test_the_question_before_the_take_off_is_answered_with_two_strokes() -
         async with browsing(address) as page:
             await expect(page.locator("#agree")).to_be_visible()
             await page.keyboard.press("y")
-            await expect(page.locator("#question")).to_have_text("All missions are on board and read back. Take off?")
+            await expect(page.locator("#question")).to_have_text(
+                "All missions are on board, verified by read-back. Take off?"
+            )
             await page.keyboard.press("Escape")
             assert shown.asked == []
             await page.locator("#agree").click()

@@ -124,7 +124,7 @@ async def test_after_a_flight(autopilot: str, tmp_path: Path) -> None:
         [line] = [line for line in err.splitlines() if line.endswith(" restored") and f" {name}: " in line]
         assert all(f"{row['name']} {row['old']:g}" in line for row in report["parameters"] if row["vehicle"] == name)
     async with called("restore", str(run)) as process:
-        assert (await ended(process))[0] == f"{run}: everything is as it was\n"
+        assert (await ended(process))[0] == f"{run}: all parameters are restored\n"
     assert process.returncode == 0
 
 
@@ -179,7 +179,7 @@ async def test_nobody_says_yes(tmp_path: Path) -> None:
         async with called("fly", str(site), "--run", str(run)) as flight:
             _, err = await ended(flight)
         assert flight.returncode == 2
-        assert "the operator did not say yes; nothing was changed on board" in err
+        assert "not confirmed; nothing was changed on board" in err
         assert fleet.as_before
     async with called("restore", str(run), "--yes") as process:
         _, err = await ended(process)
@@ -225,7 +225,7 @@ async def test_a_vehicle_that_is_lost_keeps_what_was_set_until_it_answers(tmp_pa
             _, err = await ended(flight)
         assert fleet.on_board[0] == fleet.before
         assert "uav2: RTL_ALT (was 1217), RTL_CONE_SLOPE (was 2.5) not restored: does not answer" in err
-        assert f"uav2: to give it back: faultline restore {run}" in err
+        assert f"uav2: to restore them: faultline restore {run}" in err
         report = json.loads((run / "report.json").read_text(encoding="utf-8"))
         assert {row["vehicle"] for row in report["parameters"] if not row["restored"]} == {"uav2"}
         assert (await restored(run))[0] == 1

@@ -141,7 +141,7 @@ def _report(*, finished: bool) -> dict[str, object]:
         "upload_s": 9.0,
         "total_s": 10.0,
     }
-    fault = {"vehicle": "uav2", "kind": "link", "reason": "silent for 10 s", "happened_s": 40.0, "detected_s": 50.0}
+    fault = {"vehicle": "uav2", "kind": "link", "reason": "link lost for 10 s", "happened_s": 40.0, "detected_s": 50.0}
     return {
         "format": "faultline-report/1",
         "segments_total": 5,

@@ -146,7 +146,7 @@ def test_an_error_that_is_followed_by_a_request_is_forgotten() -> None:
     machine, _ = told(PX4, MissionRequest(0), MissionAck(1), MissionRequest(1))
     while machine.outcome is None:
         machine, _ = machine.on_deadline(machine.deadline_s)
-    assert machine.outcome == TimedOut("silence after item 1 of 4")
+    assert machine.outcome == TimedOut("no answer after item 1 of 4")
 
 
 def test_a_vehicle_that_never_asks_is_told_five_times() -> None:

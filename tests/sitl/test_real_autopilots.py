@@ -116,7 +116,7 @@ def test_silent_and_home_by_its_own_failsafe(autopilot: Autopilot, tmp_path: Pat
     home = {mode.custom_mode for mode in homeward(autopilot)}
     turned_s = next(at_s for at_s, mode in flight.unseen_modes if mode in home)
     assert turned_s < flight.report["faults"][0]["detected_s"] + flight.launched_s, flight.said
-    assert flight.says(f"{VICTIM}: is heard again, on its way home or down by itself") is not None, flight.said
+    assert flight.says(f"{VICTIM}: is heard again, returning or landing by itself") is not None, flight.said
     assert never_on_its_mission(flight, autopilot)
 
 
@@ -126,7 +126,7 @@ def test_silent_and_told_to_return(autopilot: Autopilot, tmp_path: Path) -> None
     flight = flown(autopilot, silence(NO_FAILSAFE[autopilot], link_timeout_s=14.0), tmp_path)
     ended_well(flight, ["link"])
     assert {mode for _, mode in flight.unseen_modes} == {dialect_for(autopilot.name).modes.mission.custom_mode}
-    told_s = flight.says(f"{VICTIM}: is heard again; its work was given away, so it is told to return")
+    told_s = flight.says(f"{VICTIM}: is heard again; its work was given away, so RTL commanded")
     assert told_s is not None, flight.said
     assert never_on_its_mission(flight, autopilot, after_s=told_s + 5.0)
 
@@ -140,8 +140,8 @@ def test_a_silence_within_its_patience(autopilot: Autopilot, tmp_path: Path) -> 
     patience = {ARDUPILOT: {"FS_GCS_ENABLE": 1, "FS_GCS_TIMEOUT": 40}, PX4: {"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 40}}
     flight = flown(autopilot, silence(patience[autopilot]), tmp_path)
     ended_well(flight, [])
-    assert flight.says(f"{VICTIM}: nothing heard for ") is not None, flight.said
-    assert flight.says(f"{VICTIM}: is heard again") is not None, flight.said
+    assert flight.says(f"{VICTIM}: no message for ") is not None, flight.said
+    assert flight.says(f"{VICTIM}: link regained") is not None, flight.said
     assert flight.report["replans"], flight.said
     assert all(replan["trigger"].startswith("not proven") for replan in flight.report["replans"]), flight.said
     assert {mode for _, mode in flight.unseen_modes} == {dialect_for(autopilot.name).modes.mission.custom_mode}

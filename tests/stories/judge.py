@@ -229,7 +229,7 @@ class Judge:
     def _stays_open(self) -> bool:
         """Return whether nobody is heard, and the flight says so: it ends by an operator, or by empty batteries."""
         open_s = max((at_s for at_s, line in self.flown.said if "The flight stays open" in line.text), default=None)
-        again_s = max((at_s for at_s, line in self.flown.said if line.text == "vehicles are heard again"), default=0.0)
+        again_s = max((at_s for at_s, line in self.flown.said if line.text == "links regained"), default=0.0)
         unheard = open_s is not None and all(self._silent(name, open_s, SHOWN_S) for name in self.names)
         return unheard and open_s is not None and open_s > again_s
 
@@ -313,11 +313,11 @@ class Judge:
             (re.compile(name + r"(?!.*(says|not landed|has not)).*\blanded\b"), self._landed),
             (re.compile(name + r".*down at (?P<lat>-?\d+\.\d+)\D+?(?P<lon>-?\d+\.\d+)"), self._down),
             (re.compile(name + r".*with its pilot"), self._with_pilot),
-            (re.compile(name + r".*segments? (is|are) given (to the others|away)"), self._given),
-            (re.compile(name + r".*(silent for|nothing heard for) "), self._is_silent),
-            (re.compile(name + r"is heard again"), self._is_heard),
+            (re.compile(name + r".*segments? to be reassigned"), self._given),
+            (re.compile(name + r".*(link lost|no message) for "), self._is_silent),
+            (re.compile(name + r"link regained"), self._is_heard),
             (re.compile(name + r".*(?P<what>by itself)"), self._by_itself),
-            (re.compile(r"^all vehicles are silent"), self._all_silent),
+            (re.compile(r"^all links lost at once"), self._all_silent),
             (re.compile(name + r".*(below|under) (its|the) reserve"), self._below_reserve),
             (re.compile(name + r".*"), self._a_fault),
         ]
@@ -367,8 +367,9 @@ class Judge:
         return "" if self._silent(found["name"], at_s, 8.0) else "it spoke"
 
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        # How long a restart takes is the simulator's: at most as long as the span says.
         spans = [span for span in self.silences(found["name"]) if span.from_s < at_s < span.to_s]
-        return "it cannot be heard" if spans else ""
+        return "it cannot be heard" if any(span.what != "reboot" for span in spans) else ""
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]

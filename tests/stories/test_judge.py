@@ -109,11 +109,11 @@ def test_who_comes_down_elsewhere_is_announced_with_its_place() -> None:
 
 def test_a_fault_of_nothing_and_a_takeover_by_nobody() -> None:
     calm = flown(*BEGUN, *ENDED)
-    assert rules(said(calm, 100.0, "uav1: battery, below its reserve at the landing by 100 %", Level.FAULT)) == [
+    assert rules(said(calm, 100.0, "uav1: battery, below its reserve at landing with 100 %", Level.FAULT)) == [
         "line", "line",
     ]  # fmt: skip
     assert rules(said(calm, 100.0, "uav1: with its pilot")) == ["line"]
-    assert rules(said(calm, 100.0, "uav1: nothing heard for 3.2 s")) == ["line"]
+    assert rules(said(calm, 100.0, "uav1: no message for 3.2 s")) == ["line"]
 
 
 def test_a_page_that_shows_what_is_not() -> None:

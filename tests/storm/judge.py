@@ -211,7 +211,11 @@ class StormJudge(Judge):
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
         spans = [span for span in super().silences(name) if span.from_s + 1.0 < at_s < span.to_s]
-        return "it cannot be heard" if spans and not self._forged(name, at_s) else ""
+        return (
+            "it cannot be heard"
+            if any(span.what != "reboot" for span in spans) and not self._forged(name, at_s)
+            else ""
+        )
 
     def _with_pilot(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]

@@ -75,7 +75,9 @@ def test_a_radio_that_is_gone_for_long_ends_no_flight(autopilot: str) -> None:
     """They come home by their own failsafes, are nobody's loss, and finish."""
     stormed = flown(autopilot, Happening("all silent", ALL, AT_S, 75.0))
     [line] = faults(stormed)
-    assert line.startswith("nobody was heard for 60 s; in the air when last heard: uav1, uav2, uav3. The flight stays")
+    assert line.startswith(
+        "no message from any vehicle for 60 s; in the air at last contact: uav1, uav2, uav3. The flight stays"
+    )
 
 
 @DIALECTS

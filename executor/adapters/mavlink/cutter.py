@@ -18,7 +18,7 @@ HEADS = {V1: HEAD_V1, V2: HEAD_V2}
 MARK = re.compile(b"[%c%c]" % (V1, V2))
 
 OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
-"""Messages that are read whoever sends them; of the rest it is enough that they are whole."""
+"""Messages that are read from any sender; of the rest it is enough that they are whole."""
 
 MOST_WRONG = 500
 """Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""

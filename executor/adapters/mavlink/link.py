@@ -68,7 +68,7 @@ class VehicleLink:
         Args:
             received: The frame.
             source: The address that it came from, where there is one.
-            write: How to answer there; whoever else uses the vehicle's number is not answered.
+            write: How to answer there; others that use the vehicle's sysid are not answered.
         """
         if received.own and write is not None:
             self.write = write

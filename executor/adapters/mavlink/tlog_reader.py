@@ -51,7 +51,7 @@ POSITION_USEC = 1_900_000
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
 GAP_USEC = 900_000
-"""Where nothing came of a system for so long, it is said that time passed before it is heard again."""
+"""Where nothing came of a system for so long, it is said that time passed before its next message."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128

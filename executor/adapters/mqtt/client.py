@@ -20,7 +20,7 @@ from executor.adapters.mqtt.outbox import Letter, Outbox, UnderWay
 from executor.core.commands import Level
 
 ANSWER_S = 5.0
-"""A broker that does not acknowledge for so long is taken to be away."""
+"""A broker that sends no PUBACK for so long counts as disconnected."""
 LEAST_BYTES_PER_S = 1000.0
 """A slower line is as good as none: what is under way may take so much longer."""
 KEEPALIVE_S = 60

@@ -1,6 +1,6 @@
 """What comes in over MQTT: an intent of the operator's, or a reason why it is none.
 
-Whoever can publish on the topic can write anything there: sizes are bounded before anything is read, unknown keys are
+Who can publish on the topic can write anything there: sizes are bounded before anything is read, unknown keys are
 refused, and what was meant for another moment (kept by the broker, or written long ago) is not carried out now.
 """
 
@@ -87,7 +87,7 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
         payload: The message as it came.
         rules: What the site demands.
         now_unix_s: Seconds since 1970, by this computer.
-        retained: Whether the broker had kept it for whoever comes.
+        retained: Whether the broker had kept it for later subscribers.
     """
     if len(payload) > MOST_BYTES:
         return RefusedMessage(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}")

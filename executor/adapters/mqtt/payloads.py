@@ -82,7 +82,7 @@ class FleetStateMessage(Payload):
     all_silent: bool
     """Whether nobody at all is heard."""
     recalled: bool
-    """Whether everybody was sent home."""
+    """Whether the flight was aborted."""
     finished: bool
     min_separation_m: float | None
     """The nearest that two flying vehicles came to each other."""

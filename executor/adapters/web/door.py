@@ -1,7 +1,7 @@
 """Who may be connected, how many, and for how long without a word: nobody keeps the crew out of its own page.
 
-This computer has places of its own, which connections from elsewhere never use up. Where all places are taken, whoever
-has been silent longest makes room: a browser says what it wants within moments.
+This computer has places of its own, which connections from elsewhere never use up. Where all places are taken, the one
+that has been silent longest makes room: a browser says what it wants within moments.
 """
 
 from __future__ import annotations

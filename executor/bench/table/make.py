@@ -87,7 +87,7 @@ class _Frame:
     tightness: float
     budget_pct: float
     best_routes: Routes
-    """Of the best MinMax plan, whoever found it."""
+    """Of the best MinMax plan that any solver found."""
     best_s: float
 
     def task(self, kind: TaskKind) -> TableTask:

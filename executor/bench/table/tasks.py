@@ -87,7 +87,7 @@ class TableTask:
 
 
 def do(task: TableTask, table: TableSettings) -> Json:
-    """Do a piece of work; its figures are recomputed from the definition, whoever made the plan."""
+    """Do a piece of work; its figures are recomputed from the definition for every plan."""
     instance = _instance(table.network, task.radius_m)
     if task.budget_pct is not None:
         instance = with_budget(instance, task.budget_pct)

@@ -78,7 +78,7 @@ def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: Vehicl
 
 
 HOVERS_S = 2.5
-"""Whoever holds at the end of a mission stands on the ground, and says so every second."""
+"""A vehicle that holds at the end of a mission stands on the ground, and says so every second."""
 
 
 def _hovers(context: Scene, vehicle: VehicleState, now_s: float) -> bool:

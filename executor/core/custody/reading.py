@@ -31,5 +31,5 @@ def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetSt
     state = state.put(changed(vehicle, carried=known))
     if known.foreign_s is not None or not was_ours:
         return state, ()
-    text = f"{vehicle.name}: said that it was given another mission; read back, it is ours"
+    text = f"{vehicle.name}: reported a new mission; verified by read-back, it is ours"
     return state, (Say(Level.WARNING, text),)

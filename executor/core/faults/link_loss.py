@@ -57,13 +57,13 @@ def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -
         state = _over(_excused(state, pause_s, now_s))
         if pause_s > NOTED_SLEEP_S:
             state = changed(state, absences=(*state.absences, Absence(now_s, pause_s, restarted=False, deaf=True)))
-        return state, (Say(Level.INFO, "vehicles are heard again"),)
+        return state, (Say(Level.INFO, "links regained"),)
     if not state.flying():
         return _over(state), ()
     if state.silent_since_s is not None:
         return _lasting(context, state, now_s)
-    who = "all vehicles are silent at once" if len(expected) > 1 else "nobody is heard any more"
-    text = f"{who}: is it our own radio? Nothing is re-planned yet"
+    who = "all links lost at once" if len(expected) > 1 else "no link to any vehicle"
+    text = f"{who}: is it our own radio? No re-plan yet"
     return changed(state, silent_since_s=latest), (Say(Level.WARNING, text),)
 
 
@@ -72,15 +72,15 @@ def _over(state: FleetState) -> FleetState:
 
 
 def _lasting(context: Scene, state: FleetState, now_s: float) -> Stepped:
-    """Say again, now and then, that nobody is heard, and what that means."""
+    """Say again, now and then, that all links are lost, and what that means."""
     since_s = state.silent_since_s or now_s
     told_s = since_s if state.silence_told_s is None else state.silence_told_s
     if now_s - told_s < (context.limits.all_silent_s if state.silence_told_s is None else TOLD_AGAIN_S):
         return state, ()
     aloft = ", ".join(vehicle.name for vehicle in state.flying())
     text = (
-        f"nobody was heard for {now_s - since_s:.0f} s; in the air when last heard: {aloft}. The flight stays open and "
-        "takes up whoever is heard again"
+        f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The flight "
+        "stays open and resumes with the first link regained"
     )
     return changed(state, silence_told_s=now_s), (Say(Level.FAULT, text),)
 
@@ -104,7 +104,7 @@ def _expected(state: FleetState) -> list[float]:
 
 
 def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Say when a vehicle falls silent and when it is heard again, before and after that is a fault."""
+    """Say when a link is stale and when it is regained, before and after that is a fault."""
     age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
     stale = age_s >= context.limits.link_stale_s
     if vehicle.stale and vehicle.spoke_s is not None:
@@ -112,7 +112,7 @@ def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: floa
         stale = now_s - vehicle.spoke_s >= context.limits.link_stale_s
     if stale == vehicle.stale:
         return state, ()
-    text = f"{vehicle.name}: nothing heard for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
+    text = f"{vehicle.name}: no message for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
     level = Level.WARNING if stale else Level.INFO
     excused_s = vehicle.excused_s if stale else now_s
     return state.put(changed(vehicle, stale=stale, excused_s=excused_s)), (Say(level, text),)

@@ -2,7 +2,7 @@
 
 ``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very
 functions that `fleet.step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly,
-and one that was silent and is heard again on its mission is watched again.
+and one whose link is regained on its mission is watched again.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
         case Stage.LOST if is_home_mode(scene.vehicles[vehicle.name].dialect, beat.custom_mode):
             return moved_to(vehicle, Stage.RETURNING)
         case Stage.LOST:
-            # Live it would be told to return; here it flies on, and may be lost again.
+            # Live RTL would be commanded; here it flies on, and may be lost again.
             return changed(vehicle, stage=Stage.FLYING, fault=None, watches=(), anchor=None)
         case Stage.FLYING | Stage.RETURNING if not beat.armed and vehicle.fault is not None:
             return moved_to(vehicle, Stage.LANDED)

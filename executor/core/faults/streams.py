@@ -53,13 +53,13 @@ def battery_stream(view: View) -> Stream:
     """BATTERY_STATUS or SYS_STATUS."""
     known = view.state.battery
     last_s = None if known.remaining_pct is None else known.reported_s
-    return _stream(view, "no report of its battery", last_s, view.context.limits.battery_stale_s)
+    return _stream(view, "no battery report", last_s, view.context.limits.battery_stale_s)
 
 
 def items(view: View) -> Stream:
     """MISSION_CURRENT: without it nobody knows which segment it flies to."""
     last_s = view.state.item_s if view.setup.planned else None
-    return _stream(view, "no word of the waypoint it flies to", last_s, ITEM_STALE_S)
+    return _stream(view, "no report of its current waypoint", last_s, ITEM_STALE_S)
 
 
 def _stream(view: View, words: str, last_s: float | None, stale_s: float) -> Stream:

@@ -35,7 +35,7 @@ def silent(view: View) -> str:
     """Nothing was heard for a while."""
     heard_s = view.state.heard_s
     age_s = 0.0 if heard_s is None else view.now_s - heard_s
-    return f"nothing heard for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
+    return f"no message for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
 
 
 def heartbeat_missing(view: View) -> str:
@@ -57,7 +57,7 @@ def doubtful(view: View) -> str:
     """A HEARTBEAT says what its positions refute."""
     if view.state.doubted is None:
         return ""
-    return "a HEARTBEAT says that it is disarmed, and it flies: does another station send it?"
+    return "a HEARTBEAT says disarmed, but it flies: does another station send it?"
 
 
 def lossy(view: View) -> str:
@@ -82,8 +82,8 @@ def battery_silent(view: View) -> str:
 def battery_low(view: View) -> str:
     """The autopilot calls it low, or not healthy."""
     if view.state.battery.charge_state == LOW:
-        return "the autopilot calls its battery low"
-    return "the autopilot calls its battery not healthy" if view.state.unhealthy & BATTERY_SENSOR else ""
+        return "the autopilot reports its battery low"
+    return "the autopilot reports its battery not healthy" if view.state.unhealthy & BATTERY_SENSOR else ""
 
 
 def reserve_doubtful(view: View) -> str:
@@ -94,7 +94,7 @@ def reserve_doubtful(view: View) -> str:
     chance = projection.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
     if chance is None or chance < view.context.limits.reserve_warn_chance:
         return ""
-    return f"below its reserve at the landing by {100 * chance:.0f} % probability"
+    return f"below its reserve at landing with {100 * chance:.0f} % probability"
 
 
 def position_off(view: View) -> str:

@@ -42,7 +42,7 @@ def link_silent(view: View) -> Finding:
         return STALE
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
-        return Finding(Verdict.FAIL, f"silent for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
+        return Finding(Verdict.FAIL, f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
     unseen_s = streams.unseen_s(view)
     if view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s):
         return Finding(Verdict.FAIL, f"neither HEARTBEAT nor position for {unseen_s:.0f} s")
@@ -73,9 +73,9 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
     if not state.took_off and state.stage is Stage.FLYING:
         return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
     if state.rebooted_s is not None:
-        return Finding(Verdict.FAIL, f"its autopilot has started anew, and it is disarmed{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"its autopilot has rebooted, and it is disarmed{_alarm(view)}")
     if not mission_over(view.context, state):
-        return Finding(Verdict.FAIL, f"disarmed over its pad in the midst of its mission{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"disarmed over its pad in mid-mission{_alarm(view)}")
     return OK
 
 
@@ -264,7 +264,7 @@ def battery_critical(view: View) -> Finding:
     names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     state = view.state.battery.charge_state
     if state in names:
-        return Finding(Verdict.FAIL, f"the autopilot calls its battery {names[state]}")
+        return Finding(Verdict.FAIL, f"the autopilot reports its battery {names[state]}")
     bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.battery_faults & bit]
     if bits:
         return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")

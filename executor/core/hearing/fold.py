@@ -46,7 +46,7 @@ _ALARM = re.compile(
 
 OVERTAKEN_S = 60.0
 """A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
-autopilot has started anew."""
+autopilot has rebooted."""
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
 _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})

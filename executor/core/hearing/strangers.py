@@ -19,7 +19,7 @@ def noted(known: frozenset[Stranger], heard: Stranger) -> frozenset[Stranger]:
 def stranger_lines(before: frozenset[Stranger], now: frozenset[Stranger]) -> Iterator[str]:
     """Yield a line for who is new; the last of them says that it is."""
     for stranger in now - before:
-        more = "; whoever comes now is not named" if _count(now, stranger) == MOST_NAMED else ""
+        more = "; further ones are not named" if _count(now, stranger) == MOST_NAMED else ""
         yield f"{stranger_words(stranger)}{more}"
 
 
@@ -29,7 +29,7 @@ def stranger_words(heard: Stranger) -> str:
         case StationHeard(system, component):
             return f"another ground station is on its link, system {system} component {component}"
         case DoubleHeard(system, places):
-            return f"system {system} speaks from {' and '.join(places)}: two vehicles have the same number"
+            return f"system {system} speaks from {' and '.join(places)}: two vehicles have the same sysid"
 
 
 def _count(known: frozenset[Stranger], like: Stranger) -> int:

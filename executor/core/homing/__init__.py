@@ -1,1 +1,1 @@
-"""The way home: who may be told to return or to land, and who is on the ground where it should not be."""
+"""The way home: when RTL or a landing may be commanded, and which vehicle is down where it should not be."""

@@ -1,4 +1,4 @@
-"""Whether a vehicle may be told to come home, or to land.
+"""Whether RTL, or a landing, may be commanded.
 
 An order is given once, and again only if it was lost or refused.
 
@@ -80,25 +80,25 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
     """Return what to do about a vehicle that should not fly its mission any more."""
     errand = vehicle.errand or Errand(now_s)
     if in_other_hands(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
-        return Advice(Answer.LEAVE, "it is with its pilot and is not commanded")
+        return Advice(Answer.LEAVE, "with its pilot, not commanded")
     if errand.land:
         return Advice(Answer.LAND)
     if comes_home(context, vehicle) and not errand.force:
-        return Advice(Answer.LEAVE, "it comes home or lands by itself and is left to that")
+        return Advice(Answer.LEAVE, "returning or landing by itself, not commanded")
     if not errand.force and (failsafe := _failsafe_acts(context, vehicle, now_s)) is not None:
         return failsafe
     fix = vehicle.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
             return Advice(Answer.WAIT)
-        return Advice(Answer.RETURN)  # nobody knows where it is: its own return does
+        return Advice(Answer.RETURN)  # only its autopilot knows where it is
     over_pad = math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
     if over_pad:
         if on_mission(context, vehicle) and _lands(vehicle) and not _hangs(vehicle):
-            return Advice(Answer.LEAVE, "it comes down on its pad and is left to that")
+            return Advice(Answer.LEAVE, "landing on its pad, not commanded")
         return Advice(Answer.LAND)
     if on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
-        return Advice(Answer.LEAVE, "it is landing and is left to that")
+        return Advice(Answer.LEAVE, "landing, not commanded")
     return Advice(Answer.RETURN)
 
 
@@ -108,9 +108,9 @@ def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Adv
         return None
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     if vehicle.heartbeat.custom_mode != hold:
-        return Advice(Answer.LEAVE, "it is left to its own failsafe")
+        return Advice(Answer.LEAVE, "left to its own failsafe")
     if now_s - vehicle.mode_since_s < context.limits.failsafe_hold_s:
-        return Advice(Answer.WAIT, "its own failsafe holds it and is waited for")
+        return Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
     return None
 
 
@@ -180,5 +180,5 @@ def answered(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -
     done = state.put(changed(vehicle, errand=None))
     if vehicle.heartbeat_s is None or now_s - vehicle.heartbeat_s >= UNSAID_S:
         return done, ()  # nobody knows what it does
-    text = f"{vehicle.name}: acknowledged the order and does not follow it; it is not told again"
+    text = f"{vehicle.name}: acknowledged the order but does not follow it; not commanded again"
     return done, (Say(Level.WARNING, text),)

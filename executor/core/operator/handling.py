@@ -113,7 +113,7 @@ def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
         held = replace(moved_to(held, Stage.FLYING), taken=None)
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     state = state.put(replace(held, ordered_modes=frozenset({hold}), cause=Cause.OURS))
-    return _Ordered(state, "it is told to hold", (Hold(vehicle.name),), frozenset({vehicle.name}))
+    return _Ordered(state, "hold commanded", (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
 def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
@@ -121,17 +121,21 @@ def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
     mission = context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
     state = state.put(replace(vehicle, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
-    return _Ordered(
-        state, "it is told to go on with its mission", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name})
-    )
+    return _Ordered(state, "resume commanded", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name}))
 
 
 def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
     state, more = _sent_home(context, state, vehicle, now_s, force=intent.confirmed)
     state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: returns by the operator's order", now_s)
-    text = "it is told to return, and stays on the ground until it is included; the others are given what is left"
+    text = f"{_commanded(more)}; it stays on the ground until included; its segments are to be reassigned"
     return _Ordered(state, text, (*others, *more), frozenset({vehicle.name}))
+
+
+def _commanded(commands: tuple[Command, ...]) -> str:
+    """Return what a return begins with: over its pad a vehicle lands, and not every one is to be commanded now."""
+    kinds = {type(command) for command in commands}
+    return "RTL commanded" if SendHome in kinds else "landing commanded" if LandNow in kinds else "return ordered"
 
 
 def _sent_home(
@@ -157,7 +161,7 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
     others: tuple[Command, ...] = ()
     if planned:
         state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: lands by the operator's order", now_s)
-    text = "it is told to land where it is; the others are given what is left"
+    text = "landing commanded where it is; its segments are to be reassigned"
     return _Ordered(state, text, (*others, *told), frozenset({vehicle.name}), level=Level.WARNING)
 
 
@@ -170,7 +174,7 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
         hold = replace(vehicle.taken, given_away=True) if vehicle.taken is not None else None
         state = state.put(replace(state.vehicles[vehicle.name], taken=hold))
         state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
-        return _Ordered(state, "it is left to its pilot; the others are given what is left", more)
+        return _Ordered(state, "it stays with its pilot; its segments are to be reassigned", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
     state, commands = declare(
         context, state, state.vehicles[vehicle.name], FaultKind.OPERATOR, "excluded by the operator's word", now_s
@@ -178,10 +182,10 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
     if starting:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
-    text = "it is treated as lost" + (" and told to return" if told else "")
+    text = "taken out of the plan" + (", RTL commanded" if told else "")
     alone = replanning.orphans(context, state)
     if alone and not _others(state, vehicle.name):
-        text += f"; nobody else is left to inspect {len(alone)} segments"
+        text += f"; no other vehicle is left to inspect {len(alone)} segments"
     return _Ordered(state, text, commands, told, level=Level.WARNING)
 
 
@@ -212,14 +216,14 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         # The others may be cleared in a moment: the work is shared then.
         state = replace(state, wait_until_s=max(state.wait_until_s, now_s + SHARED_S))
     if replanning.orphans(context, state):
-        return _Ordered(state, "it is back in the plan, which is made anew with it")
-    return _Ordered(state, "it is back; nothing is left over for it, a re-plan would share the work with it")
+        return _Ordered(state, "it is back in the plan; re-planning with it")
+    return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
 
 
 def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     vehicle = _vehicle(state, intent)
     told = (Disarm(vehicle.name, force=True),)
-    return _Ordered(state, "its motors are told to stop", told, frozenset({vehicle.name}), level=Level.WARNING)
+    return _Ordered(state, "forced disarm commanded", told, frozenset({vehicle.name}), level=Level.WARNING)
 
 
 def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
@@ -230,29 +234,29 @@ def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -
 def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     trigger = f"{intent.source} asks for it"
     state = replace(state, ordered=True, trigger=trigger, trigger_s=now_s, given_up=frozenset())
-    return _Ordered(state, "everything that is still to be flown is planned anew", open=True)
+    return _Ordered(state, "all open segments are re-planned", open=True)
 
 
 def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     state, commands = _recall(context, state, now_s)
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
     commands = commands[1:]  # the first line says what the intent's own does
-    text = "everybody is told to return"
+    text = "all vehicles ordered to return"
     if not told and state.silent_since_s is not None:
-        text = "nobody is heard; who is heard again is told to return"
+        text = "no link to any vehicle; RTL will be commanded as soon as a link is back"
     elif not told:
-        text = "nobody flies its mission; nobody takes off any more"
+        text = "no vehicle is on its mission; no further take-off"
     return _Ordered(state, text, commands, told, level=Level.WARNING)
 
 
 def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Send everybody home."""
-    commands: list[Command] = [Say(Level.WARNING, "the operator sends everybody home")]
+    commands: list[Command] = [Say(Level.WARNING, "flight aborted by the operator, all vehicles return")]
     if state.replan is not None and state.replan.solve_s is None:
         commands.append(CancelSolve(state.replan.solve.revision))
     for vehicle in state.vehicles.values():
         if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and in_other_hands(vehicle)):
-            commands.append(Say(Level.WARNING, f"{vehicle.name}: is with its pilot and is not told to return"))
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: is with its pilot; RTL not commanded"))
         elif vehicle.stage in _ON_MISSION:
             state, more = _sent_home(context, state, vehicle, now_s)
             commands.extend(more)
@@ -308,7 +312,7 @@ def _return_answered(state: FleetState, event: ReturnEnded, now_s: float) -> Ste
     state, more = homeward.answered(state, event, now_s)
     if event.accepted:
         return state, (Say(Level.INFO, f"{event.vehicle}: returns"), *more)
-    said = "refused the return" if event.refused else "did not acknowledge the return"
+    said = "refused RTL" if event.refused else "did not acknowledge RTL"
     return state, (Say(Level.WARNING, f"{event.vehicle}: {said} ({event.reason})"), *more)
 
 
@@ -319,7 +323,7 @@ _DONE = {
     Action.LAND: "it lands",
     Action.DISARM: "its motors are off",
     Action.EXCLUDE: "it is out of the plan and returns",
-    Action.ABORT: "everybody returns",
+    Action.ABORT: "all vehicles return",
 }
 
 
@@ -378,7 +382,7 @@ def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> tuple[
     for name in sorted(record.waiting):
         vehicle = state.vehicles[name]
         if vehicle.stage is Stage.LOST:
-            return Outcome.FAILED, f"{name} is not heard any more"
+            return Outcome.FAILED, f"link to {name} lost"
         if record.intent.action in {Action.HOLD, Action.RESUME} and vehicle.stage is not Stage.FLYING:
             why = f": {vehicle.fault.reason}" if vehicle.fault is not None else ""
             return Outcome.FAILED, f"overtaken, {name} is {vehicle.stage.value}{why}"
@@ -393,7 +397,7 @@ def _replan_settled(state: FleetState, record: IntentRecord) -> tuple[Outcome | 
         left = f", {len(last.uncovered)} segments are left over" if last.uncovered else ""
         return Outcome.DONE, f"re-plan {last.revision} is on board{left}"
     if state.recalled:
-        return Outcome.FAILED, "everybody was sent home"
+        return Outcome.FAILED, "the flight was aborted"
     if state.replan is None and not state.ordered and not state.urgent:
-        return Outcome.FAILED, "there was nothing to plan, or nobody to fly it"
+        return Outcome.FAILED, "there was nothing to plan, or no vehicle to fly it"
     return None, ""

@@ -41,7 +41,7 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         return NOT_BEGUN
     if intent.action in FOR_ALL:
         if intent.vehicle is not None:
-            return f"{intent.action.value} concerns everybody; expected no vehicle"
+            return f"{intent.action.value} is for the whole fleet; expected no vehicle"
         return _FLEET[intent.action](context, state, now_s)
     if intent.vehicle is None:
         return f"{intent.action.value} needs a vehicle: one of {', '.join(state.vehicles)}"
@@ -71,22 +71,22 @@ def _before(state: FleetState, intent: Intent) -> str:
     if state.launched_s is not None:
         return "the flight has begun"
     if intent.vehicle is not None:
-        return f"{intent.action.value} concerns everybody; expected no vehicle"
-    return "" if asked is not None and asked.id == intent.action.value else "nobody asks for that now"
+        return f"{intent.action.value} is for the whole fleet; expected no vehicle"
+    return "" if asked is not None and asked.id == intent.action.value else "that question is not open now"
 
 
 def _silent(vehicle: VehicleState, context: Context, now_s: float) -> str:
     heard_s = vehicle.heard_s
     if heard_s is None:
-        return "it was never heard"
+        return "no message was ever received from it"
     if now_s - heard_s >= context.limits.link_stale_s:
-        return f"nothing was heard from it for {now_s - heard_s:.0f} s"
+        return f"no message from it for {now_s - heard_s:.0f} s"
     return ""
 
 
 def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
     if vehicle.stage is not Stage.FLYING and vehicle.stage is not Stage.PILOT:
-        return f"it does not fly its mission, it is {vehicle.stage.value}"
+        return f"it is not on its mission, it is {vehicle.stage.value}"
     if vehicle.held_s is not None:
         return "it holds already"
     if vehicle.pending is not None:
@@ -101,11 +101,11 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
 
 def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
     if vehicle.stage is Stage.PILOT:
-        return "its pilot has it, and must put it back on its mission; then it can be included"
+        return "it is with its pilot, who must set mission mode; then include it"
     if vehicle.stage is not Stage.FLYING or vehicle.held_s is None:
-        return f"it does not hold by an order, it is {vehicle.stage.value}"
+        return f"it is not on hold, it is {vehicle.stage.value}"
     if state.recalled:
-        return "everybody was sent home"
+        return "the flight was aborted"
     return _silent(vehicle, context, now_s)
 
 
@@ -116,7 +116,7 @@ def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         case Stage.GROUND | Stage.LANDED | Stage.DOWN:
             return "it is on the ground"
         case Stage.LOST:
-            return "its link is lost; when it is regained, it is told to return"
+            return "no link; RTL will be commanded as soon as the link is back"
         case _:
             return ""
 
@@ -128,10 +128,10 @@ def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
     if vehicle.lands:
         return "it is landing already"
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
-        return "nobody knows where it is now"
+        return "its position is not known"
     line_m = _from_line_m(context, fix.place_m)
     if line_m < LINE_M:
-        return f"it is {line_m:.0f} m from the line, where nobody can land safely; let it return"
+        return f"it is {line_m:.0f} m from the line, too near to land safely; use return"
     for other in state.vehicles:
         pad_m = context.vehicles[other].pad_m
         if other != vehicle.name and math.dist(fix.place_m, pad_m) < PAD_M:
@@ -161,17 +161,17 @@ def _include(  # noqa: PLR0911 - one return for each reason
     if vehicle.stage not in _ON_GROUND or vehicle.armed:
         return f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
     if state.recalled:
-        return "everybody was sent home"
+        return "the flight was aborted"
     if silent := _silent(vehicle, context, now_s):
         return silent
     if vehicle.tilted_since_s is not None:
-        return "it leans as no vehicle stands"
+        return "it is tilted, it may have tipped over"
     if vehicle.cleared_s is not None:
         return "it is cleared for take-off already"
     if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not open_segments(context, state):
-        return "it is in the plan, and nothing is left over for it"
+        return "it is in the plan already, and no segment is left over"
     if vehicle.fix is None or math.dist(vehicle.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return "it does not stand on its pad; its way up and down is planned from there"
+        return "it is not on its pad, where its climb and landing are planned"
     if remaining is None or remaining < setup.reserve_pct + LEAST_SPARE_PCT:
         shown = "unknown" if remaining is None else f"{remaining:.0f} %"
         return f"its battery is {shown}; expected more than its reserve of {setup.reserve_pct:g} %"
@@ -180,10 +180,10 @@ def _include(  # noqa: PLR0911 - one return for each reason
 
 def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> str:
     if vehicle.taken is None or vehicle.taken.returned_s is None:
-        return "its pilot has it, and must put it back on its mission first"
+        return "it is with its pilot, who must set mission mode first"
     if vehicle.fault is not None:
         return f"it is out of the plan: {vehicle.fault.reason}"
-    return "everybody was sent home" if state.recalled else ""
+    return "the flight was aborted" if state.recalled else ""
 
 
 def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
@@ -196,22 +196,22 @@ def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 def _replan(context: Context, state: FleetState, now_s: float) -> str:
     if state.recalled:
-        return "everybody was sent home"
+        return "the flight was aborted"
     if state.replan is not None or state.ordered:
         return "a re-plan is under way"
     offers = [offer for vehicle in state.vehicles.values() if (offer := replanning.survivor(context, vehicle, now_s))]
     if not offers:
-        return "nobody can be given anything now"
+        return "no vehicle can take a new route now"
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     if not freed and not state.given_up and not replanning.orphans(context, state):
-        return "nothing is left to plan anew"
+        return "nothing is left to re-plan"
     return ""
 
 
 def _abort(context: Context, state: FleetState, now_s: float) -> str:  # noqa: ARG001
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
     if not flies and state.offer is None:
-        return "nobody flies a mission"
+        return "no vehicle is on a mission"
     return ""
 
 

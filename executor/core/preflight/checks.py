@@ -132,14 +132,14 @@ def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | 
         waited_s: The silence after which its segments are given away.
         wanted_s: The site file's figure for that; None if it has none.
     """
-    given_up = f"given up after {waited_s:g} s of silence"
+    declared = f"declared lost after {waited_s:g} s"
     if wanted_s is not None and waited_s > wanted_s:
         text = (
-            f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter than that, and its segments would be given "
-            f"away while it still flies them: it is {given_up} instead"
+            f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter, and its segments would be reassigned while "
+            f"it still flies them: {declared} instead"
         )
         return Check(Severity.WARNING, facts.name, text)
-    return Check(Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {given_up}")
+    return Check(Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {declared}")
 
 
 def stations(facts: Facts, dialect: Dialect) -> list[Check]:
@@ -149,11 +149,11 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
     counted = failsafes.counted_station(dialect, facts.parameters)
     if counted is not None and counted[1] != ours:
         name, value = counted
-        text = f"its ground-station failsafe waits for system {value} ({name}), ours is {ours}: it does not watch us"
+        text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not notice our loss"
         found.append(Check(Severity.WARNING, facts.name, text))
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
-        then = "its heartbeats would hide that ours have ended" if hides else "it may command the vehicle too"
+        then = "its HEARTBEATs would hide the loss of ours" if hides else "it may command the vehicle too"
         text = f"another ground station is on its link, system {station.system} component {station.component}: {then}"
         found.append(Check(Severity.WARNING, facts.name, text))
     return found
@@ -164,19 +164,21 @@ def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) ->
     rule = failsafes.battery_rule(dialect, facts.parameters)
     settings = ", ".join(
         dict.fromkeys(
-            f"{level.action} {facts.parameters[level.action]:g}" if level.action in facts.parameters else level.action
+            f"{level.action}={facts.parameters[level.action]:g}" if level.action in facts.parameters else level.action
             for level in dialect.battery_failsafe.levels
         )
     )
     if not rule.actions:
         text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
         if not rule.said:
-            text = f"did not say what it does on a low battery ({settings})"
+            text = f"battery failsafe not known ({settings})"
         return [Check(Severity.WARNING, facts.name, text)]
-    found = [Check(Severity.OK, facts.name, "by itself it " + ", ".join(action.words for action in rule.actions))]
+    found = [Check(Severity.OK, facts.name, "battery failsafe: " + ", ".join(action.words for action in rule.actions))]
     for action in rule.actions:
         if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
-            text = f"{action.words}, but its flight ends with {left_pct:.0f} %: its failsafe would act in the flight"
+            text = (
+                f"battery failsafe: {action.words}, but its flight ends with {left_pct:.0f} %: it would act in flight"
+            )
             found.append(Check(Severity.WARNING, facts.name, text))
     return found
 
@@ -240,7 +242,7 @@ def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
         beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
         return Check(Severity.OK, "signing", f"frames are not signed; {beyond}")
     text = f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network"
-    return Check(Severity.WARNING, "signing", f"{text}: whoever can send there can command and imitate the vehicles")
+    return Check(Severity.WARNING, "signing", f"{text}: any sender there can command and imitate the vehicles")
 
 
 def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:

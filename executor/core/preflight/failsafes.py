@@ -46,18 +46,18 @@ def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
     after_s = parameters.get(rule.timeout, rule.timeout_s) + slack_s + holds_s
     action = parameters.get(rule.action)
     if action is None:
-        return LinkFailsafe(None, after_s, f"did not say what it does when it does not hear us ({rule.action})")
-    setting = f"{rule.action} {action:g}"
+        return LinkFailsafe(None, after_s, f"GCS failsafe not known: no answer for {rule.action}")
+    setting = f"{rule.action}={action:g}"
     if action == 0:
         return LinkFailsafe(
-            False, after_s, f"no ground-station failsafe ({setting}): lost in silence, it flies its mission to the end"
+            False, after_s, f"no GCS failsafe ({setting}): without a link it flies its mission to the end"
         )
     name, bit = rule.exception
     if int(parameters.get(name, 0.0)) & bit:
-        words = f"flies its mission on when it does not hear us ({setting}, but {name} {parameters[name]:g})"
+        words = f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
         return LinkFailsafe(False, after_s, words)
-    does = dict(rule.actions).get(int(action), "does something that is not known here")
-    return LinkFailsafe(True, after_s, f"without us it {does} after {after_s:g} s ({setting})")
+    does = dict(rule.actions).get(int(action), "unknown action")
+    return LinkFailsafe(True, after_s, f"GCS failsafe: {does} after {after_s:g} s ({setting})")
 
 
 def counted_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
@@ -115,8 +115,8 @@ def _battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: f
         limits.append(f"{volts:g} V")
     if not limits:
         return None  # an action without a threshold is never taken
-    does = dict(level.actions).get(int(action), "does something that is not known here")
-    return BatteryAction(below_pct, f"{does} below {' or '.join(limits)} ({level.action} {action:g})")
+    does = dict(level.actions).get(int(action), "unknown action")
+    return BatteryAction(below_pct, f"{does} below {' or '.join(limits)} ({level.action}={action:g})")
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ class Change:
 
     @property
     def words(self) -> str:
-        """Old, new and why, for whoever must say yes."""
+        """Old, new and why, for the crew to confirm."""
         return f"{self.name} {number(self.old)} -> {number(self.new)}{_unit(self.unit)}: {self.why}"
 
 
@@ -49,7 +49,7 @@ class Proposal:
     """What a flight would change on board, and what that is held against."""
 
     present: Mapping[str, Present]
-    """What each vehicle has now, as far as it matters to its own return."""
+    """What each vehicle has now, as far as it matters to its RTL."""
     changes: tuple[Change, ...]
     checks: tuple[Check, ...]
     """The same for the checklist, with what is right already and what is not known."""
@@ -118,7 +118,7 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
     name, unit_m = height_name(rule, said)
     known = said.get(name)
     if known is None:
-        text = f"the height of its own return is not known: {name} does not answer; nothing is set"
+        text = f"RTL altitude not known: {name} does not answer; nothing is set"
         return [], Check(Severity.WARNING, vehicle, text)
     is_m = known.value * unit_m
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
@@ -130,7 +130,7 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
         changes.append(Change(vehicle, name, known.value, value, known.kind, unit, _why_so_high(context)))
     changes += _beside(vehicle, rule, said, height_m)
     stays = "is" if height_m == is_m else "will be"
-    return changes, Check(Severity.OK, vehicle, f"its own return {stays} at {height_m:.4g} m ({name})")
+    return changes, Check(Severity.OK, vehicle, f"RTL altitude {stays} {round(height_m, 1):g} m ({name})")
 
 
 def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Mapping[str, str]) -> Check:
@@ -149,17 +149,17 @@ def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Map
     height_m = (said[name].value if ends.get(name) else new) * unit_m
     if ends.get(name):
         text = (
-            f"its own return stays at {height_m:.4g} m ({name}), not at the {wanted_m:.0f} m that keep it clear of the "
+            f"RTL altitude stays {round(height_m, 1):g} m ({name}), not the {wanted_m:.0f} m that keep it clear of the "
             f"others: {problems}"
         )
         return Check(Severity.WARNING, vehicle, text)
     if problems:
-        return Check(Severity.WARNING, vehicle, f"its own return is set to {height_m:.4g} m, but {problems}")
-    return Check(Severity.OK, vehicle, f"its own return is set to {height_m:.4g} m ({name})")
+        return Check(Severity.WARNING, vehicle, f"RTL altitude set to {round(height_m, 1):g} m, but {problems}")
+    return Check(Severity.OK, vehicle, f"RTL altitude set to {round(height_m, 1):g} m ({name})")
 
 
 def height_name(rule: ReturnParameters, said: Present) -> tuple[str, float]:
-    """Return the parameter that holds the height of a vehicle's own return, and its unit in metres."""
+    """Return the parameter that holds the height of a vehicle's RTL, and its unit in metres."""
     if rule.newer_height is not None and rule.height not in said and rule.newer_height in said:
         return rule.newer_height, 1.0
     return rule.height, rule.unit_m
@@ -241,7 +241,7 @@ class Kept:
 
     @property
     def words(self) -> str:
-        """What is given back, for whoever must say yes."""
+        """What is restored, for the crew to confirm."""
         return f"{self.vehicle}: {self.name} {number(self.new)} -> {number(self.old)}{_unit(self.unit)}"
 
     def ours(self, value: float) -> bool:

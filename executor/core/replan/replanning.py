@@ -86,7 +86,7 @@ def heard_again(state: FleetState, vehicle: VehicleState, now_s: float) -> Fleet
     out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.considered
     if out or not left or state.recalled:
         return state
-    trigger = f"{vehicle.name}: is heard again"
+    trigger = f"{vehicle.name}: link regained"
     return replace(state, given_up=state.given_up - left, urgent=True, trigger=trigger, trigger_s=now_s)
 
 
@@ -216,7 +216,7 @@ def _nobody(context: Context, state: FleetState, alone: frozenset[int]) -> tuple
         one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.excluded
         for one in state.vehicles.values()
     )
-    who = "nobody in the air can take over" if waiting else "nobody is left to inspect"
+    who = "no vehicle in the air can take over" if waiting else "no vehicle is left to inspect"
     return state, (Say(Level.WARNING, f"{who} {listed(context, alone)}"),)
 
 
@@ -233,7 +233,9 @@ def solved(
     late = [offer.vehicle for offer in plan.solve.survivors if not still_fits(state.vehicles[offer.vehicle], offer)]
     if late:
         state = wanted_again(state, plan)
-        return state, (Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning anew"),)
+        return state, (
+            Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning again"),
+        )
     routes = {route.vehicle: route.visits for route in event.routes}
     unmade = tuple(
         NewRoute(offer.vehicle, visits)
@@ -242,7 +244,7 @@ def solved(
     )
     for route in unmade:
         state = state.put(replace(state.vehicles[route.vehicle], pending=event.revision))
-    names = ", ".join(sorted(route.vehicle for route in unmade)) or "nobody"
+    names = ", ".join(sorted(route.vehicle for route in unmade)) or "no vehicle"
     text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
     if event.uncovered:
@@ -312,7 +314,7 @@ def let_go(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
     state = state.put(replace(state.vehicles[name], pending=None))
     state = replace(state, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
-    return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned anew for it")
+    return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned again for it")
 
 
 def wanted_again(state: FleetState, plan: Replan) -> FleetState:
@@ -336,7 +338,7 @@ def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> boo
     Args:
         context: Of the flight.
         vehicle: Who is given it.
-        mixed: Whether a part of it is on board: then it is better whole, whoever has the vehicle.
+        mixed: Whether a part of it is on board: then it is better whole, also with its pilot.
     """
     if vehicle.stage is Stage.RETURNING or comes_down(context, vehicle):
         return False  # it is left to its way home, and to its landing
@@ -377,9 +379,9 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
         f", {since_s:.1f} s after it was needed" if since_s <= OLD_NEED_S else ""
     )
     if plan.failed:
-        text = f"re-plan {record.revision} ended; {', '.join(plan.failed)} could not be given its part"
+        text = f"re-plan {record.revision} ended; not uploaded to {', '.join(plan.failed)}"
     elif not plan.missions.keys() - set(plan.let_go):
-        text = f"re-plan {record.revision} ended; nobody's mission has changed"
+        text = f"re-plan {record.revision} ended; no mission has changed"
     return state, (Say(Level.INFO, text),)
 
 

@@ -25,7 +25,7 @@ def moment(state: FleetState) -> tuple[object, ...]:
 
 
 def if_lost(context: Context, state: FleetState, name: str, now_s: float) -> Solve | tuple[int, ...]:
-    """Return the re-plan that the loss of a vehicle would ask for, or what would be left over without asking anybody.
+    """Return the re-plan that the loss of a vehicle would ask for, or what would surely be left over.
 
     A held vehicle is taken to go on: the operator can let it.
     """

@@ -1,7 +1,7 @@
 """A time in which nobody was heard, or nobody listened: what the vehicles did meanwhile, and how long they can.
 
 The ground's own radio ends no flight. While nobody at all is heard nothing is held against anybody, until the battery
-of each would be empty; who is heard again is taken up where it is, with what it flew.
+of each would be empty; a vehicle whose link is regained is taken up where it is, with what it flew.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from executor.core.vehicle import Before, OnBoard, Stage, VehicleState
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 CATCH_UP_S = 5.0
-"""So long a vehicle that is heard again is waited for until it has said where it is, in which mode, on which item."""
+"""So long a vehicle whose link is regained has to say where it is, in which mode, on which item."""
 ENDURES = 1.5
 """Nobody flies longer than this many times what the energy model makes of its battery."""
 
 
 def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before | None:
-    """Return where a vehicle on its mission is now, before nobody is heard; None for one that is not on it."""
+    """Return where a vehicle on its mission is now, before all links are lost; None for one that is not on it."""
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.fix is None or vehicle.board is None:
         return None
     percent = vehicle.battery.remaining_pct
@@ -34,7 +34,7 @@ def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before |
 
 
 def began(state: FleetState, since_s: float) -> FleetState:
-    """Keep where everybody was when all fell silent: a run with such a gap proves nothing."""
+    """Keep where all vehicles were when all links were lost: a run with such a gap proves nothing."""
     for vehicle in state.vehicles.values():
         before = vehicle.before or before_of(vehicle, since_s)
         if before is not vehicle.before:
@@ -54,7 +54,7 @@ def may_fly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
 
 
 def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
-    """Take up a vehicle that is heard again after nobody was; None as long as it has not said enough."""
+    """Take up a vehicle whose link is regained after all were lost; None as long as it has not said enough."""
     before = vehicle.before
     if before is None:
         return state, ()

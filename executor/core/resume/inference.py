@@ -52,7 +52,7 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
 
     Args:
         context: Of the flight.
-        state: The vehicle, heard again; `before` says where it was.
+        state: The vehicle, its link regained; `before` says where it was.
         board: The mission that it was found to carry.
         waypoint: Of that mission, the end of the leg under way.
     """
@@ -61,7 +61,7 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         return NOTHING
     elapsed_s = fix.boot_s - before.fix.boot_s
     if elapsed_s <= 0.0:
-        return Inferred(why_not="its clock began anew")
+        return Inferred(why_not="its clock was reset")
     if not state.armed:
         return _landed(context, state, board, elapsed_s)
     if why_not := _elsewhere(context, state, board, waypoint):
@@ -115,7 +115,7 @@ def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: fl
     if elapsed_s < expected_s - _tolerance_s(board, visits):
         return Inferred(why_not=f"{elapsed_s:.0f} s are too short for its way of {expected_s:.0f} s")
     if before.remaining_pct is None or state.battery.remaining_pct is None:
-        return Inferred(why_not="nobody knows what it used")
+        return Inferred(why_not="its consumption is not known")
     expected_pct = account.factor(state.battery) * (left * first.energy_pct + sum(leg.energy_pct for leg in rest))
     used_pct = before.remaining_pct - state.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):

@@ -188,10 +188,10 @@ def _half_uploaded(
         # In any other mode its own failsafe knows better: a landing must not become a flight home.
         return _stranded(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
-        why = "its mission is a mixture of two, and it flies beyond what is new"
+        why = "its mission on board is a mix of two, and it is past the new part"
         return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
     state = state.put(changed(state.vehicles[found.vehicle], before=None))
-    text = f"{found.vehicle}: the new mission of re-plan {revision} is not whole on board; it is sent again"
+    text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
     again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
     return state, _Taken(said, again=(Say(Level.WARNING, text), again))
 
@@ -216,7 +216,7 @@ def _stranded(
     left = left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
     state, told = sent_home(context, state.put(left), left, now_s)
     state, more = withdrawn(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
-    text = f"{found.vehicle}: {why}; it is told to return"
+    text = f"{found.vehicle}: {why}; it is brought home"
     return state, _Taken((*said, Say(Level.WARNING, text), *more, *told))
 
 

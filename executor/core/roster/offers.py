@@ -26,7 +26,7 @@ _ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 
 
 def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle on the ground may take off without asking the crew again."""
+    """Return whether a vehicle on the ground may take off by the clearance that it has."""
     if context.fly_again is FlyAgain.AUTO:
         return True
     return vehicle.cleared_s is not None and now_s - vehicle.cleared_s <= CLEARED_S
@@ -154,5 +154,5 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     left = open_segments(context, state)
     state = changed(state, offer=None, offers_over=True, given_up=state.given_up | left)
-    text = f"nobody was cleared to take off again within {context.offer_s:g} s; {len(left)} segments are left over"
+    text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {len(left)} segments are left over"
     return state, (Say(Level.WARNING, text),)

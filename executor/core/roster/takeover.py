@@ -42,7 +42,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
     )  # fmt: skip
     state, more = _unsolved(state.put(vehicle), vehicle.name)
     if on_ground:
-        text = f"{vehicle.name}: was armed on the ground, not from here, mode {mode}: keep clear of it"
+        text = f"{vehicle.name}: armed on the ground, not from here, mode {mode}: keep clear of it"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     kept = f"; its segments are kept for {context.pilot_grace_s:g} s" if not hold.given_away else ""
     if vehicle.carried.foreign_s is not None:
@@ -51,7 +51,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     text = f"{vehicle.name}: with its pilot, mode {mode}; not commanded from here{kept}"
     if held_unseen(context, vehicle):
-        whose = f"mode {mode} since it was silent, by its pilot or a failsafe"
+        whose = f"mode {mode} set while there was no link, by its pilot or a failsafe"
         text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
 
@@ -86,15 +86,15 @@ def _returned(
     if not returned:
         beat = vehicle.heartbeat
         mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
-        return state, (Say(Level.WARNING, f"{vehicle.name}: its pilot has taken it again, mode {mode}"),)
+        return state, (Say(Level.WARNING, f"{vehicle.name}: taken over by its pilot again, mode {mode}"),)
     if vehicle.fault is not None:
         text = (
-            f"{vehicle.name}: its pilot has put it on its mission, which is not its any more; not commanded from here"
+            f"{vehicle.name}: its pilot has set mission mode, but its segments were reassigned; not commanded from here"
         )
         return state, (Say(Level.WARNING, text),)
     if context.pilot_returns:
         return given_back(context, state, state.vehicles[vehicle.name], now_s)
-    text = f"{vehicle.name}: its pilot has put it back on its mission; include it to have it in the plan again"
+    text = f"{vehicle.name}: its pilot has set mission mode again; include it to have it in the plan again"
     return state, (Say(Level.FAULT, text),)
 
 
@@ -116,7 +116,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     if not place and not vehicle.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
     elif not place and vehicle.rebooted_s is not None:
-        text = f"{vehicle.name}: is disarmed on its pad; its autopilot has started anew; it stays until it is included"
+        text = f"{vehicle.name}: is disarmed on its pad; its autopilot has rebooted; it stays until it is included"
     elif not place:
         text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"
     hold = vehicle.taken

@@ -22,7 +22,7 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 def declare(
     context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
 ) -> Stepped:
-    """Declare a fault: the vehicle is brought home where it can be, and the others are given its work."""
+    """Declare a fault: the vehicle is brought home where it can be, and its segments are reassigned."""
     fault = Fault(kind, why, now_s)
     left = _left_by(state, vehicle)
     down = vehicle.armed_once and not vehicle.armed
@@ -36,16 +36,16 @@ def declare(
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
     elif in_other_hands(vehicle):
-        stage, then = Stage.PILOT, "it is with its pilot and is not commanded"
+        stage, then = Stage.PILOT, "with its pilot, not commanded"
     elif vehicle.stage is Stage.STARTING and not vehicle.took_off:
-        stage, then, commands = Stage.RETURNING, "it is told to disarm", (Disarm(vehicle.name, force=False),)
+        stage, then, commands = Stage.RETURNING, "disarm commanded", (Disarm(vehicle.name, force=False),)
     else:
         stage, then = Stage.RETURNING, ""
     state = state.put(replace(left_plan(vehicle, stage, now_s), fault=fault, place_told=kind is FaultKind.DOWN))
     if stage is Stage.RETURNING and not then:
         then = _words(context, state, vehicle.name, now_s)
         state, commands = homeward.sent_home(context, state, state.vehicles[vehicle.name], now_s)
-    trigger = f"{vehicle.name}: {kind.value}, {why}"
+    trigger = f"{vehicle.name}: {why}" if kind is FaultKind.LINK else f"{vehicle.name}: {kind.value}, {why}"
     state, more = withdrawn(state, vehicle.name, trigger, now_s)
     line = "; ".join(part for part in (trigger, then, _handed_on(state, vehicle.name, left)) if part)
     return state, (Say(Level.FAULT, line), *more, *commands)
@@ -61,9 +61,10 @@ def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:
     found = homeward.advice(context, state.vehicles[name], now_s)
     match found.answer:
         case Answer.RETURN:
-            return "it is told to return"
+            waits = "no link; RTL will be commanded as soon as the link is back"
+            return waits if state.vehicles[name].stale else "RTL commanded"
         case Answer.LAND:
-            return "it is over its pad and is told to land"
+            return "over its pad, landing commanded"
         case _:
             return found.words
 
@@ -83,7 +84,7 @@ def _handed_on(state: FleetState, name: str, left: frozenset[int]) -> str:
         for one in state.vehicles.values()
     )
     what = count_of(len(left), "segment")
-    return f"{what} to be planned for the others" if others else f"{what} left without a vehicle"
+    return f"{what} to be reassigned" if others else f"{what} left without a vehicle"
 
 
 def left_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:

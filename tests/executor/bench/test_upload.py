@@ -39,8 +39,8 @@ def test_a_row_shows_medians_and_why_the_others_failed() -> None:
 
 
 def test_our_own_failures_are_named() -> None:
-    row = Row(ROW.cell, 0.6, UploadTiming((), ("silence after item 3 of 40",)), ROW.mavsdk)
-    assert "silence after item 3 of 40" in markdown_of([row], content_of(Measured((row,), 9.0, 0.1), 1, 1))
+    row = Row(ROW.cell, 0.6, UploadTiming((), ("no answer after item 3 of 40",)), ROW.mavsdk)
+    assert "no answer after item 3 of 40" in markdown_of([row], content_of(Measured((row,), 9.0, 0.1), 1, 1))
 
 
 def test_the_command_writes_what_it_prints(tmp_path: Path) -> None:

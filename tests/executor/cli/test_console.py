@@ -38,23 +38,23 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_bell_rings_at_a_fault_alone(capsys: pytest.CaptureFixture[str]) -> None:
     console = TerminalConsole(quiet=False, yes=True)
     for level in (Level.INFO, Level.WARNING):
-        console.say(level, "uav2: nothing heard for 3.1 s", 302.4)
+        console.say(level, "uav2: no message for 3.1 s", 302.4)
         assert BELL not in capsys.readouterr().err
-    console.say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
+    console.say(Level.FAULT, "uav2: link lost for 10.1 s", 309.4)
     said = capsys.readouterr().err
     assert said.count(BELL) == 1
-    assert "X uav2: link, silent for 10.1 s" in said
+    assert "X uav2: link lost for 10.1 s" in said
 
 
 def test_a_file_gets_no_bell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
-    TerminalConsole(quiet=False, yes=True).say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
-    assert capsys.readouterr().err == "   T+5:09 X uav2: link, silent for 10.1 s\n"
+    TerminalConsole(quiet=False, yes=True).say(Level.FAULT, "uav2: link lost for 10.1 s", 309.4)
+    assert capsys.readouterr().err == "   T+5:09 X uav2: link lost for 10.1 s\n"
 
 
 @pytest.mark.usefixtures("terminal")
 def test_quiet_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
-    TerminalConsole(quiet=True, yes=True).say(Level.FAULT, "uav2: link, silent for 10.1 s", 309.4)
+    TerminalConsole(quiet=True, yes=True).say(Level.FAULT, "uav2: link lost for 10.1 s", 309.4)
     assert capsys.readouterr().err == ""
 
 
@@ -119,7 +119,7 @@ async def test_a_line_that_comes_meanwhile_leaves_the_question_last(
     with keyboard(monkeypatch) as typed:
         answer = asyncio.create_task(console.ask("Take off?"))
         await asyncio.sleep(0)
-        console.say(Level.WARNING, "uav2: nothing heard for 3.1 s")
+        console.say(Level.WARNING, "uav2: no message for 3.1 s")
         os.write(typed, b"y\n")
         assert await answer
     assert capsys.readouterr().err.split("\n")[-1] == "Take off? [y/N] "

@@ -448,7 +448,7 @@ def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> No
 def test_nothing_to_restore_is_done(place: Place) -> None:
     for rows in ([], [kept(ChangeStage.RESTORED)]):
         write_kept(place.folder, rows)
-        assert place.run("restore", str(place.folder)) == (0, f"{place.folder}: everything is as it was\n", "")
+        assert place.run("restore", str(place.folder)) == (0, f"{place.folder}: all parameters are restored\n", "")
         assert place.run("restore", str(place.folder), "--quiet") == (0, "", "")
         code, out, _ = place.run("restore", str(place.folder), "--json")
         assert (code, json.loads(out)["restored"], len(json.loads(out)["parameters"])) == (0, True, len(rows))
@@ -460,7 +460,7 @@ def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
     assert (code, out) == (1, "")
     assert [line.strip() for line in err.splitlines()] == [
         "uav1: RTL_ALT 2700 -> 1500 cm",
-        "! nobody said yes; nothing was told to any vehicle",
+        "! not confirmed; nothing was sent to any vehicle",
     ]
 
 
@@ -468,7 +468,7 @@ def test_a_vehicle_that_does_not_answer_stays_as_it_is(place: Place) -> None:
     place.site(extra="[flight]\nconnect_timeout_s = 0.1")
     write_kept(place.folder, [kept(ChangeStage.SET), replace(kept(ChangeStage.SET), vehicle="uav9", sysid=9)])
     code, out, err = place.run("restore", str(place.folder), "--yes")
-    assert (code, out) == (1, f"{place.folder}: 2 of 2 stay\n")
+    assert (code, out) == (1, f"{place.folder}: 2 of 2 not restored\n")
     assert "uav1: RTL_ALT (was 1500) not restored: does not answer" in err
     assert "uav9: RTL_ALT (was 1500) not restored: is not in the site file" in err
-    assert f"uav1: to give it back: faultline restore {place.folder}" in err
+    assert f"uav1: to restore them: faultline restore {place.folder}" in err

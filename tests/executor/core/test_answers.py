@@ -220,7 +220,7 @@ ROWS = [
         "it refuses to return",
         COMES,
         returns(accepted=False, reason="no", refused=True),
-        [Say(Level.WARNING, "uav1: refused the return (no)")],
+        [Say(Level.WARNING, "uav1: refused RTL (no)")],
         {"uav1": {"errand": Errand(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
         {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no")}},
         {"intents": {"wish": wished(Action.RETURN, "uav1")}},
@@ -229,7 +229,7 @@ ROWS = [
         "its answer is lost",
         COMES,
         returns(accepted=False, reason="nothing", lost=True),
-        [Say(Level.WARNING, "uav1: did not acknowledge the return (nothing)")],
+        [Say(Level.WARNING, "uav1: did not acknowledge RTL (nothing)")],
         {"uav1": {"errand": Errand(NOW_S - 9.0)}},
         {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: nothing")}},
         {"intents": {"wish": wished(Action.RETURN, "uav1")}},
@@ -239,8 +239,8 @@ ROWS = [
         COMES,
         returns(accepted=False, reason="flies on"),
         [
-            Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)"),
-            Say(Level.WARNING, "uav1: acknowledged the order and does not follow it; it is not told again"),
+            Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)"),
+            Say(Level.WARNING, "uav1: acknowledged the order but does not follow it; not commanded again"),
         ],
         {"uav1": {"errand": None}},
         {},
@@ -249,7 +249,7 @@ ROWS = [
         "it acknowledged and is not heard",
         replace(COMES, heartbeat_s=NOW_S - 5.0),
         returns(accepted=False, reason="flies on"),
-        [Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)")],
+        [Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)")],
         {"uav1": {"errand": None}},
         {},
     ),
@@ -258,8 +258,8 @@ ROWS = [
         replace(COMES, heartbeat_s=NOW_S - 4.9),
         returns(accepted=False, reason="flies on"),
         [
-            Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)"),
-            Say(Level.WARNING, "uav1: acknowledged the order and does not follow it; it is not told again"),
+            Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)"),
+            Say(Level.WARNING, "uav1: acknowledged the order but does not follow it; not commanded again"),
         ],
         {"uav1": {"errand": None}},
         {},
@@ -268,7 +268,7 @@ ROWS = [
         "it acknowledged and was never heard",
         replace(COMES, heartbeat_s=None),
         returns(accepted=False, reason="flies on"),
-        [Say(Level.WARNING, "uav1: did not acknowledge the return (flies on)")],
+        [Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)")],
         {"uav1": {"errand": None}},
         {},
     ),
@@ -276,7 +276,7 @@ ROWS = [
         "it answers what it was not told",
         replace(COMES, errand=Errand(NOW_S)),
         returns(accepted=False, reason="no", refused=True),
-        [Say(Level.WARNING, "uav1: refused the return (no)")],
+        [Say(Level.WARNING, "uav1: refused RTL (no)")],
         {},
         {},
     ),
@@ -333,11 +333,7 @@ ROWS = [
         Tick(),
         [],
         {},
-        {
-            "intents": {
-                "wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav2 is not heard any more")
-            }
-        },
+        {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="link to uav2 lost")}},
         {"intents": {"wish": wished(Action.RETURN, "uav1", "uav2")}},
         beside=(replace(SECOND, stage=Stage.LOST),),
     ),
@@ -429,7 +425,7 @@ ROWS = [
         {},
         {
             "intents": {
-                "wish": wished(Action.REPLAN, ended_s=NOW_S, outcome=Outcome.FAILED, text="everybody was sent home")
+                "wish": wished(Action.REPLAN, ended_s=NOW_S, outcome=Outcome.FAILED, text="the flight was aborted")
             }
         },
         {"intents": {"wish": wished(Action.REPLAN)}, "records": (replace(REPLANNED, ended_s=NOW_S - 10.0),)},
@@ -473,7 +469,7 @@ ROWS = [
                     Action.REPLAN,
                     ended_s=NOW_S,
                     outcome=Outcome.FAILED,
-                    text="there was nothing to plan, or nobody to fly it",
+                    text="there was nothing to plan, or no vehicle to fly it",
                 )
             }
         },

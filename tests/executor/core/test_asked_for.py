@@ -50,11 +50,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             "",
-            "everybody was sent home",
+            "the flight was aborted",
             "a re-plan is under way",
             "a re-plan is under way",
-            "nobody can be given anything now",
-            "nothing is left to plan anew",
+            "no vehicle can take a new route now",
+            "nothing is left to re-plan",
             "",
             "",
             "",
@@ -72,7 +72,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 ((), {"offer": Offer(("uav1",), (0,), 5.0)}),
             )
         ],
-        ["", "", "nobody flies a mission", "nobody flies a mission", ""],
+        ["", "", "no vehicle is on a mission", "no vehicle is on a mission", ""],
     ),
     (
         "what concerns everybody",
@@ -82,14 +82,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for launched_s in (5.0, None)
         ],
         [
-            "replan concerns everybody; expected no vehicle",
+            "replan is for the whole fleet; expected no vehicle",
             "the flight has not begun",
-            "abort concerns everybody; expected no vehicle",
+            "abort is for the whole fleet; expected no vehicle",
             "the flight has not begun",
             "the flight has begun",
-            "prepare concerns everybody; expected no vehicle",
+            "prepare is for the whole fleet; expected no vehicle",
             "the flight has begun",
-            "take-off concerns everybody; expected no vehicle",
+            "take-off is for the whole fleet; expected no vehicle",
         ],
     ),
     (
@@ -101,12 +101,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for question in (None, Question("prepare", "go?", ()))
         ],
         [
-            "nobody asks for that now",
+            "that question is not open now",
             "",
             "the flight has begun",
             "the flight has begun",
-            "nobody asks for that now",
-            "nobody asks for that now",
+            "that question is not open now",
+            "that question is not open now",
             "the flight has begun",
             "the flight has begun",
         ],
@@ -140,10 +140,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             "",
-            "everybody was sent home",
+            "the flight was aborted",
             "it is out of the plan: why",
-            "its pilot has it, and must put it back on its mission first",
-            "its pilot has it, and must put it back on its mission first",
+            "it is with its pilot, who must set mission mode first",
+            "it is with its pilot, who must set mission mode first",
         ],
     ),
     (
@@ -163,13 +163,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             "",
-            "it is in the plan, and nothing is left over for it",
+            "it is in the plan already, and no segment is left over",
             "",
             "",
             "",
             "its battery is unknown; expected more than its reserve of 15 %",
             "it is cleared for take-off already",
-            "everybody was sent home",
+            "the flight was aborted",
         ],
     ),
     (
@@ -202,8 +202,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             "",
             "its motors are off already",
-            "nothing was heard from it for 3 s",
-            "it was never heard",
+            "no message from it for 3 s",
+            "no message was ever received from it",
             "it is not down, it is landed",
         ],
     ),

@@ -115,7 +115,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "stop: its heartbeat says that it is a fixed wing, expected a multicopter",
             ],
             ["ok: quadrotor, PX4 4.7.0", "stop: its heartbeat says autopilot 12, expected ardupilot (3)"],
-            ["ok: quadrotor, ArduPilot 4.7.0", "stop: system 1 speaks from a and b: two vehicles have the same number"],
+            ["ok: quadrotor, ArduPilot 4.7.0", "stop: system 1 speaks from a and b: two vehicles have the same sysid"],
             ["ok: quadrotor, ArduPilot 4.7.0"],
             ["ok: quadrotor, ArduPilot 4.7.0", "stop: stands 200 m from the depot, expected at most 200 m"],
         ],
@@ -212,13 +212,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ["ok: words; given up after 10 s of silence"],
-            ["warning: words; given up after 10 s of silence"],
-            ["warning: words; given up after 10 s of silence"],
+            ["ok: words; declared lost after 10 s"],
+            ["warning: words; declared lost after 10 s"],
+            ["warning: words; declared lost after 10 s"],
             [
                 (
-                    "warning: words; faults.link_timeout_s 10 is shorter than that, and its segments would "
-                    "be given away while it still flies them: it is given up after 10.1 s of silence instead"
+                    "warning: words; faults.link_timeout_s 10 is shorter, and its segments would be "
+                    "reassigned while it still flies them: declared lost after 10.1 s instead"
                 )
             ],
         ],
@@ -238,16 +238,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             [],
             [],
+            [("warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not notice our loss")],
             [
                 (
-                    "warning: its ground-station failsafe waits for system 254 (SYSID_MYGCS), ours is 255: "
-                    "it does not watch us"
-                )
-            ],
-            [
-                (
-                    "warning: another ground station is on its link, system 3 component 190: its heartbeats "
-                    "would hide that ours have ended"
+                    "warning: another ground station is on its link, system 3 component 190: its "
+                    "HEARTBEATs would hide the loss of ours"
                 )
             ],
             [
@@ -257,7 +252,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 ),
                 (
                     "warning: another ground station is on its link, system 255 component 190: its "
-                    "heartbeats would hide that ours have ended"
+                    "HEARTBEATs would hide the loss of ours"
                 ),
             ],
         ],
@@ -278,25 +273,25 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ["warning: did not say what it does on a low battery (BATT_FS_LOW_ACT, BATT_FS_CRT_ACT)"],
-            ["warning: did not say what it does on a low battery (BATT_FS_LOW_ACT 0, BATT_FS_CRT_ACT)"],
+            ["warning: battery failsafe not known (BATT_FS_LOW_ACT, BATT_FS_CRT_ACT)"],
+            ["warning: battery failsafe not known (BATT_FS_LOW_ACT=0, BATT_FS_CRT_ACT)"],
             [
                 (
-                    "warning: no battery failsafe (BATT_FS_LOW_ACT 0, BATT_FS_CRT_ACT 0): on an empty "
-                    "battery it flies on until it falls"
+                    "warning: no battery failsafe (BATT_FS_LOW_ACT=0, BATT_FS_CRT_ACT=0): on an empty"
+                    " battery it flies on until it falls"
                 )
             ],
-            ["ok: by itself it returns below 20 % (BATT_FS_LOW_ACT 2)"],
-            ["ok: by itself it returns below 20 % (BATT_FS_LOW_ACT 2)"],
+            ["ok: battery failsafe: RTL below 20 % (BATT_FS_LOW_ACT=2)"],
+            ["ok: battery failsafe: RTL below 20 % (BATT_FS_LOW_ACT=2)"],
             [
-                "ok: by itself it returns below 20 % (BATT_FS_LOW_ACT 2)",
+                "ok: battery failsafe: RTL below 20 % (BATT_FS_LOW_ACT=2)",
                 (
-                    "warning: returns below 20 % (BATT_FS_LOW_ACT 2), but its flight ends with 20 %: its "
-                    "failsafe would act in the flight"
+                    "warning: battery failsafe: RTL below 20 % (BATT_FS_LOW_ACT=2), but its flight "
+                    "ends with 20 %: it would act in flight"
                 ),
             ],
-            ["ok: by itself it returns below 20 % (BATT_FS_LOW_ACT 2)"],
-            ["ok: by itself it returns below 1000 mAh (BATT_FS_LOW_ACT 2)"],
+            ["ok: battery failsafe: RTL below 20 % (BATT_FS_LOW_ACT=2)"],
+            ["ok: battery failsafe: RTL below 1000 mAh (BATT_FS_LOW_ACT=2)"],
         ],
     ),
     (
@@ -373,14 +368,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ["ok: frames are signed; what is not signed with our key is refused"],
             [
                 (
-                    "warning: frames are not signed, and uav1 is reached over a network: whoever can send "
+                    "warning: frames are not signed, and uav1 is reached over a network: any sender "
                     "there can command and imitate the vehicles"
                 )
             ],
             [
                 (
-                    "warning: frames are not signed, and uav1, uav2 are reached over a network: whoever can "
-                    "send there can command and imitate the vehicles"
+                    "warning: frames are not signed, and uav1, uav2 are reached over a network: any "
+                    "sender there can command and imitate the vehicles"
                 )
             ],
             [("ok: frames are not signed; a radio like ours on the same channel could command the vehicles")],
@@ -415,17 +410,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a height that is right",
         lambda: [proposed(known(RTL_ALT=value)) for value in (1499.0, 1500.0, 1550.0, 1551.0, 1498.0)],
         [
-            ["ok: its own return is at 14.99 m (RTL_ALT)"],
-            ["ok: its own return is at 15 m (RTL_ALT)"],
-            ["ok: its own return is at 15.5 m (RTL_ALT)"],
+            ["ok: RTL altitude is 15 m (RTL_ALT)"],
+            ["ok: RTL altitude is 15 m (RTL_ALT)"],
+            ["ok: RTL altitude is 15.5 m (RTL_ALT)"],
             [
                 "RTL_ALT 1551 -> 1500 cm: keeps its RTL in its own layer",
-                "ok: its own return will be at 15 m (RTL_ALT)",
+                "ok: RTL altitude will be 15 m (RTL_ALT)",
                 "ok: to be set for the flight: RTL_ALT 1551 -> 1500 cm: keeps its RTL in its own layer",
             ],
             [
                 "RTL_ALT 1498 -> 1500 cm: keeps its RTL in its own layer",
-                "ok: its own return will be at 15 m (RTL_ALT)",
+                "ok: RTL altitude will be 15 m (RTL_ALT)",
                 "ok: to be set for the flight: RTL_ALT 1498 -> 1500 cm: keeps its RTL in its own layer",
             ],
         ],
@@ -434,12 +429,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a height of the highest",
         lambda: [proposed(known(RTL_ALT=value), "uav3") for value in (3000.0, 7000.0, 7600.0, 9000.0)],
         [
-            ["ok: its own return is at 30 m (RTL_ALT)"],
-            ["ok: its own return is at 70 m (RTL_ALT)"],
-            ["ok: its own return is at 76 m (RTL_ALT)"],
+            ["ok: RTL altitude is 30 m (RTL_ALT)"],
+            ["ok: RTL altitude is 70 m (RTL_ALT)"],
+            ["ok: RTL altitude is 76 m (RTL_ALT)"],
             [
                 "RTL_ALT 9000 -> 2700 cm: keeps its RTL in its own layer",
-                "ok: its own return will be at 27 m (RTL_ALT)",
+                "ok: RTL altitude will be 27 m (RTL_ALT)",
                 "ok: to be set for the flight: RTL_ALT 9000 -> 2700 cm: keeps its RTL in its own layer",
             ],
         ],
@@ -448,10 +443,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a height of the highest under a ceiling",
         lambda: [proposed(known(RTL_ALT=value), "uav3", ceiling_m=40.0) for value in (4000.0, 4001.0)],
         [
-            ["ok: its own return is at 40 m (RTL_ALT)"],
+            ["ok: RTL altitude is 40 m (RTL_ALT)"],
             [
                 "RTL_ALT 4001 -> 2700 cm: keeps its RTL in its own layer",
-                "ok: its own return will be at 27 m (RTL_ALT)",
+                "ok: RTL altitude will be 27 m (RTL_ALT)",
                 "ok: to be set for the flight: RTL_ALT 4001 -> 2700 cm: keeps its RTL in its own layer",
             ],
         ],
@@ -465,28 +460,28 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             [
                 "RTL_ALT_M 30 -> 15 m: keeps its RTL in its own layer",
-                "ok: its own return will be at 15 m (RTL_ALT_M)",
+                "ok: RTL altitude will be 15 m (RTL_ALT_M)",
                 "ok: to be set for the flight: RTL_ALT_M 30 -> 15 m: keeps its RTL in its own layer",
             ],
-            ["ok: its own return is at 15 m (RTL_ALT_M)"],
-            ["ok: its own return is at 15 m (RTL_ALT)"],
-            [("warning: the height of its own return is not known: RTL_ALT does not answer; nothing is set")],
+            ["ok: RTL altitude is 15 m (RTL_ALT_M)"],
+            ["ok: RTL altitude is 15 m (RTL_ALT)"],
+            [("warning: RTL altitude not known: RTL_ALT does not answer; nothing is set")],
         ],
     ),
     (
         "a cone",
         lambda: [proposed(known(RTL_ALT=1500.0, RTL_CONE_SLOPE=value)) for value in (0.0, 0.4, 0.5, 3.0)],
         [
-            ["ok: its own return is at 15 m (RTL_ALT)"],
-            ["ok: its own return is at 15 m (RTL_ALT)"],
+            ["ok: RTL altitude is 15 m (RTL_ALT)"],
+            ["ok: RTL altitude is 15 m (RTL_ALT)"],
             [
                 "RTL_CONE_SLOPE 0.5 -> 0: climbs to that height near its pad, too",
-                "ok: its own return is at 15 m (RTL_ALT)",
+                "ok: RTL altitude is 15 m (RTL_ALT)",
                 ("ok: to be set for the flight: RTL_CONE_SLOPE 0.5 -> 0: climbs to that height near its pad, too"),
             ],
             [
                 "RTL_CONE_SLOPE 3 -> 0: climbs to that height near its pad, too",
-                "ok: its own return is at 15 m (RTL_ALT)",
+                "ok: RTL altitude is 15 m (RTL_ALT)",
                 ("ok: to be set for the flight: RTL_CONE_SLOPE 3 -> 0: climbs to that height near its pad, too"),
             ],
         ],
@@ -504,23 +499,23 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ["ok: its own return is at 15 m (RTL_RETURN_ALT)"],
+            ["ok: RTL altitude is 15 m (RTL_RETURN_ALT)"],
             [
                 "RTL_DESCEND_ALT 10 -> 15 m: waits over its pad in its own layer",
-                "ok: its own return is at 15 m (RTL_RETURN_ALT)",
+                "ok: RTL altitude is 15 m (RTL_RETURN_ALT)",
                 ("ok: to be set for the flight: RTL_DESCEND_ALT 10 -> 15 m: waits over its pad in its own layer"),
             ],
             [
                 "RTL_RETURN_ALT 60 -> 15 m: keeps its RTL in its own layer",
                 "RTL_DESCEND_ALT 10 -> 15 m: waits over its pad in its own layer",
-                "ok: its own return will be at 15 m (RTL_RETURN_ALT)",
+                "ok: RTL altitude will be 15 m (RTL_RETURN_ALT)",
                 "ok: to be set for the flight: RTL_RETURN_ALT 60 -> 15 m: keeps its RTL in its own layer",
                 ("ok: to be set for the flight: RTL_DESCEND_ALT 10 -> 15 m: waits over its pad in its own layer"),
             ],
-            ["ok: its own return is at 15 m (RTL_RETURN_ALT)"],
+            ["ok: RTL altitude is 15 m (RTL_RETURN_ALT)"],
             [
                 "RTL_CONE_ANG 45 -> 0 deg: climbs to that height near its pad, too",
-                "ok: its own return is at 15 m (RTL_RETURN_ALT)",
+                "ok: RTL altitude is 15 m (RTL_RETURN_ALT)",
                 ("ok: to be set for the flight: RTL_CONE_ANG 45 -> 0 deg: climbs to that height near its pad, too"),
             ],
         ],
@@ -537,15 +532,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ["ok: its own return is set to 15 m (RTL_ALT)"],
-            ["ok: its own return is set to 15 m (RTL_ALT)"],
+            ["ok: RTL altitude set to 15 m (RTL_ALT)"],
+            ["ok: RTL altitude set to 15 m (RTL_ALT)"],
             [
                 (
-                    "warning: its own return stays at 30 m (RTL_ALT), not at the 15 m that keep it clear of "
+                    "warning: RTL altitude stays 30 m (RTL_ALT), not the 15 m that keep it clear of "
                     "the others: RTL_ALT stays 3000"
                 )
             ],
-            ["warning: its own return is set to 15 m, but RTL_CONE_SLOPE: no answer"],
+            ["warning: RTL altitude set to 15 m, but RTL_CONE_SLOPE: no answer"],
         ],
     ),
     (

@@ -72,7 +72,7 @@ def test_other_items_of_the_same_number_are_another_stations_on_px4() -> None:
     flight = honest("px4")
     flight.crafts["uav2"].mission_id = 815
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
-    assert "(as many items as ours, and others)" in flight.said(Level.FAULT)[0]
+    assert "(as many items as ours, but others)" in flight.said(Level.FAULT)[0]
 
 
 TEXTS = pytest.mark.parametrize("text", ["Flight plan received", "Auto mission changed, restarted command"])
@@ -84,7 +84,7 @@ def test_a_flight_plan_that_nobody_here_sent_is_read_and_is_another_stations(tex
     flight.crafts["uav2"].alike = 3
     flight.happen(Heard("uav2", StatusText(6, text)))
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
-    assert "(read back: others from item 3 on)" in flight.said(Level.FAULT)[0]
+    assert "(read-back differs from item 3 on)" in flight.said(Level.FAULT)[0]
     flight.pass_s(20.0)
     assert flight.stage("uav2") is Stage.PILOT, "as many items as ours are no sign that they are"
 
@@ -96,7 +96,7 @@ def test_a_text_alone_takes_no_vehicle(text: str) -> None:
     flight.happen(Heard("uav2", StatusText(6, text)))
     flight.pass_s(3.0)
     assert flight.given(ReadMission) == [ReadMission("uav2")]
-    assert "uav2: said that it was given another mission; read back, it is ours" in flight.said(Level.WARNING)
+    assert "uav2: reported a new mission; verified by read-back, it is ours" in flight.said(Level.WARNING)
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == []
@@ -126,7 +126,7 @@ def test_who_does_not_let_it_be_read_is_left_alone() -> None:
     flight.crafts["uav2"].unreadable = True
     flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT, limit_s=3.0)
-    assert "does not let it be read" in flight.said(Level.FAULT)[0]
+    assert "cannot be read" in flight.said(Level.FAULT)[0]
 
 
 def test_nobody_is_blamed_for_a_question_that_went_into_a_silence() -> None:
@@ -139,7 +139,7 @@ def test_nobody_is_blamed_for_a_question_that_went_into_a_silence() -> None:
     flight.happen(MissionRead(Found("uav2", heard=True, seq=None, items=None, matches=())))
     assert flight.vehicle("uav2").carried.foreign_s is None
     craft.mute = craft.unreadable = False
-    flight.run(lambda: any("read back, it is ours" in line for line in flight.said(Level.WARNING)))
+    flight.run(lambda: any("verified by read-back, it is ours" in line for line in flight.said(Level.WARNING)))
 
 
 def test_it_is_back_once_ours_is_read_again() -> None:

@@ -237,7 +237,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: came down other than it lands; last position 49.600138, 15.599467, 0 m over its home"),
+                ("uav1: came down, but not in a landing; last position 49.600138, 15.599467, 0 m over its home"),
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "anchor": LOW}},

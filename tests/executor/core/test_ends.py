@@ -67,7 +67,7 @@ ROWS = [
         {"recalled": False, "finished": False, "given_up": frozenset(range(6)), "inspected": {0: "uav1"}},
     ),
     Row(
-        "something is left, and everybody was sent home",
+        "something is left, and the flight was aborted",
         STANDS,
         Tick(),
         [Finish("6 segments are not inspected")],
@@ -157,7 +157,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+                ("uav1: interruption, RTL by its own failsafe; returning or landing by itself, not commanded"),
             )
         ],
         {
@@ -179,7 +179,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+                ("uav1: interruption, RTL by its own failsafe; returning or landing by itself, not commanded"),
             )
         ],
         {
@@ -201,7 +201,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+                ("uav1: interruption, RTL by its own failsafe; returning or landing by itself, not commanded"),
             )
         ],
         {
@@ -223,7 +223,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+                ("uav1: interruption, RTL by its own failsafe; returning or landing by itself, not commanded"),
             )
         ],
         {
@@ -244,7 +244,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, RTL by its own failsafe; it comes home or lands by itself and is left to that"),
+                ("uav1: interruption, RTL by its own failsafe; returning or landing by itself, not commanded"),
             )
         ],
         {
@@ -274,7 +274,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: came down other than it lands; last position 49.600138, 15.599467, 5 m over its home"),
+                ("uav1: came down, but not in a landing; last position 49.600138, 15.599467, 5 m over its home"),
             )
         ],
         {
@@ -313,8 +313,8 @@ ROWS = [
         ALONE,
         Tick(),
         [
-            Say(Level.WARNING, "nobody is heard any more: is it our own radio? Nothing is re-planned yet"),
-            Say(Level.WARNING, "uav1: nothing heard for 10.0 s"),
+            Say(Level.WARNING, "no link to any vehicle: is it our own radio? No re-plan yet"),
+            Say(Level.WARNING, "uav1: no message for 10.0 s"),
         ],
         {
             "uav1": {
@@ -340,7 +340,7 @@ ROWS = [
         "nobody is heard for long enough to break an inspection",
         ALONE,
         Tick(),
-        [Say(Level.WARNING, "uav1: nothing heard for 10.0 s")],
+        [Say(Level.WARNING, "uav1: no message for 10.0 s")],
         {
             "uav1": {
                 "run": None,
@@ -370,11 +370,11 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "nobody was heard for 60 s; in the air when last heard: uav1. The flight stays open and "
-                    "takes up whoever is heard again"
+                    "no message from any vehicle for 60 s; in the air at last contact: uav1. The flight stays open and "
+                    "resumes with the first link regained"
                 ),
             ),
-            Say(Level.WARNING, "uav1: nothing heard for 60.0 s"),
+            Say(Level.WARNING, "uav1: no message for 60.0 s"),
         ],
         {
             "uav1": {
@@ -402,13 +402,10 @@ ROWS = [
         replace(ALONE, heard_s=NOW_S - 9000.0, spoke_s=NOW_S - 9000.0),
         Tick(),
         [
-            Say(Level.WARNING, "uav1: nothing heard for 9000.0 s"),
+            Say(Level.WARNING, "uav1: no message for 9000.0 s"),
             Say(
                 Level.FAULT,
-                (
-                    "uav1: link, silent for 9000.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 "
-                    "m over its home"
-                ),
+                ("uav1: link lost for 9000.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
             ),
         ],
         {
@@ -418,7 +415,7 @@ ROWS = [
                 "anchor": None,
                 "run": None,
                 "stale": True,
-                "fault": Fault(FaultKind.LINK, "silent for 9000.0 s, time-out 10 s", NOW_S),
+                "fault": Fault(FaultKind.LINK, "link lost for 9000.0 s, time-out 10 s", NOW_S),
                 "before": Before(
                     fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
                     waypoint=2,
@@ -434,14 +431,14 @@ ROWS = [
                 "left_s": NOW_S,
             }
         },
-        {"urgent": True, "trigger": "uav1: link, silent for 9000.0 s, time-out 10 s", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: link lost for 9000.0 s, time-out 10 s", "trigger_s": NOW_S},
         {"silent_since_s": NOW_S - 9000.0, "silence_told_s": NOW_S - 10.0},
     ),
     Row(
-        "somebody is heard again",
+        "somebody link regained",
         replace(ALONE, heard_s=NOW_S, spoke_s=NOW_S),
         Tick(),
-        [Say(Level.INFO, "vehicles are heard again")],
+        [Say(Level.INFO, "links regained")],
         {"uav1": {"excused_s": NOW_S}, "uav2": {"heard_s": NOW_S, "excused_s": NOW_S}},
         {
             "silent_since_s": None,
@@ -497,7 +494,7 @@ ROWS = [
         replace(BACK, item_s=NOW_S - 71.0),
         Tick(),
         [
-            Say(Level.WARNING, "uav1: no word of the waypoint it flies to for 71 s, while other messages come"),
+            Say(Level.WARNING, "uav1: no report of its current waypoint for 71 s, while other messages come"),
             AskStreams("uav1"),
         ],
         {"uav1": {"streams_asked_s": NOW_S}},
@@ -512,7 +509,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed over its pad in the midst of its mission; last position "
+                    "uav1: interruption, disarmed over its pad in mid-mission; last position "
                     "49.600138, 15.599467, 0 m over its home"
                 ),
             ),
@@ -522,14 +519,14 @@ ROWS = [
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed over its pad in the midst of its mission", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed over its pad in mid-mission", NOW_S),
                 "before": None,
                 "left_s": NOW_S,
             }
         },
         {
             "urgent": True,
-            "trigger": "uav1: interruption, disarmed over its pad in the midst of its mission",
+            "trigger": "uav1: interruption, disarmed over its pad in mid-mission",
             "trigger_s": NOW_S,
         },
     ),
@@ -550,10 +547,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: link, silent for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m "
-                    "over its home"
-                ),
+                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
             )
         ],
         {
@@ -561,11 +555,11 @@ ROWS = [
                 "stage": Stage.LOST,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.LINK, "silent for 10.0 s, time-out 10 s", NOW_S),
+                "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
                 "left_s": NOW_S,
             }
         },
-        {"urgent": True, "trigger": "uav1: link, silent for 10.0 s, time-out 10 s", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: link lost for 10.0 s, time-out 10 s", "trigger_s": NOW_S},
         beside=(SECOND,),
     ),
     Row(

@@ -60,7 +60,7 @@ def test_silence_is_said_before_it_is_a_fault() -> None:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.pass_s(5.0)
-    assert flight.said(Level.WARNING) == ["uav2: nothing heard for 3.2 s"]
+    assert flight.said(Level.WARNING) == ["uav2: no message for 3.2 s"]
     flight.crafts["uav2"].mute = False
     flight.finish()
     assert "uav2: link regained" in flight.said(Level.INFO)
@@ -72,7 +72,7 @@ def test_all_silent_at_once_is_our_own_fault_first() -> None:
     for craft in flight.crafts.values():
         craft.mute = True
     flight.pass_s(50.0)
-    assert "all vehicles are silent at once: is it our own radio? Nothing is re-planned yet" in flight.said()
+    assert "all links lost at once: is it our own radio? No re-plan yet" in flight.said()
     assert flight.said(Level.FAULT) == []
     assert flight.solves() == []
 
@@ -86,7 +86,7 @@ def test_a_radio_that_comes_back_loses_nobody() -> None:
     for name in ("uav1", "uav3", "uav2"):
         flight.crafts[name].mute = False
         flight.pass_s(2.0)
-    assert "vehicles are heard again" in flight.said(Level.INFO)
+    assert "links regained" in flight.said(Level.INFO)
     assert flight.said(Level.FAULT) == []
 
 
@@ -157,7 +157,7 @@ def test_a_return_that_was_acknowledged_is_never_ordered_again() -> None:
     ignored = ReturnEnded("uav2", accepted=False, reason="does not report the new mode")
     flight = back_and_refusing([ignored])
     assert flight.sent_home() == ["uav2"]
-    assert "uav2: acknowledged the order and does not follow it; it is not told again" in flight.said(Level.WARNING)
+    assert "uav2: acknowledged the order but does not follow it; not commanded again" in flight.said(Level.WARNING)
 
 
 def lost_uav2(mode: int | None = None, *, landed: bool = False) -> Story:

@@ -51,7 +51,7 @@ ROWS = [
         GONE,
         said(beat()),
         [
-            Say(Level.WARNING, "uav1: link regained; its work was given away, so it does not go on with it"),
+            Say(Level.WARNING, "uav1: link regained; its segments were reassigned, its mission is not resumed"),
             SendHome("uav1"),
         ],
         {"uav1": SENT_HOME | REGAINED | {"flew_mission": True}},
@@ -61,7 +61,7 @@ ROWS = [
         "who was lost and comes home is left to that",
         GONE,
         said(beat(RTL)),
-        [Say(Level.WARNING, "uav1: link regained, on its way home or down by itself")],
+        [Say(Level.WARNING, "uav1: link regained, returning or landing by itself")],
         {
             "uav1": REGAINED
             | {
@@ -120,7 +120,7 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "uav1: link regained, on the ground; it is switched to RTL, so that it does not take off "
+                    "uav1: link regained, on the ground; switched to RTL, so that it cannot take off "
                     "with its old mission"
                 ),
             ),
@@ -137,8 +137,8 @@ ROWS = [
             Say(
                 Level.WARNING,
                 (
-                    "uav1: link regained, on the ground; armed as it is, it takes off with its old mission; its "
-                    "pilot's, not commanded"
+                    "uav1: link regained, on the ground with its pilot, not commanded: armed now, it takes off with "
+                    "its old mission"
                 ),
             )
         ],

@@ -27,11 +27,11 @@ from tests.executor.core.steps import (
 
 ROWS = [
     Row(
-        "a fault after everybody was sent home",
+        "a fault after the flight was aborted",
         FAILS,
         Tick(),
         [
-            Say(Level.FAULT, "uav1: interruption, reports that its flight is terminated; it is told to return"),
+            Say(Level.FAULT, "uav1: interruption, reports that its flight is terminated; RTL commanded"),
             SendHome("uav1"),
         ],
         {"uav1": SENT_HOME | {"fault": TERMINATED}},
@@ -44,10 +44,10 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: battery, 3.75 V a cell under load; it is told to return; 2 segments left without a vehicle"),
+                ("uav1: battery, 3.75 V a cell under load; RTL commanded; 2 segments left without a vehicle"),
             ),
             SendHome("uav1"),
-            Say(Level.WARNING, "nobody in the air can take over segments 0, 1, 2, 3, 4, 5"),
+            Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5"),
         ],
         {"uav1": SENT_HOME | {"fault": Fault(FaultKind.BATTERY, "3.75 V a cell under load", NOW_S)}},
         {
@@ -65,9 +65,9 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, reports that its flight is terminated; it is landing and is left to that"),
+                ("uav1: interruption, reports that its flight is terminated; landing, not commanded"),
             ),
-            Say(Level.WARNING, "nobody in the air can take over segments 0, 1"),
+            Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1"),
         ],
         {"uav1": LEAVES | {"fault": TERMINATED, "errand": Errand(NOW_S)}},
         WHY | {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "orphans_since_s": NOW_S},
@@ -81,8 +81,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; it is told to return; 1 "
-                    "segment to be planned for the others"
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 "
+                    "segment to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -100,7 +100,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; it is told to return; 1 "
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 "
                     "segment left without a vehicle"
                 ),
             ),
@@ -116,7 +116,7 @@ ROWS = [
         FAILS,
         Tick(),
         [
-            Say(Level.FAULT, "uav1: interruption, reports that its flight is terminated; it is told to return"),
+            Say(Level.FAULT, "uav1: interruption, reports that its flight is terminated; RTL commanded"),
             SendHome("uav1"),
         ],
         {"uav1": SENT_HOME | {"fault": TERMINATED}},
@@ -130,7 +130,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, reports that its flight is terminated; it is over its pad and is told to land"),
+                ("uav1: interruption, reports that its flight is terminated; over its pad, landing commanded"),
             ),
             LandNow("uav1"),
         ],
@@ -144,10 +144,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, reports that its flight is terminated; it comes down on its pad and "
-                    "is left to that"
-                ),
+                ("uav1: interruption, reports that its flight is terminated; landing on its pad, not commanded"),
             )
         ],
         {
@@ -169,8 +166,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; it comes home or lands by "
-                    "itself and is left to that"
+                    "uav1: interruption, reports that its flight is terminated; returning or landing "
+                    "by itself, not commanded"
                 ),
             )
         ],
@@ -204,7 +201,7 @@ ROWS = [
         "a fault of who is with its pilot",
         replace(FAILS, stage=Stage.PILOT, taken=TakenOver(NOW_S - 5.0), cause=Cause.PERSON),
         Tick(),
-        [Say(Level.FAULT, "uav1: its pilot has put it back on its mission; include it to have it in the plan again")],
+        [Say(Level.FAULT, "uav1: its pilot has set mission mode again; include it to have it in the plan again")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 5.0, returned_s=NOW_S)}},
         {},
     ),
@@ -221,7 +218,7 @@ ROWS = [
         ),
         Tick(),
         [
-            Say(Level.FAULT, "uav1: interruption, reports that its flight is terminated; it is told to return"),
+            Say(Level.FAULT, "uav1: interruption, reports that its flight is terminated; RTL commanded"),
             SendHome("uav1"),
         ],
         {"uav1": SENT_HOME | {"fault": TERMINATED, "pending": None, "held_s": None, "cleared_s": None, "owed": None}},
@@ -235,8 +232,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; it is told to return; 2 "
-                    "segments to be planned for the others"
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 2 "
+                    "segments to be reassigned"
                 ),
             ),
             SendHome("uav1"),

@@ -61,13 +61,13 @@ ROWS = [
         {},
     ),
     Row(
-        "who was taken to be down and flies comes home",
+        "who was thought to be down but flies comes home",
         flying(stage=Stage.DOWN, anchor=STILL),
         Tick(),
         [
             Say(
                 Level.FAULT,
-                ("uav1: was taken to be down and flies, last position 49.600138, 15.603617, 20 m over its home"),
+                ("uav1: was thought to be down but flies, last position 49.600138, 15.603617, 20 m over its home"),
             ),
             SendHome("uav1"),
         ],
@@ -81,7 +81,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: was taken to be landed and flies, last position 49.600138, 15.603617, 20 m over its home"),
+                ("uav1: was thought to be landed but flies, last position 49.600138, 15.603617, 20 m over its home"),
             ),
             SendHome("uav1"),
         ],
@@ -101,7 +101,7 @@ ROWS = [
         flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=Cause.PERSON, mode_since_s=NOW_S - 1.0),
         Tick(),
         [
-            Say(Level.FAULT, "uav1: was armed on the ground, not from here, mode MISSION: keep clear of it"),
+            Say(Level.FAULT, "uav1: armed on the ground, not from here, mode MISSION: keep clear of it"),
             HandsOff("uav1"),
         ],
         {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 1.0, given_away=True)}},
@@ -128,7 +128,7 @@ ROWS = [
         "who says nothing for three seconds is said to be silent",
         flying(heard_s=NOW_S - 3.0),
         Tick(),
-        [Say(Level.WARNING, "uav1: nothing heard for 3.0 s")],
+        [Say(Level.WARNING, "uav1: no message for 3.0 s")],
         {"uav1": {"stale": True}},
         {},
         beside=(SECOND,),
@@ -276,7 +276,7 @@ ROWS = [
         [
             Say(
                 Level.WARNING,
-                ("uav1: silent for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
             )
         ],
         {"uav1": {"stage": Stage.LOST, "errand": None}},
@@ -290,7 +290,7 @@ ROWS = [
         [
             Say(
                 Level.WARNING,
-                ("uav1: silent for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
             )
         ],
         {"uav1": {"stage": Stage.LOST, "errand": None}},
@@ -304,10 +304,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: link, silent for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m "
-                    "over its home"
-                ),
+                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
             )
         ],
         {
@@ -315,11 +312,11 @@ ROWS = [
                 "stage": Stage.LOST,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.LINK, "silent for 10.0 s, time-out 10 s", NOW_S),
+                "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
                 "left_s": NOW_S,
             }
         },
-        {"urgent": True, "trigger": "uav1: link, silent for 10.0 s, time-out 10 s", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: link lost for 10.0 s, time-out 10 s", "trigger_s": NOW_S},
         beside=(SECOND,),
     ),
     Row(

@@ -77,9 +77,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "its clock began anew",
+        "its clock was reset",
         lambda: [flew(away_s).why_not for away_s in (0.0, -5.0)],
-        ["its clock began anew", "its clock began anew"],
+        ["its clock was reset", "its clock was reset"],
     ),
     (
         "nobody knows where it was, or is",
@@ -230,12 +230,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "it is on its pad and nobody knows what it used",
+        "it is on its pad and its consumption is not known",
         lambda: [
             stands(160.0, battery=BatteryState()).why_not,
             stands(160.0, before=before(160.0, remaining_pct=None)).why_not,
         ],
-        ["nobody knows what it used", "nobody knows what it used"],
+        ["its consumption is not known", "its consumption is not known"],
     ),
     (
         "it is not on its pad",

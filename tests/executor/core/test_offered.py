@@ -187,7 +187,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ([], {}, {"offer_wanted_s": None}),
     ),
     (
-        "an offer after everybody was sent home",
+        "an offer after the flight was aborted",
         lambda: looked(STANDS, recalled=True, offer=OFFER),
         ([], {}, {"offer": None}),
     ),
@@ -338,7 +338,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             STANDS, offer=replace(OFFER, alone_since_s=NOW_S - 300.0), offer_wanted_s=5.0, inspected={0: "uav2"}
         ),
         (
-            [Say(Level.WARNING, "nobody was cleared to take off again within 300 s; 5 segments are left over")],
+            [Say(Level.WARNING, "no vehicle was cleared to take off again within 300 s; 5 segments are left over")],
             {},
             {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "offer": None, "offers_over": True},
         ),

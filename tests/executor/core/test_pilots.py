@@ -68,7 +68,7 @@ ROWS = [
         "back on its mission",
         RETURNED,
         Tick(),
-        [Say(Level.FAULT, "uav1: its pilot has put it back on its mission; include it to have it in the plan again")],
+        [Say(Level.FAULT, "uav1: its pilot has set mission mode again; include it to have it in the plan again")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
         {},
     ),
@@ -81,7 +81,7 @@ ROWS = [
         [
             Say(
                 Level.WARNING,
-                ("uav1: its pilot has put it on its mission, which is not its any more; not commanded from here"),
+                ("uav1: its pilot has set mission mode, but its segments were reassigned; not commanded from here"),
             )
         ],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
@@ -154,7 +154,7 @@ ROWS = [
         "taken again",
         replace(PILOTS, taken=replace(TAKEN, returned_s=NOW_S - 5.0)),
         Tick(),
-        [Say(Level.WARNING, "uav1: its pilot has taken it again, mode HOLD")],
+        [Say(Level.WARNING, "uav1: taken over by its pilot again, mode HOLD")],
         {"uav1": {"taken": TAKEN}},
         {},
     ),
@@ -351,7 +351,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: mode HOLD since it was silent, by its pilot or a failsafe; not commanded from "
+                    "uav1: mode HOLD set while there was no link, by its pilot or a failsafe; not commanded from "
                     "here; its segments are kept for 30 s"
                 ),
             ),
@@ -381,7 +381,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: mode HOLD since it was silent, by its pilot or a failsafe; not commanded from "
+                    "uav1: mode HOLD set while there was no link, by its pilot or a failsafe; not commanded from "
                     "here; its segments are kept for 30 s"
                 ),
             ),

@@ -199,7 +199,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("it has waited", lambda: begun(ON_ITS_WAY, wait_until_s=NOW_S, **WANTS)[2]["revision"], 1),
     ("another is under way", lambda: begun(ON_ITS_WAY, replan=UNSOLVED, **WANTS), ([], {}, {})),
-    ("everybody was sent home", lambda: begun(ON_ITS_WAY, recalled=True, **WANTS), ([], {}, {})),
+    ("the flight was aborted", lambda: begun(ON_ITS_WAY, recalled=True, **WANTS), ([], {}, {})),
     ("nobody has started", lambda: begun(ON_ITS_WAY, launched_s=None, **WANTS), ([], {}, {})),
     ("nobody is heard", lambda: begun(ON_ITS_WAY, silent_since_s=5.0, **WANTS), ([], {}, {})),
     (
@@ -365,7 +365,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "somebody comes back who may not fly again",
         lambda: begun(flying(**HOMEWARD), context=CREW, **WANTS),
         (
-            [Say(Level.WARNING, "nobody in the air can take over segments 0, 1, 2, 3, 4, 5")],
+            [Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5")],
             {},
             {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "orphans_since_s": NOW_S, "urgent": False},
         ),
@@ -374,7 +374,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "who comes back is at fault",
         lambda: begun(flying(**HOMEWARD, fault=BATTERY_FAULT), **WANTS),
         (
-            [Say(Level.WARNING, "nobody in the air can take over segments 0, 1, 2, 3, 4, 5")],
+            [Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5")],
             {},
             {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "orphans_since_s": NOW_S, "urgent": False},
         ),
@@ -383,7 +383,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "who comes back is out of the plan",
         lambda: begun(flying(**HOMEWARD, excluded=True), **WANTS),
         (
-            [Say(Level.WARNING, "nobody in the air can take over segments 0, 1, 2, 3, 4, 5")],
+            [Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5")],
             {},
             {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "orphans_since_s": NOW_S, "urgent": False},
         ),
@@ -410,7 +410,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "an answer that comes too late",
         lambda: solved(TWO, NewRoute("uav1", (4,)), one=PASSED),
         (
-            [Say(Level.INFO, "re-plan 4 came too late for uav1; planning anew")],
+            [Say(Level.INFO, "re-plan 4 came too late for uav1; planning again")],
             {},
             {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 5.0, "replan": None},
         ),
@@ -434,8 +434,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: solved(UNSOLVED, NewRoute("uav1", (2,))),
         (
             [
-                Say(Level.INFO, "re-plan 4 found in 0.25 s; new missions for nobody"),
-                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
+                Say(Level.INFO, "re-plan 4 found in 0.25 s; new missions for no vehicle"),
+                Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             {},
             {
@@ -558,8 +558,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: composed(UNMADE, PASSED),
         (
             [
-                Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned anew for it"),
-                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
+                Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned again for it"),
+                Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             {},
             {
@@ -716,7 +716,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a re-plan that ended without two",
         lambda: closed(failed=("uav1", "uav2")),
         (
-            [Say(Level.INFO, "re-plan 4 ended; uav1, uav2 could not be given its part")],
+            [Say(Level.INFO, "re-plan 4 ended; not uploaded to uav1, uav2")],
             {},
             {
                 "orphans_since_s": None,
@@ -740,7 +740,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who is heard again may reach what was left over",
         lambda: again(given_up=frozenset({2, 5, 1})),
-        ({}, {"given_up": frozenset({5}), "urgent": True, "trigger": "uav1: is heard again", "trigger_s": NOW_S}),
+        ({}, {"given_up": frozenset({5}), "urgent": True, "trigger": "uav1: link regained", "trigger_s": NOW_S}),
     ),
     ("who is heard again, everybody sent home", lambda: again(recalled=True), ({}, {})),
     ("who is heard again, with nothing left over", lambda: again(given_up=frozenset({5})), ({}, {})),

@@ -421,7 +421,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 True",
             ],
             (),
@@ -435,8 +435,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(replace(GETS, waypoint=5), found(OURS, HALF, seq=8), replan=GOING),
         (
             [
-                Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned anew for it"),
-                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
+                Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned again for it"),
+                Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             (),
             (),
@@ -466,7 +466,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(GETS, found(seq=4), replan=GOING),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 True",
             ],
             (),
@@ -480,7 +480,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(replace(GETS, stage=Stage.GROUND), found(THEIRS), replan=FRESH),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 False",
             ],
             (),
@@ -494,7 +494,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(GETS, found(THEIRS, HALF, seq=4), replan=GOING),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 True",
             ],
             (),
@@ -514,7 +514,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     revision=4,
                     accepted=False,
                     mixed=True,
-                    reason="its mission is a mixture of two, and it flies beyond what is new",
+                    reason="its mission on board is a mix of two, and it is past the new part",
                 ),
             ),
             (
@@ -523,7 +523,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     revision=4,
                     accepted=False,
                     mixed=True,
-                    reason="its mission is a mixture of two, and it flies beyond what is new",
+                    reason="its mission on board is a mix of two, and it is past the new part",
                 ),
             ),
         ],
@@ -539,7 +539,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     revision=4,
                     accepted=False,
                     mixed=True,
-                    reason="its mission is a mixture of two, and it flies beyond what is new",
+                    reason="its mission on board is a mix of two, and it is past the new part",
                 ),
             ),
             (),
@@ -557,9 +557,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(GETS, found(THEIRS, HALF, seq=5, items=6), replan=GOING, beside=(SECOND,)),
         (
             [
-                Say(
-                    Level.WARNING, "uav1: reached the end of what was on board of its new mission; it is told to return"
-                ),
+                Say(Level.WARNING, "uav1: reached the end of what was on board of its new mission; it is brought home"),
                 Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
                 SendHome("uav1"),
             ],
@@ -599,7 +597,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(replace(GETS, heartbeat=beat(RTL)), found(THEIRS, HALF, seq=5, items=6), replan=GOING),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 True",
             ],
             (),
@@ -615,9 +613,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned anew for it"),
+                    ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned again for it"),
                 ),
-                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
+                Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             (),
             (),
@@ -647,7 +645,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(GETS, found(THEIRS, HALF, seq=4), replan=GOING, inspected={2: "uav2"}),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 True",
             ],
             (),
@@ -663,9 +661,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned anew for it"),
+                    ("uav1: others flew segment 2 of its new mission meanwhile; re-plan 4 is planned again for it"),
                 ),
-                Say(Level.INFO, "re-plan 4 ended; nobody's mission has changed"),
+                Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             (),
             (),
@@ -702,7 +700,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             [
-                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is not whole on board; it is sent again"),
+                Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),
                 "upload uav1 4 True",
             ],
             (),

@@ -82,7 +82,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for known in (STATIONS, STATIONS - {StationHeard(1, 190)}, STATIONS | {StationHeard(8, 190)})
         ],
         [
-            [("another ground station is on its link, system 9 component 190; whoever comes now is not named")],
+            [("another ground station is on its link, system 9 component 190; further ones are not named")],
             ["another ground station is on its link, system 9 component 190"],
             [],
         ],
@@ -90,7 +90,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "two with one number",
         lambda: list(strangers.stranger_lines(frozenset(), frozenset({DoubleHeard(3, ("a", "b"))}))),
-        ["system 3 speaks from a and b: two vehicles have the same number"],
+        ["system 3 speaks from a and b: two vehicles have the same sysid"],
     ),
     (
         "why it does not arm",
@@ -181,33 +181,29 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            LinkFailsafe(
-                acts=None, after_s=5.0, words="did not say what it does when it does not hear us (FS_GCS_ENABLE)"
-            ),
-            LinkFailsafe(acts=True, after_s=7.0, words="without us it returns after 7 s (FS_GCS_ENABLE 1)"),
+            LinkFailsafe(acts=None, after_s=5.0, words="GCS failsafe not known: no answer for FS_GCS_ENABLE"),
+            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)"),
             LinkFailsafe(
                 acts=False,
                 after_s=7.0,
-                words=(
-                    "no ground-station failsafe (FS_GCS_ENABLE 0): lost in silence, it flies its mission to the end"
-                ),
+                words=("no GCS failsafe (FS_GCS_ENABLE=0): without a link it flies its mission to the end"),
             ),
-            LinkFailsafe(acts=True, after_s=7.0, words="without us it lands after 7 s (FS_GCS_ENABLE 5)"),
+            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: land after 7 s (FS_GCS_ENABLE=5)"),
             LinkFailsafe(
                 acts=True,
                 after_s=7.0,
-                words="without us it does something that is not known here after 7 s (FS_GCS_ENABLE 99)",
+                words="GCS failsafe: unknown action after 7 s (FS_GCS_ENABLE=99)",
             ),
             LinkFailsafe(
                 acts=False,
                 after_s=7.0,
-                words="flies its mission on when it does not hear us (FS_GCS_ENABLE 1, but FS_OPTIONS 2)",
+                words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=2)",
             ),
-            LinkFailsafe(acts=True, after_s=7.0, words="without us it returns after 7 s (FS_GCS_ENABLE 1)"),
+            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)"),
             LinkFailsafe(
                 acts=False,
                 after_s=7.0,
-                words="flies its mission on when it does not hear us (FS_GCS_ENABLE 1, but FS_OPTIONS 6)",
+                words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=6)",
             ),
         ],
     ),
@@ -224,20 +220,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            LinkFailsafe(
-                acts=None, after_s=17.0, words="did not say what it does when it does not hear us (NAV_DLL_ACT)"
-            ),
-            LinkFailsafe(acts=True, after_s=17.0, words="without us it returns after 17 s (NAV_DLL_ACT 2)"),
-            LinkFailsafe(acts=True, after_s=29.0, words="without us it returns after 29 s (NAV_DLL_ACT 2)"),
+            LinkFailsafe(acts=None, after_s=17.0, words="GCS failsafe not known: no answer for NAV_DLL_ACT"),
+            LinkFailsafe(acts=True, after_s=17.0, words="GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)"),
+            LinkFailsafe(acts=True, after_s=29.0, words="GCS failsafe: RTL after 29 s (NAV_DLL_ACT=2)"),
             LinkFailsafe(
                 acts=False,
                 after_s=17.0,
-                words=("no ground-station failsafe (NAV_DLL_ACT 0): lost in silence, it flies its mission to the end"),
+                words=("no GCS failsafe (NAV_DLL_ACT=0): without a link it flies its mission to the end"),
             ),
             LinkFailsafe(
                 acts=False,
                 after_s=17.0,
-                words="flies its mission on when it does not hear us (NAV_DLL_ACT 2, but COM_DLL_EXCEPT 1)",
+                words="no GCS failsafe in a mission (NAV_DLL_ACT=2, but COM_DLL_EXCEPT=1)",
             ),
         ],
     ),
@@ -314,45 +308,45 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             BatteryRule(said=False, actions=()),
             BatteryRule(
                 said=False,
-                actions=(BatteryAction(below_pct=20.0, words="returns below 20 % or 14.4 V (BATT_FS_LOW_ACT 2)"),),
+                actions=(BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),),
             ),
             BatteryRule(
                 said=True,
-                actions=(BatteryAction(below_pct=20.0, words="returns below 20 % or 14.4 V (BATT_FS_LOW_ACT 2)"),),
+                actions=(BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),),
             ),
             BatteryRule(
                 said=True,
                 actions=(
-                    BatteryAction(below_pct=20.0, words="returns below 20 % or 14.4 V (BATT_FS_LOW_ACT 2)"),
-                    BatteryAction(below_pct=10.0, words="lands below 10 % (BATT_FS_CRT_ACT 1)"),
+                    BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),
+                    BatteryAction(below_pct=10.0, words="land below 10 % (BATT_FS_CRT_ACT=1)"),
                 ),
             ),
             BatteryRule(
                 said=False,
-                actions=(BatteryAction(below_pct=None, words="returns below 1000 mAh or 14.4 V (BATT_FS_LOW_ACT 2)"),),
+                actions=(BatteryAction(below_pct=None, words="RTL below 1000 mAh or 14.4 V (BATT_FS_LOW_ACT=2)"),),
             ),
             BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=20.0, words="returns below 20 % (BATT_FS_LOW_ACT 2)"),)
+                said=False, actions=(BatteryAction(below_pct=20.0, words="RTL below 20 % (BATT_FS_LOW_ACT=2)"),)
             ),
             BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=None, words="returns below 14.4 V (BATT_FS_LOW_ACT 2)"),)
+                said=False, actions=(BatteryAction(below_pct=None, words="RTL below 14.4 V (BATT_FS_LOW_ACT=2)"),)
             ),
             BatteryRule(
                 said=False,
                 actions=(
                     BatteryAction(
                         below_pct=20.0,
-                        words="does something that is not known here below 20 % or 14.4 V (BATT_FS_LOW_ACT 99)",
+                        words="unknown action below 20 % or 14.4 V (BATT_FS_LOW_ACT=99)",
                     ),
                 ),
             ),
             BatteryRule(said=False, actions=()),
             BatteryRule(said=False, actions=()),
             BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=None, words="returns below 1 mAh (BATT_FS_LOW_ACT 2)"),)
+                said=False, actions=(BatteryAction(below_pct=None, words="RTL below 1 mAh (BATT_FS_LOW_ACT=2)"),)
             ),
             BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=None, words="returns below 1 V (BATT_FS_LOW_ACT 2)"),)
+                said=False, actions=(BatteryAction(below_pct=None, words="RTL below 1 V (BATT_FS_LOW_ACT=2)"),)
             ),
         ],
     ),
@@ -371,13 +365,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             BatteryRule(
                 said=True,
                 actions=(
-                    BatteryAction(below_pct=7.0, words="returns below 7 % (COM_LOW_BAT_ACT 3)"),
-                    BatteryAction(below_pct=5.0, words="lands below 5 % (COM_LOW_BAT_ACT 3)"),
+                    BatteryAction(below_pct=7.0, words="RTL below 7 % (COM_LOW_BAT_ACT=3)"),
+                    BatteryAction(below_pct=5.0, words="land below 5 % (COM_LOW_BAT_ACT=3)"),
                 ),
             ),
-            BatteryRule(
-                said=True, actions=(BatteryAction(below_pct=7.0, words="lands below 7 % (COM_LOW_BAT_ACT 2)"),)
-            ),
+            BatteryRule(said=True, actions=(BatteryAction(below_pct=7.0, words="land below 7 % (COM_LOW_BAT_ACT=2)"),)),
         ],
     ),
     (

@@ -415,10 +415,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
-                    "without a vehicle"
-                ),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -439,10 +436,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
-                    "without a vehicle"
-                ),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -463,10 +457,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
-                    "without a vehicle"
-                ),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -496,7 +487,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied; it is over its pad and is told to land; "
+                    "uav1: interruption, did not start: arm: denied; over its pad, landing commanded; "
                     "2 segments left without a vehicle"
                 ),
             ),
@@ -521,10 +512,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
-                    "without a vehicle"
-                ),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -546,8 +534,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied; it is with its pilot and is not "
-                    "commanded; 2 segments left without a vehicle"
+                    "uav1: interruption, did not start: arm: denied; with its pilot, not commanded; 2"
+                    " segments left without a vehicle"
                 ),
             )
         ],
@@ -568,10 +556,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, did not start: arm: denied; it is told to disarm; 2 segments left "
-                    "without a vehicle"
-                ),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],

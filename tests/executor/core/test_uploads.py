@@ -92,7 +92,7 @@ ROWS = [
         "an upload that is refused",
         GETS,
         ended(accepted=False),
-        [Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it")],
+        [Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it")],
         {"uav1": {"pending": None, "stubborn": True}},
         {
             "urgent": True,
@@ -107,8 +107,8 @@ ROWS = [
         GETS,
         ended(accepted=False),
         [
-            Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it"),
-            Say(Level.INFO, "re-plan 4 ended; uav1 could not be given its part"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
+            Say(Level.INFO, "re-plan 4 ended; not uploaded to uav1"),
         ],
         {"uav1": {"pending": None, "stubborn": True}},
         {"urgent": True, "trigger": "uav1: no room", "trigger_s": NOW_S, "replan": None, "records": (ON_BOARD,)},
@@ -161,11 +161,11 @@ ROWS = [
         GETS,
         ended(accepted=False, mixed=True),
         [
-            Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, its mission is a mixture of two; it is told to return; 2 segments "
+                    "uav1: interruption, its mission on board is a mix of two; RTL commanded; 2 segments "
                     "left without a vehicle"
                 ),
             ),
@@ -174,14 +174,14 @@ ROWS = [
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(FaultKind.INTERRUPTION, "its mission is a mixture of two", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "its mission on board is a mix of two", NOW_S),
                 "pending": None,
                 "stubborn": True,
             }
         },
         {
             "urgent": True,
-            "trigger": "uav1: no room; uav1: interruption, its mission is a mixture of two",
+            "trigger": "uav1: no room; uav1: interruption, its mission on board is a mix of two",
             "trigger_s": NOW_S,
             "replan": replace(UNDER_WAY, pending=frozenset({"uav2"}), failed=("uav1",)),
         },
@@ -249,7 +249,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
-            Say(Level.WARNING, "uav1: stays on the ground, the crew's word for it is too old"),
+            Say(Level.WARNING, "uav1: stays on the ground, the crew's clearance is too old"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
         {"uav1": {"board": ANEW, "pending": None, "carried": Carried(ours_s=NOW_S)}},
@@ -263,7 +263,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
-            Say(Level.WARNING, "uav1: stays on the ground, the crew's word for it is too old"),
+            Say(Level.WARNING, "uav1: stays on the ground, the crew's clearance is too old"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
         {"uav1": {"board": ANEW, "pending": None, "carried": Carried(ours_s=NOW_S)}},
@@ -276,8 +276,8 @@ ROWS = [
         STANDS,
         ended(accepted=False, mixed=True),
         [
-            Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it"),
-            Say(Level.INFO, "re-plan 4 ended; uav1 could not be given its part"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
+            Say(Level.INFO, "re-plan 4 ended; not uploaded to uav1"),
         ],
         {"uav1": {"pending": None, "stubborn": True}},
         {"urgent": True, "trigger": "uav1: no room", "trigger_s": NOW_S, "replan": None, "records": (ON_BOARD,)},
@@ -307,7 +307,7 @@ ROWS = [
         "a start goes on after an upload that was refused",
         STARTING,
         ended(accepted=False),
-        [Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it"), Start("uav1")],
+        [Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"), Start("uav1")],
         {
             "uav1": {
                 "ordered_mode_s": NOW_S,
@@ -333,11 +333,11 @@ ROWS = [
         STARTING,
         ended(accepted=False, mixed=True),
         [
-            Say(Level.WARNING, "uav1: could not be given its new mission (no room); planning around it"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, its mission is a mixture of two; it is told to disarm; 2 segments "
+                    "uav1: interruption, its mission on board is a mix of two; disarm commanded; 2 segments "
                     "left without a vehicle"
                 ),
             ),
@@ -347,7 +347,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "its mission is a mixture of two", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "its mission on board is a mix of two", NOW_S),
                 "pending": None,
                 "stubborn": True,
                 "left_s": NOW_S,
@@ -355,7 +355,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: no room; uav1: interruption, its mission is a mixture of two",
+            "trigger": "uav1: no room; uav1: interruption, its mission on board is a mix of two",
             "trigger_s": NOW_S,
             "replan": replace(UNDER_WAY, pending=frozenset({"uav2"}), failed=("uav1",)),
         },

@@ -285,7 +285,7 @@ def left_over(*uncovered: int, **changes: object) -> FleetState:
 def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
     after = heard_again(left_over(2, 3), flying(), NOW_S)
     assert (after.given_up, after.urgent, after.trigger_s) == (frozenset({5}), True, NOW_S)
-    assert after.trigger == "uav1: is heard again"
+    assert after.trigger == "uav1: link regained"
 
 
 @pytest.mark.parametrize(

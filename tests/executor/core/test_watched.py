@@ -59,7 +59,7 @@ def ticked(*vehicles: VehicleState, **given: Any) -> tuple[object, ...]:
 
 
 LOST = flying(stage=Stage.LOST, fault=Fault(FaultKind.LINK, "why", 5.0), heard_s=NOW_S - 50.0, spoke_s=NOW_S - 50.0)
-ONCE = Degraded("uav1", FaultKind.LINK, "silence", "nothing heard for 4.0 s", NOW_S - 9.0)
+ONCE = Degraded("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -264,7 +264,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {},
             {
                 "open": {
-                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="nothing heard for 3.0 s", from_s=NOW_S)
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 3.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
             },
@@ -284,17 +284,20 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
-                    evidence="silent for 10.0 s, time-out 10 s",
+                    evidence="link lost for 10.0 s, time-out 10 s",
                     at_s=NOW_S,
                 ),
             ),
-            {"uav1": {"stage": Stage.LOST, "fault": Fault(FaultKind.LINK, "silent for 10.0 s, time-out 10 s", NOW_S)}},
+            {
+                "uav1": {
+                    "stage": Stage.LOST,
+                    "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
+                }
+            },
             {},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 10.0 s", from_s=NOW_S
-                    )
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
             },
@@ -314,14 +317,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {"silent_since_s": NOW_S - 10.0},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 10.0 s", from_s=NOW_S
-                    ),
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S),
                     ("uav2", "silent"): Degraded(
                         vehicle="uav2",
                         kind=FaultKind.LINK,
                         reason="silent",
-                        evidence="nothing heard for 10.0 s",
+                        evidence="no message for 10.0 s",
                         from_s=NOW_S,
                     ),
                 },
@@ -340,38 +341,36 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
-                    evidence="silent for 60.0 s, time-out 10 s",
+                    evidence="link lost for 60.0 s, time-out 10 s",
                     at_s=NOW_S,
                 ),
                 Declared(
                     vehicle="uav2",
                     kind=FaultKind.LINK,
                     reason="link",
-                    evidence="silent for 60.0 s, time-out 10 s",
+                    evidence="link lost for 60.0 s, time-out 10 s",
                     at_s=NOW_S,
                 ),
             ),
             {
                 "uav1": {
                     "stage": Stage.LOST,
-                    "fault": Fault(FaultKind.LINK, "silent for 60.0 s, time-out 10 s", NOW_S),
+                    "fault": Fault(FaultKind.LINK, "link lost for 60.0 s, time-out 10 s", NOW_S),
                 },
                 "uav2": {
                     "stage": Stage.LOST,
-                    "fault": Fault(FaultKind.LINK, "silent for 60.0 s, time-out 10 s", NOW_S),
+                    "fault": Fault(FaultKind.LINK, "link lost for 60.0 s, time-out 10 s", NOW_S),
                 },
             },
             {"silence_told_s": NOW_S},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 60.0 s", from_s=NOW_S
-                    ),
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 60.0 s", from_s=NOW_S),
                     ("uav2", "silent"): Degraded(
                         vehicle="uav2",
                         kind=FaultKind.LINK,
                         reason="silent",
-                        evidence="nothing heard for 60.0 s",
+                        evidence="no message for 60.0 s",
                         from_s=NOW_S,
                     ),
                 },
@@ -390,14 +389,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 59.9 s", from_s=NOW_S
-                    ),
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 59.9 s", from_s=NOW_S),
                     ("uav2", "silent"): Degraded(
                         vehicle="uav2",
                         kind=FaultKind.LINK,
                         reason="silent",
-                        evidence="nothing heard for 59.9 s",
+                        evidence="no message for 59.9 s",
                         from_s=NOW_S,
                     ),
                 },
@@ -414,17 +411,20 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
-                    evidence="silent for 10.0 s, time-out 10 s",
+                    evidence="link lost for 10.0 s, time-out 10 s",
                     at_s=NOW_S,
                 ),
             ),
-            {"uav1": {"stage": Stage.LOST, "fault": Fault(FaultKind.LINK, "silent for 10.0 s, time-out 10 s", NOW_S)}},
+            {
+                "uav1": {
+                    "stage": Stage.LOST,
+                    "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
+                }
+            },
             {},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 10.0 s", from_s=NOW_S
-                    )
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
             },
@@ -485,9 +485,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 10.0 s", from_s=NOW_S
-                    )
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
             },
@@ -504,7 +502,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
-                    evidence="silent for 10.0 s, time-out 10 s",
+                    evidence="link lost for 10.0 s, time-out 10 s",
                     at_s=NOW_S,
                 ),
             ),
@@ -512,9 +510,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {},
             {
                 "open": {
-                    ("uav1", "silent"): replace(
-                        ONCE, reason="silent", evidence="nothing heard for 10.0 s", from_s=NOW_S
-                    )
+                    ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
             },

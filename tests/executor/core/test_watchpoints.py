@@ -66,7 +66,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "until when one is not lost",
         lambda: [look("link", flying(heard_s=NOW_S - age_s)) for age_s in (9.9, 10.0)],
-        ["ok", "silent for 10.0 s, time-out 10 s"],
+        ["ok", "link lost for 10.0 s, time-out 10 s"],
     ),
     (
         "who says nothing of itself",
@@ -122,7 +122,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             look("off-pad", beside({"away_once": False, "waypoint": 2, "stage": stage}))
             for stage in (Stage.FLYING, Stage.RETURNING, Stage.PILOT)
         ],
-        ["disarmed over its pad in the midst of its mission", "ok", "ok"],
+        ["disarmed over its pad in mid-mission", "ok", "ok"],
     ),
     (
         "who disarms and has started anew",
@@ -131,8 +131,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for age_s in (15.0, 15.1)
         ],
         [
-            "its autopilot has started anew, and it is disarmed; it says: Crash: Disarming",
-            "its autopilot has started anew, and it is disarmed",
+            "its autopilot has rebooted, and it is disarmed; it says: Crash: Disarming",
+            "its autopilot has rebooted, and it is disarmed",
         ],
     ),
     (
@@ -534,10 +534,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "ok",
             "ok",
             "ok",
-            "the autopilot calls its battery critical",
-            "the autopilot calls its battery emergency",
-            "the autopilot calls its battery failed",
-            "the autopilot calls its battery unhealthy",
+            "the autopilot reports its battery critical",
+            "the autopilot reports its battery emergency",
+            "the autopilot reports its battery failed",
+            "the autopilot reports its battery unhealthy",
             "ok",
         ],
     ),
@@ -625,9 +625,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "ok",
             "no position for 20 s, while other messages come",
             "ok",
-            "no report of its battery for 60 s, while other messages come",
+            "no battery report for 60 s, while other messages come",
             "ok",
-            "no word of the waypoint it flies to for 20 s, while other messages come",
+            "no report of its current waypoint for 20 s, while other messages come",
         ],
     ),
     (
@@ -649,7 +649,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             look("items", flying(item_s=NOW_S - 30.0), replace(PLANNED, link_timeout_s=timeout_s))
             for timeout_s in (30.0, 30.1)
         ],
-        ["no word of the waypoint it flies to for 30 s, while other messages come", "ok"],
+        ["no report of its current waypoint for 30 s, while other messages come", "ok"],
     ),
     (
         "who is asked for its streams",
@@ -693,11 +693,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "",
             "no HEARTBEAT for 6 s, while other messages come",
             "",
-            "no word of the waypoint it flies to for 9 s, while other messages come",
+            "no report of its current waypoint for 9 s, while other messages come",
             "",
-            "no report of its battery for 7 s, while other messages come",
+            "no battery report for 7 s, while other messages come",
             "",
-            "nothing heard for 3.0 s",
+            "no message for 3.0 s",
             "",
         ],
     ),
@@ -734,7 +734,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 {"unhealthy": 0x1000000},
             )
         ],
-        ["", "the autopilot calls its battery low", "the autopilot calls its battery not healthy", ""],
+        ["", "the autopilot reports its battery low", "the autopilot reports its battery not healthy", ""],
     ),
     (
         "a doubtful reserve",
@@ -751,18 +751,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for setup in (PLANNED, UNPLANNED)
         ],
         [
-            "below its reserve at the landing by 77 % probability",
-            "below its reserve at the landing by 77 % probability",
-            "below its reserve at the landing by 97 % probability",
-            "below its reserve at the landing by 97 % probability",
-            "below its reserve at the landing by 99 % probability",
-            "below its reserve at the landing by 99 % probability",
+            "below its reserve at landing with 77 % probability",
+            "below its reserve at landing with 77 % probability",
+            "below its reserve at landing with 97 % probability",
+            "below its reserve at landing with 97 % probability",
+            "below its reserve at landing with 99 % probability",
+            "below its reserve at landing with 99 % probability",
             "",
-            "below its reserve at the landing by 64 % probability",
-            "below its reserve at the landing by 89 % probability",
-            "below its reserve at the landing by 89 % probability",
+            "below its reserve at landing with 64 % probability",
+            "below its reserve at landing with 89 % probability",
+            "below its reserve at landing with 89 % probability",
             "",
-            "below its reserve at the landing by 99 % probability",
+            "below its reserve at landing with 99 % probability",
         ],
     ),
     (

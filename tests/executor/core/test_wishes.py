@@ -39,7 +39,7 @@ ROWS = [
         "an order to hold",
         flying(anchor=LOW, cause=Cause.MISSION),
         wish(Action.HOLD),
-        [Say(Level.INFO, "page asks: hold uav1; it is told to hold"), Hold("uav1")],
+        [Say(Level.INFO, "page asks: hold uav1; hold commanded"), Hold("uav1")],
         {
             "uav1": {
                 "ordered_mode_s": NOW_S,
@@ -49,13 +49,13 @@ ROWS = [
                 "cause": Cause.OURS,
             }
         },
-        {"intents": {"wish": noted(Action.HOLD, Outcome.ACCEPTED, "it is told to hold", "uav1")}},
+        {"intents": {"wish": noted(Action.HOLD, Outcome.ACCEPTED, "hold commanded", "uav1")}},
     ),
     Row(
         "an order to hold that takes it from its pilot",
         PILOTS,
         wish(Action.HOLD, confirmed=True),
-        [Say(Level.INFO, "page asks: hold uav1; it is told to hold"), Hold("uav1")],
+        [Say(Level.INFO, "page asks: hold uav1; hold commanded"), Hold("uav1")],
         {
             "uav1": {
                 "stage": Stage.FLYING,
@@ -67,7 +67,7 @@ ROWS = [
                 "taken": None,
             }
         },
-        {"intents": {"wish": noted(Action.HOLD, Outcome.ACCEPTED, "it is told to hold", "uav1", confirmed=True)}},
+        {"intents": {"wish": noted(Action.HOLD, Outcome.ACCEPTED, "hold commanded", "uav1", confirmed=True)}},
     ),
     Row(
         "an order to hold that may hurt",
@@ -92,22 +92,22 @@ ROWS = [
         HOLDS,
         wish(Action.RESUME),
         [
-            Say(Level.INFO, "page asks: resume uav1; it is told to go on with its mission"),
+            Say(Level.INFO, "page asks: resume uav1; resume commanded"),
             Resume(vehicle="uav1", speed_m_s=3.0),
         ],
         {"uav1": {"ordered_mode_s": NOW_S, "ordered_modes": frozenset({3})}},
-        {"intents": {"wish": noted(Action.RESUME, Outcome.ACCEPTED, "it is told to go on with its mission", "uav1")}},
+        {"intents": {"wish": noted(Action.RESUME, Outcome.ACCEPTED, "resume commanded", "uav1")}},
     ),
     Row(
         "an order to go on beyond the mission",
         replace(HOLDS, waypoint=6),
         wish(Action.RESUME),
         [
-            Say(Level.INFO, "page asks: resume uav1; it is told to go on with its mission"),
+            Say(Level.INFO, "page asks: resume uav1; resume commanded"),
             Resume(vehicle="uav1", speed_m_s=0.0),
         ],
         {"uav1": {"ordered_mode_s": NOW_S, "ordered_modes": frozenset({3})}},
-        {"intents": {"wish": noted(Action.RESUME, Outcome.ACCEPTED, "it is told to go on with its mission", "uav1")}},
+        {"intents": {"wish": noted(Action.RESUME, Outcome.ACCEPTED, "resume commanded", "uav1")}},
     ),
     Row(
         "an order to return",
@@ -117,8 +117,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; it is told to return, and stays on the ground until it is "
-                    "included; the others are given what is left"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until "
+                    "included; its segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -132,10 +132,7 @@ ROWS = [
                 "wish": noted(
                     Action.RETURN,
                     Outcome.ACCEPTED,
-                    (
-                        "it is told to return, and stays on the ground until it is included; the others are "
-                        "given what is left"
-                    ),
+                    ("RTL commanded; it stays on the ground until included; its segments are to be reassigned"),
                     "uav1",
                 )
             },
@@ -150,8 +147,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; it is told to return, and stays on the ground until it is "
-                    "included; the others are given what is left"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until "
+                    "included; its segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -174,10 +171,7 @@ ROWS = [
                 "wish": noted(
                     Action.RETURN,
                     Outcome.ACCEPTED,
-                    (
-                        "it is told to return, and stays on the ground until it is included; the others are "
-                        "given what is left"
-                    ),
+                    ("RTL commanded; it stays on the ground until included; its segments are to be reassigned"),
                     "uav1",
                     confirmed=True,
                 )
@@ -192,8 +186,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; it is told to return, and stays on the ground until it is "
-                    "included; the others are given what is left"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until "
+                    "included; its segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -207,10 +201,7 @@ ROWS = [
                 "wish": noted(
                     Action.RETURN,
                     Outcome.ACCEPTED,
-                    (
-                        "it is told to return, and stays on the ground until it is included; the others are "
-                        "given what is left"
-                    ),
+                    ("RTL commanded; it stays on the ground until included; its segments are to be reassigned"),
                     "uav1",
                 )
             },
@@ -224,8 +215,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; it is told to return, and stays on the ground until it is "
-                    "included; the others are given what is left"
+                    "page asks: return uav1; landing commanded; it stays on the ground until "
+                    "included; its segments are to be reassigned"
                 ),
             ),
             LandNow("uav1"),
@@ -239,10 +230,7 @@ ROWS = [
                 "wish": noted(
                     Action.RETURN,
                     Outcome.ACCEPTED,
-                    (
-                        "it is told to return, and stays on the ground until it is included; the others are "
-                        "given what is left"
-                    ),
+                    ("landing commanded; it stays on the ground until included; its segments are to be reassigned"),
                     "uav1",
                 )
             },
@@ -256,8 +244,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; it is told to return, and stays on the ground until it is "
-                    "included; the others are given what is left"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until "
+                    "included; its segments are to be reassigned"
                 ),
             ),
             CancelSolve(4),
@@ -273,10 +261,7 @@ ROWS = [
                 "wish": noted(
                     Action.RETURN,
                     Outcome.ACCEPTED,
-                    (
-                        "it is told to return, and stays on the ground until it is included; the others are "
-                        "given what is left"
-                    ),
+                    ("RTL commanded; it stays on the ground until included; its segments are to be reassigned"),
                     "uav1",
                 )
             },
@@ -291,8 +276,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; it is told to return, and stays on the ground until it is "
-                    "included; the others are given what is left"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until "
+                    "included; its segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -307,10 +292,7 @@ ROWS = [
                 "wish": noted(
                     Action.RETURN,
                     Outcome.ACCEPTED,
-                    (
-                        "it is told to return, and stays on the ground until it is included; the others are "
-                        "given what is left"
-                    ),
+                    ("RTL commanded; it stays on the ground until included; its segments are to be reassigned"),
                     "uav1",
                 )
             },
@@ -323,7 +305,7 @@ ROWS = [
         wish(Action.LAND),
         [
             Say(
-                Level.WARNING, "page asks: land uav1; it is told to land where it is; the others are given what is left"
+                Level.WARNING, "page asks: land uav1; landing commanded where it is; its segments are to be reassigned"
             ),
             LandNow("uav1"),
         ],
@@ -348,7 +330,7 @@ ROWS = [
                 "wish": noted(
                     Action.LAND,
                     Outcome.ACCEPTED,
-                    "it is told to land where it is; the others are given what is left",
+                    "landing commanded where it is; its segments are to be reassigned",
                     "uav1",
                 )
             },
@@ -360,7 +342,7 @@ ROWS = [
         wish(Action.LAND),
         [
             Say(
-                Level.WARNING, "page asks: land uav1; it is told to land where it is; the others are given what is left"
+                Level.WARNING, "page asks: land uav1; landing commanded where it is; its segments are to be reassigned"
             ),
             LandNow("uav1"),
         ],
@@ -381,7 +363,7 @@ ROWS = [
                 "wish": noted(
                     Action.LAND,
                     Outcome.ACCEPTED,
-                    "it is told to land where it is; the others are given what is left",
+                    "landing commanded where it is; its segments are to be reassigned",
                     "uav1",
                 )
             }
@@ -393,7 +375,7 @@ ROWS = [
         wish(Action.LAND),
         [
             Say(
-                Level.WARNING, "page asks: land uav1; it is told to land where it is; the others are given what is left"
+                Level.WARNING, "page asks: land uav1; landing commanded where it is; its segments are to be reassigned"
             ),
             LandNow("uav1"),
         ],
@@ -413,7 +395,7 @@ ROWS = [
                 "wish": noted(
                     Action.LAND,
                     Outcome.ACCEPTED,
-                    "it is told to land where it is; the others are given what is left",
+                    "landing commanded where it is; its segments are to be reassigned",
                     "uav1",
                 )
             }
@@ -425,7 +407,7 @@ ROWS = [
         wish(Action.LAND, confirmed=True),
         [
             Say(
-                Level.WARNING, "page asks: land uav1; it is told to land where it is; the others are given what is left"
+                Level.WARNING, "page asks: land uav1; landing commanded where it is; its segments are to be reassigned"
             ),
             LandNow("uav1"),
         ],
@@ -446,7 +428,7 @@ ROWS = [
                 "wish": noted(
                     Action.LAND,
                     Outcome.ACCEPTED,
-                    "it is told to land where it is; the others are given what is left",
+                    "landing commanded where it is; its segments are to be reassigned",
                     "uav1",
                     confirmed=True,
                 )

@@ -56,13 +56,10 @@ ROWS = [
         BUSY,
         wish(Action.EXCLUDE),
         [
-            Say(Level.WARNING, "page asks: exclude uav1; it is treated as lost and told to return"),
+            Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
             Say(
                 Level.FAULT,
-                (
-                    "uav1: operator, excluded by the operator's word; it is told to return; 2 segments to be "
-                    "planned for the others"
-                ),
+                ("uav1: operator, excluded by the operator's word; RTL commanded; 2 segments to be reassigned"),
             ),
             SendHome("uav1"),
         ],
@@ -81,7 +78,7 @@ ROWS = [
             "trigger": "uav1: operator, excluded by the operator's word",
             "trigger_s": NOW_S,
             "intents": {
-                "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "it is treated as lost and told to return", "uav1")
+                "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "taken out of the plan, RTL commanded", "uav1")
             },
         },
         beside=(SECOND,),
@@ -91,13 +88,10 @@ ROWS = [
         flying(waypoint=3),
         wish(Action.EXCLUDE),
         [
-            Say(Level.WARNING, "page asks: exclude uav1; it is treated as lost and told to return"),
+            Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
             Say(
                 Level.FAULT,
-                (
-                    "uav1: operator, excluded by the operator's word; it is told to return; 1 segment left "
-                    "without a vehicle"
-                ),
+                ("uav1: operator, excluded by the operator's word; RTL commanded; 1 segment left without a vehicle"),
             ),
             SendHome("uav1"),
         ],
@@ -110,7 +104,7 @@ ROWS = [
             "trigger": "uav1: operator, excluded by the operator's word",
             "trigger_s": NOW_S,
             "intents": {
-                "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "it is treated as lost and told to return", "uav1")
+                "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "taken out of the plan, RTL commanded", "uav1")
             },
         },
         {"given_up": frozenset({2, 3, 4, 5})},
@@ -123,16 +117,13 @@ ROWS = [
             Say(
                 Level.WARNING,
                 (
-                    "page asks: exclude uav1; it is treated as lost and told to return; nobody else is left "
-                    "to inspect 4 segments"
+                    "page asks: exclude uav1; taken out of the plan, RTL commanded; no other vehicle "
+                    "is left to inspect 4 segments"
                 ),
             ),
             Say(
                 Level.FAULT,
-                (
-                    "uav1: operator, excluded by the operator's word; it is told to return; 1 segment left "
-                    "without a vehicle"
-                ),
+                ("uav1: operator, excluded by the operator's word; RTL commanded; 1 segment left without a vehicle"),
             ),
             SendHome("uav1"),
         ],
@@ -148,7 +139,7 @@ ROWS = [
                 "wish": noted(
                     Action.EXCLUDE,
                     Outcome.ACCEPTED,
-                    "it is treated as lost and told to return; nobody else is left to inspect 4 segments",
+                    "taken out of the plan, RTL commanded; no other vehicle is left to inspect 4 segments",
                     "uav1",
                 )
             },
@@ -163,16 +154,13 @@ ROWS = [
             Say(
                 Level.WARNING,
                 (
-                    "page asks: exclude uav1; it is treated as lost and told to return; nobody else is left "
-                    "to inspect 6 segments"
+                    "page asks: exclude uav1; taken out of the plan, RTL commanded; no other vehicle "
+                    "is left to inspect 6 segments"
                 ),
             ),
             Say(
                 Level.FAULT,
-                (
-                    "uav1: operator, excluded by the operator's word; it is told to return; 1 segment left "
-                    "without a vehicle"
-                ),
+                ("uav1: operator, excluded by the operator's word; RTL commanded; 1 segment left without a vehicle"),
             ),
             SendHome("uav1"),
         ],
@@ -188,7 +176,7 @@ ROWS = [
                 "wish": noted(
                     Action.EXCLUDE,
                     Outcome.ACCEPTED,
-                    "it is treated as lost and told to return; nobody else is left to inspect 6 segments",
+                    "taken out of the plan, RTL commanded; no other vehicle is left to inspect 6 segments",
                     "uav1",
                 )
             },
@@ -200,10 +188,8 @@ ROWS = [
         STARTS,
         wish(Action.EXCLUDE),
         [
-            Say(Level.WARNING, "page asks: exclude uav1; it is treated as lost and told to return"),
-            Say(
-                Level.FAULT, "uav1: operator, excluded by the operator's word; 2 segments to be planned for the others"
-            ),
+            Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
+            Say(Level.FAULT, "uav1: operator, excluded by the operator's word; 2 segments to be reassigned"),
             SendHome("uav1"),
         ],
         {
@@ -221,7 +207,7 @@ ROWS = [
             "trigger": "uav1: operator, excluded by the operator's word",
             "trigger_s": NOW_S,
             "intents": {
-                "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "it is treated as lost and told to return", "uav1")
+                "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "taken out of the plan, RTL commanded", "uav1")
             },
         },
         beside=(SECOND,),
@@ -254,7 +240,7 @@ ROWS = [
         "out of the plan with its pilot",
         PILOTS,
         wish(Action.EXCLUDE),
-        [Say(Level.INFO, "page asks: exclude uav1; it is left to its pilot; the others are given what is left")],
+        [Say(Level.INFO, "page asks: exclude uav1; it stays with its pilot; its segments are to be reassigned")],
         {"uav1": {"excluded": True, "taken": TakenOver(since_s=NOW_S - 10.0, given_away=True)}},
         {
             "urgent": True,
@@ -264,7 +250,7 @@ ROWS = [
                 "wish": noted(
                     Action.EXCLUDE,
                     Outcome.DONE,
-                    "it is left to its pilot; the others are given what is left",
+                    "it stays with its pilot; its segments are to be reassigned",
                     ended_s=NOW_S,
                 )
             },
@@ -274,7 +260,7 @@ ROWS = [
         "out of the plan with its pilot, not knowing since when",
         replace(PILOTS, taken=None),
         wish(Action.EXCLUDE),
-        [Say(Level.INFO, "page asks: exclude uav1; it is left to its pilot; the others are given what is left")],
+        [Say(Level.INFO, "page asks: exclude uav1; it stays with its pilot; its segments are to be reassigned")],
         {"uav1": {"excluded": True}},
         {
             "urgent": True,
@@ -284,7 +270,7 @@ ROWS = [
                 "wish": noted(
                     Action.EXCLUDE,
                     Outcome.DONE,
-                    "it is left to its pilot; the others are given what is left",
+                    "it stays with its pilot; its segments are to be reassigned",
                     ended_s=NOW_S,
                 )
             },
@@ -295,13 +281,10 @@ ROWS = [
         flying(**HOMEWARD),
         wish(Action.EXCLUDE),
         [
-            Say(Level.WARNING, "page asks: exclude uav1; it is treated as lost"),
+            Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan"),
             Say(
                 Level.FAULT,
-                (
-                    "uav1: operator, excluded by the operator's word; it comes home or lands by itself and "
-                    "is left to that"
-                ),
+                ("uav1: operator, excluded by the operator's word; returning or landing by itself, not commanded"),
             ),
         ],
         {
@@ -318,14 +301,14 @@ ROWS = [
             "urgent": True,
             "trigger": "uav1: operator, excluded by the operator's word",
             "trigger_s": NOW_S,
-            "intents": {"wish": noted(Action.EXCLUDE, Outcome.DONE, "it is treated as lost", ended_s=NOW_S)},
+            "intents": {"wish": noted(Action.EXCLUDE, Outcome.DONE, "taken out of the plan", ended_s=NOW_S)},
         },
     ),
     Row(
         "back in the plan on the ground",
         again(),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan, which is made anew with it")],
+        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -351,7 +334,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan, which is made anew with it",
+                    "it is back in the plan; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -365,7 +348,7 @@ ROWS = [
         "back in the plan on the ground, well",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan, which is made anew with it")],
+        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -388,7 +371,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan, which is made anew with it",
+                    "it is back in the plan; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -400,7 +383,7 @@ ROWS = [
         "back in the plan, one of two that were offered",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan, which is made anew with it")],
+        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -424,7 +407,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan, which is made anew with it",
+                    "it is back in the plan; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -436,7 +419,7 @@ ROWS = [
         "back in the plan, one of two, while there is a longer wait",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan, which is made anew with it")],
+        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -459,7 +442,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan, which is made anew with it",
+                    "it is back in the plan; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -475,8 +458,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: include uav1; it is back; nothing is left over for it, a re-plan would share "
-                    "the work with it"
+                    "page asks: include uav1; it is back in the plan; no segment is left over, a re-"
+                    "plan would share the others"
                 ),
             )
         ],
@@ -502,7 +485,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back; nothing is left over for it, a re-plan would share the work with it",
+                    "it is back in the plan; no segment is left over, a re-plan would share the others",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -561,11 +544,11 @@ ROWS = [
         "motors off",
         flying(stage=Stage.DOWN),
         wish(Action.DISARM, confirmed=True),
-        [Say(Level.WARNING, "page asks: disarm uav1; its motors are told to stop"), Disarm(vehicle="uav1", force=True)],
+        [Say(Level.WARNING, "page asks: disarm uav1; forced disarm commanded"), Disarm(vehicle="uav1", force=True)],
         {},
         {
             "intents": {
-                "wish": noted(Action.DISARM, Outcome.ACCEPTED, "its motors are told to stop", "uav1", confirmed=True)
+                "wish": noted(Action.DISARM, Outcome.ACCEPTED, "forced disarm commanded", "uav1", confirmed=True)
             }
         },
     ),
@@ -573,17 +556,13 @@ ROWS = [
         "a re-plan",
         flying(),
         wish(Action.REPLAN, None),
-        [Say(Level.INFO, "page asks: replan; everything that is still to be flown is planned anew")],
+        [Say(Level.INFO, "page asks: replan; all open segments are re-planned")],
         {},
         {
             "given_up": frozenset(),
             "trigger": "page asks for it",
             "trigger_s": NOW_S,
-            "intents": {
-                "wish": noted(
-                    Action.REPLAN, Outcome.ACCEPTED, "everything that is still to be flown is planned anew", name=None
-                )
-            },
+            "intents": {"wish": noted(Action.REPLAN, Outcome.ACCEPTED, "all open segments are re-planned", name=None)},
             "ordered": True,
         },
         {"given_up": frozenset({4})},
@@ -593,7 +572,7 @@ ROWS = [
         flying(),
         wish(Action.ABORT, None),
         [
-            Say(Level.WARNING, "page asks: abort; everybody is told to return"),
+            Say(Level.WARNING, "page asks: abort; all vehicles ordered to return"),
             CancelSolve(4),
             SendHome("uav1"),
             SendHome("uav2"),
@@ -603,7 +582,9 @@ ROWS = [
             "replan": None,
             "recalled": True,
             "intents": {
-                "wish": noted(Action.ABORT, Outcome.ACCEPTED, "everybody is told to return", "uav1", "uav2", name=None)
+                "wish": noted(
+                    Action.ABORT, Outcome.ACCEPTED, "all vehicles ordered to return", "uav1", "uav2", name=None
+                )
             },
         },
         {"replan": SOLVING},
@@ -613,13 +594,13 @@ ROWS = [
         "everybody home, with a re-plan on its way on board",
         flying(),
         wish(Action.ABORT, None),
-        [Say(Level.WARNING, "page asks: abort; everybody is told to return"), SendHome("uav1")],
+        [Say(Level.WARNING, "page asks: abort; all vehicles ordered to return"), SendHome("uav1")],
         {"uav1": SENT_HOME | {"excluded": True}},
         {
             "replan": None,
             "recalled": True,
             "intents": {
-                "wish": noted(Action.ABORT, Outcome.ACCEPTED, "everybody is told to return", "uav1", name=None)
+                "wish": noted(Action.ABORT, Outcome.ACCEPTED, "all vehicles ordered to return", "uav1", name=None)
             },
             "offer": None,
         },
@@ -630,16 +611,16 @@ ROWS = [
         replace(SECOND, name="uav1"),
         wish(Action.ABORT, None),
         [
-            Say(Level.WARNING, "page asks: abort; everybody is told to return"),
+            Say(Level.WARNING, "page asks: abort; all vehicles ordered to return"),
             SendHome("uav1"),
-            Say(Level.WARNING, "uav2: is with its pilot and is not told to return"),
-            Say(Level.WARNING, "uav3: is with its pilot and is not told to return"),
+            Say(Level.WARNING, "uav2: is with its pilot; RTL not commanded"),
+            Say(Level.WARNING, "uav3: is with its pilot; RTL not commanded"),
         ],
         {"uav1": SENT_HOME | {"excluded": True}},
         {
             "recalled": True,
             "intents": {
-                "wish": noted(Action.ABORT, Outcome.ACCEPTED, "everybody is told to return", "uav1", name=None)
+                "wish": noted(Action.ABORT, Outcome.ACCEPTED, "all vehicles ordered to return", "uav1", name=None)
             },
         },
         beside=(
@@ -654,9 +635,9 @@ ROWS = [
         STARTS,
         ReturnAllOrdered(),
         [
-            Say(Level.WARNING, "the operator sends everybody home"),
+            Say(Level.WARNING, "flight aborted by the operator, all vehicles return"),
             SendHome("uav1"),
-            Say(Level.WARNING, "uav2: is with its pilot and is not told to return"),
+            Say(Level.WARNING, "uav2: is with its pilot; RTL not commanded"),
         ],
         {"uav1": {"stage": Stage.LANDED, "ordered_mode_s": NOW_S, "anchor": None, "excluded": True, "left_s": NOW_S}},
         {"launched_s": NOW_S, "recalled": True},
@@ -679,11 +660,13 @@ ROWS = [
         "an answer to another question",
         STARTS,
         wish(Action.PREPARE, None),
-        [Say(Level.WARNING, "page asks: prepare; refused: nobody asks for that now")],
+        [Say(Level.WARNING, "page asks: prepare; refused: that question is not open now")],
         {},
         {
             "intents": {
-                "wish": noted(Action.PREPARE, Outcome.REFUSED, "nobody asks for that now", ended_s=NOW_S, name=None)
+                "wish": noted(
+                    Action.PREPARE, Outcome.REFUSED, "that question is not open now", ended_s=NOW_S, name=None
+                )
             }
         },
         {"launched_s": None, "briefing": BEFORE_LAUNCH},
@@ -701,15 +684,9 @@ ROWS = [
         "a wish that is refused",
         flying(),
         wish(Action.RESUME),
-        [Say(Level.WARNING, "page asks: resume uav1; refused: it does not hold by an order, it is flying")],
+        [Say(Level.WARNING, "page asks: resume uav1; refused: it is not on hold, it is flying")],
         {},
-        {
-            "intents": {
-                "wish": noted(
-                    Action.RESUME, Outcome.REFUSED, "it does not hold by an order, it is flying", ended_s=NOW_S
-                )
-            }
-        },
+        {"intents": {"wish": noted(Action.RESUME, Outcome.REFUSED, "it is not on hold, it is flying", ended_s=NOW_S)}},
     ),
 ]
 

@@ -201,7 +201,7 @@ async def test_killed_at_every_step(autopilot: str, tmp_path: Path) -> None:
 @AUTOPILOTS
 @pytest.mark.parametrize("seed", range(40))
 async def test_any_loss_disorder_and_death(autopilot: str, seed: int, tmp_path: Path) -> None:
-    """Attempts at a flight that die, and restores that die, in any order: in the end everything is as it was."""
+    """Attempts at a flight that die, and restores that die, in any order: in the end all parameters are restored."""
     chance = random.Random(seed)
     pads = Pads(tmp_path, autopilot, air=BAD, seed=seed)
     for attempt in range(chance.randint(1, 4)):
@@ -299,7 +299,7 @@ async def test_an_armed_vehicle_is_not_touched(tmp_path: Path) -> None:
     assert pads.vehicles["uav1"].parameters == pads.before
     stays, how = [line for line in pads.console.lines if "uav2" in line]
     assert stays == "warning uav2: RTL_ALT (was 1217), RTL_CONE_SLOPE (was 2.75) not restored: is armed"
-    assert how == f"warning uav2: to give it back: faultline restore {tmp_path}"
+    assert how == f"warning uav2: to restore them: faultline restore {tmp_path}"
     pads.vehicles["uav2"].armed = False
     await pads.give_back()
     assert pads.as_before
@@ -415,7 +415,7 @@ async def test_interrupted_while_it_gives_back_it_says_what_stays(tmp_path: Path
 
 async def test_a_directory_with_the_record_of_other_vehicles_is_not_flown_from(tmp_path: Path) -> None:
     write_kept(tmp_path, [Kept("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", ChangeStage.SET)])
-    with pytest.raises(LogError, match=r"parameters.json: uav9 \(system 9\) has not been given RTL_RETURN_ALT back"):
+    with pytest.raises(LogError, match=r"parameters.json: uav9 \(system 9\) has not got its RTL_RETURN_ALT back"):
         parameter_changes.check_run(tmp_path, site_of(("uav1",)))
     parameter_changes.check_run(tmp_path, site_of(tuple(f"uav{number}" for number in range(1, 10))))
     parameter_changes.check_run(tmp_path / "none", site_of(("uav1",)))

@@ -125,7 +125,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (103.0,),
             (109.9,),
             (math.inf,),
-            TimedOut(reason="silence after item 0 of 3"),
+            TimedOut(reason="no answer after item 0 of 3"),
         ],
     ),
     (
@@ -139,7 +139,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ("item 2", 105.0),
             ("item 2", 111.9),
             (math.inf,),
-            TimedOut(reason="silence after item 2 of 3"),
+            TimedOut(reason="no answer after item 2 of 3"),
         ],
     ),
     (
@@ -194,7 +194,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an upload that says that it is busy and goes on",
         lambda: talk(UPLOAD, (101.0, ask(0)), (101.5, MissionAck(1)), (102.0, ask(1)), *late(110.0))[-1],
-        TimedOut(reason="silence after item 1 of 3"),
+        TimedOut(reason="no answer after item 1 of 3"),
     ),
     (
         "an upload that says that it is busy and falls silent",

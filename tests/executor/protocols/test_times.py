@@ -112,7 +112,7 @@ def test_only_the_last_item_is_repeated_until_the_silence_is_too_long(asked: int
         assert sent == ((SendMissionItem(ITEMS[2]),) if repeats else ())
         assert state.deadline_s == 101.0 + second
     state, _ = state.on_deadline(105.0)
-    assert state.outcome == TimedOut(f"silence after item {asked} of 3")
+    assert state.outcome == TimedOut(f"no answer after item {asked} of 3")
 
 
 def test_a_vehicle_that_waits_less_than_a_second_is_given_up_sooner() -> None:
@@ -135,7 +135,7 @@ def test_which_acknowledgement_ends_an_upload() -> None:
     assert doubted.outcome is None
     assert doubted.on_deadline(105.2)[0].outcome == Rejected("mission refused: error, or busy with another transfer")
     assert doubted.on_message(MissionRequest(1), 100.4)[0].on_deadline(105.4)[0].outcome == TimedOut(
-        "silence after item 1 of 3"
+        "no answer after item 1 of 3"
     )
     last, _ = first.on_message(MissionRequest(2), 100.4)
     assert last.on_message(MissionAck(0), 100.5)[0].outcome == Accepted()

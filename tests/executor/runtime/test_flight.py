@@ -125,7 +125,7 @@ async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
         sky.links["uav2"].cut = True
     assert set(sky.state.inspected) == set(range(6))
     assert len(sky.faults()) == 1
-    assert sky.faults()[0].startswith("uav2: link, silent for ")
+    assert sky.faults()[0].startswith("uav2: link lost for ")
     assert not sky.flyers["uav1"].armed
     assert not sky.flyers["uav3"].armed
     assert sky.state.separation is not None

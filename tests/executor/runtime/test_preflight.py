@@ -190,6 +190,6 @@ async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: D
     mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
     await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.vehicle.missions.spoils = 3
-    with pytest.raises(PreflightFailed, match="uav1: the mission is not on board: reads back differently: item 3"):
+    with pytest.raises(PreflightFailed, match="uav1: the mission is not on board: read-back differs: item 3"):
         await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.link.close()

@@ -168,7 +168,7 @@ async def test_what_reads_back_differently_is_not_flown(dialect: Dialect) -> Non
     board.vehicle.missions.spoils = 3
     done = await board.put()
     assert not done.accepted
-    assert done.reason.startswith("reads back differently: item 3 ")
+    assert done.reason.startswith("read-back differs: item 3 ")
 
 
 @DIALECTS

@@ -3,17 +3,17 @@
 const WORDS = {
   hold: ["Hold", "It stops where it is and waits. Its battery goes on being used."],
   resume: ["Resume", "It goes on with its mission from where it holds."],
-  return: ["Bring back", "It comes home and stays on the ground until it is included. The others are given its segments."],
-  land: ["Land", "It comes down right where it is. The others are given its segments."],
-  exclude: ["Exclude", "It is treated as lost and told to return. The others are given its segments."],
+  return: ["Bring back", "RTL; it stays on the ground until it is included. Its segments are reassigned."],
+  land: ["Land", "It comes down right where it is. Its segments are reassigned."],
+  exclude: ["Exclude", "It is taken out of the plan; RTL if it flies. Its segments are reassigned."],
   include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
-  replan: ["Re-plan now", "Everything that is still to be flown is planned anew."],
-  abort: ["Abort all", "Everybody comes home now. What is not inspected stays so."],
+  replan: ["Re-plan now", "All open segments are re-planned."],
+  abort: ["Abort all", "All vehicles return now. What is not inspected stays so."],
   prepare: ["Prepare", ""],
   "take-off": ["Take off", ""],
 };
-const BACK = "Its pilot has put it back on its mission: it goes on in the plan, and is supervised from here again.";
+const BACK = "Its pilot has set mission mode again: it goes on in the plan, and is supervised from here again.";
 const HANDS = "It is with its pilot. ";
 const DANGER = new Set(["abort", "land", "exclude", "disarm", "take-off"]);
 const TOLD_MS = 8000;

@@ -123,7 +123,7 @@ function trouble(nowMs) {
   if (flies && state.decided_age_s !== null && state.decided_age_s > STALE_S * freshness.speedup) {
     return [`The ground station itself is behind: nothing was decided for ${age(state.decided_age_s)}`, true];
   }
-  return state.all_silent ? ["All vehicles are silent at once: look at the radio first", false] : null;
+  return state.all_silent ? ["All links lost at once: check the radio first", false] : null;
 }
 
 function watch() {

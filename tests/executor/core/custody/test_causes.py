@@ -225,7 +225,7 @@ def test_a_mission_on_board_is_ours_or_another() -> None:
     early = carried.after_report(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 4.9)
     assert (early.id, early.foreign_s) == (8, None), "what it says first may be of before the upload"
     late = carried.after_report(ours, MissionCurrent(1, 9, 8), 9, NOW_S + 5.0)
-    assert (late.id, late.words) == (7, "as many items as ours, and others")
+    assert (late.id, late.words) == (7, "as many items as ours, but others")
     text = "Flight plan received"
     assert carried.texted(ours, text, NOW_S + 4.9) == ours
     assert carried.texted(ours, text, NOW_S + 5.0).told_s == NOW_S + 5.0

@@ -66,7 +66,7 @@ def fell_silent(state: FleetState, *, least: int = 1) -> list[str]:
     return [one.text for one in of_all(CONTEXT, state, NOW_S, least=least)[1] if isinstance(one, Say)]
 
 
-IS_IT_OURS = ["all vehicles are silent at once: is it our own radio? Nothing is re-planned yet"]
+IS_IT_OURS = ["all links lost at once: is it our own radio? No re-plan yet"]
 
 
 @pytest.mark.parametrize(
@@ -78,10 +78,10 @@ IS_IT_OURS = ["all vehicles are silent at once: is it our own radio? Nothing is 
         # Who was switched off on the ground is not waited for, and one that sits there and speaks is heard.
         (heard(3.0, 9.0, 2.9, stages=(Stage.FLYING, Stage.FLYING, Stage.LANDED)), []),
         (heard(3.0, 9.0, 33.0, stages=(Stage.FLYING, Stage.FLYING, Stage.GROUND)), IS_IT_OURS),
-        (heard(3.0, 33.0, stages=(Stage.FLYING, Stage.DOWN)), ["nobody is heard any more" + IS_IT_OURS[0][31:]]),
+        (heard(3.0, 33.0, stages=(Stage.FLYING, Stage.DOWN)), ["no link to any vehicle" + IS_IT_OURS[0][22:]]),
         (heard(3.0, 32.9, stages=(Stage.FLYING, Stage.DOWN)), IS_IT_OURS),
         # Who is lost already says nothing by its silence.
-        (heard(3.0, 1.0, stages=(Stage.FLYING, Stage.LOST)), ["nobody is heard any more" + IS_IT_OURS[0][31:]]),
+        (heard(3.0, 1.0, stages=(Stage.FLYING, Stage.LOST)), ["no link to any vehicle" + IS_IT_OURS[0][22:]]),
         (heard(9.0, 9.0, stages=(Stage.LANDED, Stage.DOWN)), []),
     ],
     ids=[str(number) for number in range(9)],
@@ -114,8 +114,8 @@ def test_a_silence_that_lasts_is_told_again(silent_s: float, told_ago_s: float |
     )
     after, said = of_all(CONTEXT, state, NOW_S)
     text = (
-        f"nobody was heard for {silent_s:.0f} s; in the air when last heard: uav1, uav2. The flight stays open and "
-        "takes up whoever is heard again"
+        f"no message from any vehicle for {silent_s:.0f} s; in the air at last contact: uav1, uav2. The flight "
+        "stays open and resumes with the first link regained"
     )
     assert said == ((Say(Level.FAULT, text),) if told else ())
     assert after.silence_told_s == (NOW_S if told else state.silence_told_s)
@@ -126,7 +126,7 @@ def test_a_silence_that_lasts_is_told_again(silent_s: float, told_ago_s: float |
 def test_the_first_one_that_is_heard_excuses_the_others(pause_s: float, *, noted: bool) -> None:
     silent = heard(1.0, 1.0 + pause_s, silent_since_s=NOW_S - 1.0 - pause_s, silence_told_s=NOW_S - 2.0)
     state, said = of_all(CONTEXT, silent, NOW_S)
-    assert said == (Say(Level.INFO, "vehicles are heard again"),)
+    assert said == (Say(Level.INFO, "links regained"),)
     assert (state.silent_since_s, state.silence_told_s) == (None, None)
     assert ages(state) == pytest.approx([0.0, 1.0]), "its time begins anew, and nobody is heard later than now"
     assert state.absences == ((Absence(NOW_S, pause_s, restarted=False, deaf=True),) if noted else ())
@@ -143,7 +143,7 @@ def test_one_falls_silent(age_s: float, *, falls: bool) -> None:
     before = heard(age_s, 0.0)
     state, said = of_one(CONTEXT, before, before.vehicles["uav1"], NOW_S)
     assert state.vehicles["uav1"].stale is falls
-    assert said == ((Say(Level.WARNING, f"uav1: nothing heard for {age_s:.1f} s"),) if falls else ())
+    assert said == ((Say(Level.WARNING, f"uav1: no message for {age_s:.1f} s"),) if falls else ())
     assert state.vehicles["uav1"].excused_s == before.vehicles["uav1"].excused_s
 
 

@@ -18,8 +18,8 @@ HANGS = r"uav2: has not moved for 2[0-2] s on its way home, \d+\.\d{6}, \d+\.\d{
 STREAMS = {
     Position: ("no position", FaultKind.INTERRUPTION, 20.0),
     Heartbeat: ("no HEARTBEAT", FaultKind.INTERRUPTION, 20.0),
-    MissionCurrent: ("no word of the waypoint it flies to", FaultKind.INTERRUPTION, 20.0),
-    Battery: ("no report of its battery", FaultKind.BATTERY, 60.0),
+    MissionCurrent: ("no report of its current waypoint", FaultKind.INTERRUPTION, 20.0),
+    Battery: ("no battery report", FaultKind.BATTERY, 60.0),
 }
 BY_NAME = pytest.mark.parametrize("kind", STREAMS, ids=lambda kind: str(kind.__name__))
 

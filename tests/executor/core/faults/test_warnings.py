@@ -124,12 +124,12 @@ def test_it_is_said_from_its_threshold_on(name: str, well: VehicleState, not_wel
 
 
 WORDS: list[tuple[VehicleState, str]] = [
-    (flying(heard_s=NOW_S - 4.0), "nothing heard for 4.0 s"),
+    (flying(heard_s=NOW_S - 4.0), "no message for 4.0 s"),
     (flying(quality=LinkQuality(lost=0.5, usual=0.1)), "50 % of its frames are lost, where 10 % is usual"),
     (flying(quality=radio(45)), "radio signal 45 over noise 40 here"),
     (flying(quality=radio(far=45)), "radio signal 45 over noise 40 at the vehicle"),
-    (flying(battery=pack(20.0, charge_state=2)), "the autopilot calls its battery low"),
-    (flying(unhealthy=0x2000000), "the autopilot calls its battery not healthy"),
+    (flying(battery=pack(20.0, charge_state=2)), "the autopilot reports its battery low"),
+    (flying(unhealthy=0x2000000), "the autopilot reports its battery not healthy"),
     (flying(jump=(33.0, NOW_S)), "its position jumped by 33 m"),
 ]
 
@@ -145,7 +145,7 @@ def told(state: VehicleState, before: Told, now_s: float) -> tuple[Told, tuple[s
 
 def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
     low, well = flying(battery_faults=0, unhealthy=0x2000000), flying()
-    line = "uav1: the autopilot calls its battery not healthy"
+    line = "uav1: the autopilot reports its battery not healthy"
     before, lines = told(low, Told(), NOW_S)
     assert line in lines
     before, lines = told(low, before, NOW_S + 1.0)

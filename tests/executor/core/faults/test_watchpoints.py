@@ -115,7 +115,7 @@ ROWS = [
         "reports that its flight is terminated",
         unknown=flying(heartbeat=None),
     ),
-    Row("link", flying(heard_s=NOW_S - 10.0), "silent for 10.0 s, time-out 10 s", flying(heard_s=None)),
+    Row("link", flying(heard_s=NOW_S - 10.0), "link lost for 10.0 s, time-out 10 s", flying(heard_s=None)),
     Row(
         "heartbeat",
         flying(heartbeat_s=NOW_S - 20.0),
@@ -150,7 +150,7 @@ ROWS = [
     Row(
         "battery-critical",
         flying(battery=pack(20.0, charge_state=3)),
-        "the autopilot calls its battery critical",
+        "the autopilot reports its battery critical",
         unknown=flying(battery=pack(20.0, charge_state=3, age_s=7.5)),
     ),
     Row(
@@ -182,13 +182,13 @@ ROWS = [
     Row(
         "battery-reports",
         flying(battery=pack(90.0, 90.0, age_s=60.0)),
-        "no report of its battery for 60 s, while other messages come",
+        "no battery report for 60 s, while other messages come",
         unknown=flying(battery=BatteryState()),
     ),
     Row(
         "items",
         flying(item_s=NOW_S - 20.0),
-        "no word of the waypoint it flies to for 20 s, while other messages come",
+        "no report of its current waypoint for 20 s, while other messages come",
         unknown=flying(item_s=None),
     ),
     Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
@@ -324,7 +324,7 @@ def test_a_landing_on_the_pad_is_no_fault() -> None:
 def test_a_kill_switch_over_the_pad_is_no_landing() -> None:
     """A disarm at 2.5 m in the take-off: the mission was not over."""
     killed = flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=2.5), waypoint=0)
-    assert off_pad(killed).evidence == "disarmed over its pad in the midst of its mission"
+    assert off_pad(killed).evidence == "disarmed over its pad in mid-mission"
 
 
 def landing(state: VehicleState) -> VehicleState:
@@ -606,7 +606,7 @@ def test_the_faults_of_a_battery_in_words(bits: int, words: str) -> None:
     states = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     for number, name in states.items():
         view = View(CONTEXT, SETUP, flying(battery=pack(20.0, charge_state=number)), False, NOW_S)
-        assert point("battery-critical").judge(view).evidence == f"the autopilot calls its battery {name}"
+        assert point("battery-critical").judge(view).evidence == f"the autopilot reports its battery {name}"
 
 
 UNPLANNED = replace(SETUP, planned=False)

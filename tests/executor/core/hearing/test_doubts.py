@@ -25,8 +25,7 @@ def test_one_heartbeat_that_says_disarmed_ends_nothing() -> None:
     flight.pass_s(0.4)
     assert {flight.stage(name) for name in flight.crafts} == {Stage.FLYING}
     assert flight.said(Level.WARNING) == [
-        f"{name}: a HEARTBEAT says that it is disarmed, and it flies: does another station send it?"
-        for name in flight.crafts
+        f"{name}: a HEARTBEAT says disarmed, but it flies: does another station send it?" for name in flight.crafts
     ]
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
@@ -86,7 +85,7 @@ def test_who_was_taken_to_be_on_the_ground_and_flies_is_looked_after(on_pad: boo
     flight.run(lambda: flight.stage("uav2") in {Stage.DOWN, Stage.LANDED})
     craft.place_m, craft.up_m, craft.armed = place, up_m, True
     flight.pass_s(3.0)
-    assert any("and flies, last position" in line for line in flight.said(Level.FAULT))
+    assert any("but flies, last position" in line for line in flight.said(Level.FAULT))
     assert flight.stage("uav2") is Stage.RETURNING
     flight.finish()
     assert flight.stage("uav2") is end

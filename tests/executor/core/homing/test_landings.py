@@ -161,7 +161,7 @@ def test_who_stands_on_its_pad_after_a_restart_is_not_said_to_have_landed() -> N
         flight.step()
     assert flight.stage("uav2") is Stage.LANDED
     assert [line for line in flight.said() if "on its pad" in line] == [
-        "uav2: is disarmed on its pad with 98 %; its autopilot has started anew"
+        "uav2: is disarmed on its pad with 98 %; its autopilot has rebooted"
     ]
     assert not any(line.startswith("uav2: landed") for line in flight.said())
 

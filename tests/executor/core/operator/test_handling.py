@@ -177,7 +177,7 @@ def test_excluding_the_last_one_warns() -> None:
     for name in ("uav1", "uav3"):
         flight.ask(Action.EXCLUDE, name)
     record = flight.ask(Action.EXCLUDE, "uav2")
-    assert "nobody else is left to inspect" in record.text
+    assert "no other vehicle is left to inspect" in record.text
     flight.finish()
     assert set(flight.state.inspected) != EVERYTHING
 
@@ -228,7 +228,7 @@ def test_nobody_lands_at_the_line() -> None:
     flight = under_way()
     record = flight.ask(Action.LAND, "uav2")
     assert record.outcome is Outcome.REFUSED
-    assert record.text == "it is 5 m from the line, where nobody can land safely; let it return"
+    assert record.text == "it is 5 m from the line, too near to land safely; use return"
     assert flight.given(LandNow) == []
 
 
@@ -270,9 +270,9 @@ def test_everybody_returns() -> None:
     ends(flight, flight.ask(Action.HOLD, "uav1"))
     record = flight.ask(Action.ABORT)
     assert sorted(flight.sent_home()) == ["uav1", "uav2", "uav3"]
-    assert flight.ask(Action.REPLAN).text == "everybody was sent home"
-    assert flight.ask(Action.ABORT).text == "nobody flies a mission"
-    assert ends(flight, record).text == "everybody returns"
+    assert flight.ask(Action.REPLAN).text == "the flight was aborted"
+    assert flight.ask(Action.ABORT).text == "no vehicle is on a mission"
+    assert ends(flight, record).text == "all vehicles return"
     flight.finish()
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
     assert flight.solves() == []
@@ -292,8 +292,8 @@ def test_the_same_wish_twice_is_one() -> None:
     [
         (Action.HOLD, "uav9", "there is no vehicle 'uav9': expected one of uav1, uav2, uav3"),
         (Action.HOLD, None, "hold needs a vehicle: one of uav1, uav2, uav3"),
-        (Action.ABORT, "uav1", "abort concerns everybody; expected no vehicle"),
-        (Action.RESUME, "uav1", "it does not hold by an order, it is flying"),
+        (Action.ABORT, "uav1", "abort is for the whole fleet; expected no vehicle"),
+        (Action.RESUME, "uav1", "it is not on hold, it is flying"),
         (Action.INCLUDE, "uav1", "it is not on the ground with its motors off, it is flying"),
     ],
 )
@@ -308,7 +308,7 @@ def test_what_makes_no_sense_is_refused(action: Action, vehicle: str | None, why
 
 def test_nobody_holds_below_its_layer() -> None:
     flight = story()
-    assert flight.ask(Action.HOLD, "uav2").text == "it does not fly its mission, it is starting"
+    assert flight.ask(Action.HOLD, "uav2").text == "it is not on its mission, it is starting"
     flight.run(lambda: flight.stage("uav2") is Stage.FLYING)
     leg = flight.vehicle("uav2").leg
     assert leg is not None
@@ -330,7 +330,7 @@ def test_before_the_launch_and_of_the_silent_nothing_is_wanted() -> None:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.pass_s(5.0)
-    assert flight.ask(Action.HOLD, "uav2").text == "nothing was heard from it for 5 s"
+    assert flight.ask(Action.HOLD, "uav2").text == "no message from it for 5 s"
 
 
 def test_a_late_answer_to_an_order_that_was_given_up_changes_nothing() -> None:

@@ -66,12 +66,12 @@ DOWN = flying(stage=Stage.DOWN)
 ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.HOLD, flying(), ""),
     (Action.HOLD, flying(stage=Stage.PILOT), ""),
-    (Action.HOLD, flying(stage=Stage.RETURNING), "it does not fly its mission, it is returning"),
+    (Action.HOLD, flying(stage=Stage.RETURNING), "it is not on its mission, it is returning"),
     (Action.HOLD, HOLDS, "it holds already"),
     (Action.HOLD, flying(pending=3), "its new mission is being put on board; ask again in a moment"),
     (Action.HOLD, flying(heard_s=NOW_S - 2.9), ""),
-    (Action.HOLD, flying(heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
-    (Action.HOLD, flying(heard_s=None), "it was never heard"),
+    (Action.HOLD, flying(heard_s=NOW_S - 3.0), "no message from it for 3 s"),
+    (Action.HOLD, flying(heard_s=None), "no message was ever received from it"),
     (
         Action.HOLD,
         leg(Phase.TAKEOFF),
@@ -80,18 +80,18 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.HOLD, leg(Phase.LAND), "it is landing"),
     (Action.HOLD, leg(Phase.TRANSIT), ""),
     (Action.RESUME, HOLDS, ""),
-    (Action.RESUME, flying(), "it does not hold by an order, it is flying"),
+    (Action.RESUME, flying(), "it is not on hold, it is flying"),
     (
         Action.RESUME,
         flying(stage=Stage.RETURNING, held_s=NOW_S),
-        "it does not hold by an order, it is returning",
+        "it is not on hold, it is returning",
     ),
     (
         Action.RESUME,
         flying(stage=Stage.PILOT, held_s=NOW_S),
-        "its pilot has it, and must put it back on its mission; then it can be included",
+        "it is with its pilot, who must set mission mode; then include it",
     ),
-    (Action.RESUME, replace(HOLDS, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.RESUME, replace(HOLDS, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
     (Action.RETURN, flying(), ""),
     (Action.RETURN, flying(stage=Stage.RETURNING), ""),
     (
@@ -101,37 +101,37 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     ),
     (Action.RETURN, grounded(), "it is on the ground"),
     (Action.RETURN, DOWN, "it is on the ground"),
-    (Action.RETURN, flying(stage=Stage.LOST), "its link is lost; when it is regained, it is told to return"),
+    (Action.RETURN, flying(stage=Stage.LOST), "no link; RTL will be commanded as soon as the link is back"),
     (Action.LAND, AWAY, ""),
     (Action.LAND, replace(AWAY, stage=Stage.LOST), "it does not fly, it is lost"),
     (Action.LAND, replace(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
     (Action.LAND, replace(AWAY, lands=True), "it is landing already"),
-    (Action.LAND, replace(AWAY, fix=None), "nobody knows where it is now"),
+    (Action.LAND, replace(AWAY, fix=None), "its position is not known"),
     (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.0)), ""),
-    (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.1)), "nobody knows where it is now"),
+    (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.1)), "its position is not known"),
     (Action.LAND, flying(fix=placed(250.0, LINE_N + 12.1)), ""),
     (
         Action.LAND,
         flying(fix=placed(250.0, LINE_N + 11.9)),
-        "it is 12 m from the line, where nobody can land safely; let it return",
+        "it is 12 m from the line, too near to land safely; use return",
     ),
     (
         Action.LAND,
         flying(fix=placed(250.0, LINE_N - 5.0)),
-        "it is 5 m from the line, where nobody can land safely; let it return",
+        "it is 5 m from the line, too near to land safely; use return",
     ),
     # The line begins at 100 m and ends at 700 m east of the depot.
     (Action.LAND, flying(fix=placed(87.9, LINE_N)), ""),
     (
         Action.LAND,
         flying(fix=placed(88.1, LINE_N)),
-        "it is 12 m from the line, where nobody can land safely; let it return",
+        "it is 12 m from the line, too near to land safely; use return",
     ),
     (Action.LAND, flying(fix=placed(712.1, LINE_N)), ""),
     (
         Action.LAND,
         flying(fix=placed(711.9, LINE_N)),
-        "it is 12 m from the line, where nobody can land safely; let it return",
+        "it is 12 m from the line, too near to land safely; use return",
     ),
     (Action.LAND, flying(fix=placed(OTHER_PAD[0], OTHER_PAD[1] - 4.1)), ""),
     (
@@ -151,31 +151,31 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
         grounded(heartbeat=Heartbeat(3, AUTO, True, 3)),
         "it is not on the ground with its motors off, it is landed",
     ),
-    (Action.INCLUDE, grounded(heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
-    (Action.INCLUDE, grounded(tilted_since_s=NOW_S), "it leans as no vehicle stands"),
+    (Action.INCLUDE, grounded(heard_s=NOW_S - 3.0), "no message from it for 3 s"),
+    (Action.INCLUDE, grounded(tilted_since_s=NOW_S), "it is tilted, it may have tipped over"),
     (Action.INCLUDE, grounded(cleared_s=NOW_S), "it is cleared for take-off already"),
     (Action.INCLUDE, grounded(fix=placed(PAD_E, PAD_N - 15.0)), ""),
     (
         Action.INCLUDE,
         grounded(fix=placed(PAD_E, PAD_N - 15.1)),
-        "it does not stand on its pad; its way up and down is planned from there",
+        "it is not on its pad, where its climb and landing are planned",
     ),
     (
         Action.INCLUDE,
         grounded(fix=None),
-        "it does not stand on its pad; its way up and down is planned from there",
+        "it is not on its pad, where its climb and landing are planned",
     ),
     (Action.INCLUDE, grounded(battery=pack(20.0)), ""),
     (Action.INCLUDE, grounded(battery=pack(19.9)), "its battery is 20 %; expected more than its reserve of 15 %"),
     (
         Action.INCLUDE,
         flying(stage=Stage.PILOT),
-        "its pilot has it, and must put it back on its mission first",
+        "it is with its pilot, who must set mission mode first",
     ),
     (
         Action.INCLUDE,
         flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0)),
-        "its pilot has it, and must put it back on its mission first",
+        "it is with its pilot, who must set mission mode first",
     ),
     (Action.INCLUDE, flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0, returned_s=NOW_S)), ""),
     (
@@ -186,7 +186,7 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.DISARM, DOWN, ""),
     (Action.DISARM, flying(), "it is not down, it is flying"),
     (Action.DISARM, replace(DOWN, heartbeat=DISARMED), "its motors are off already"),
-    (Action.DISARM, replace(DOWN, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.DISARM, replace(DOWN, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
 ]
 
 
@@ -208,7 +208,7 @@ def test_what_is_refused_and_why(action: Action, one: VehicleState, why: str) ->
 )
 def test_nobody_is_sent_out_again_once_everybody_was_sent_home(action: Action, one: VehicleState) -> None:
     intent = Intent("wish", action, None if action is Action.REPLAN else "uav1", "page", False)
-    assert reason(CONTEXT, state_of(one, recalled=True), intent, NOW_S) == "everybody was sent home"
+    assert reason(CONTEXT, state_of(one, recalled=True), intent, NOW_S) == "the flight was aborted"
 
 
 def test_what_fits_no_time_is_refused() -> None:
@@ -221,7 +221,7 @@ def test_what_fits_no_time_is_refused() -> None:
     )
     nobody = Intent("wish", Action.HOLD, None, "page", False)
     assert reason(CONTEXT, state_of(flying()), nobody, NOW_S) == "hold needs a vehicle: one of uav1, uav2, uav3"
-    assert refused(Action.ABORT, flying()) == "abort concerns everybody; expected no vehicle"
+    assert refused(Action.ABORT, flying()) == "abort is for the whole fleet; expected no vehicle"
 
 
 def test_an_abort_needs_somebody_who_flies_a_mission() -> None:
@@ -229,7 +229,7 @@ def test_an_abort_needs_somebody_who_flies_a_mission() -> None:
     for stage in Stage:
         flies = stage in {Stage.STARTING, Stage.FLYING}
         why = reason(CONTEXT, state_of(flying(stage=stage)), abort, NOW_S)
-        assert why == ("" if flies else "nobody flies a mission"), stage
+        assert why == ("" if flies else "no vehicle is on a mission"), stage
 
 
 ASKED = [

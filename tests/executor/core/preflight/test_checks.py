@@ -145,12 +145,12 @@ def test_an_old_firmware_is_a_warning_that_names_what_was_tested(
 @pytest.mark.parametrize(
     ("dialect", "changes", "words"),
     [
-        (ARDUPILOT, {}, "without us it returns after 5 s (FS_GCS_ENABLE 1)"),
-        (ARDUPILOT, {"FS_GCS_ENABLE": 5.0, "FS_GCS_TIMEOUT": 20.0}, "without us it lands after 20 s (FS_GCS_ENABLE 5)"),
-        (PX4, {}, "without us it returns after 17 s (NAV_DLL_ACT 2)"),
-        (PX4, {"COM_DL_LOSS_T": 30.0, "COM_FAIL_ACT_T": 10.0}, "without us it returns after 42 s (NAV_DLL_ACT 2)"),
-        (PX4, {"NAV_DLL_ACT": 1.0}, "without us it holds after 17 s (NAV_DLL_ACT 1)"),
-        (ARDUPILOT, {"FS_GCS_ENABLE": 9.0}, "without us it does something that is not known here after 5 s"),
+        (ARDUPILOT, {}, "GCS failsafe: RTL after 5 s (FS_GCS_ENABLE=1)"),
+        (ARDUPILOT, {"FS_GCS_ENABLE": 5.0, "FS_GCS_TIMEOUT": 20.0}, "GCS failsafe: land after 20 s (FS_GCS_ENABLE=5)"),
+        (PX4, {}, "GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)"),
+        (PX4, {"COM_DL_LOSS_T": 30.0, "COM_FAIL_ACT_T": 10.0}, "GCS failsafe: RTL after 42 s (NAV_DLL_ACT=2)"),
+        (PX4, {"NAV_DLL_ACT": 1.0}, "GCS failsafe: hold after 17 s (NAV_DLL_ACT=1)"),
+        (ARDUPILOT, {"FS_GCS_ENABLE": 9.0}, "GCS failsafe: unknown action after 5 s"),
     ],
 )
 def test_what_it_does_without_us_in_words(dialect: Dialect, changes: dict[str, float], words: str) -> None:
@@ -162,11 +162,11 @@ def test_what_it_does_without_us_in_words(dialect: Dialect, changes: dict[str, f
 @pytest.mark.parametrize(
     ("facts", "dialect", "words"),
     [
-        (said(FS_GCS_ENABLE=0.0), ARDUPILOT, "no ground-station failsafe (FS_GCS_ENABLE 0)"),
-        (said(PX4, NAV_DLL_ACT=0.0), PX4, "no ground-station failsafe (NAV_DLL_ACT 0)"),
-        (said(FS_OPTIONS=2.0), ARDUPILOT, "flies its mission on when it does not hear us"),
-        (said(PX4, COM_DLL_EXCEPT=1.0), PX4, "flies its mission on when it does not hear us"),
-        (lacking(said(), "FS_GCS_ENABLE"), ARDUPILOT, "did not say what it does when it does not hear us"),
+        (said(FS_GCS_ENABLE=0.0), ARDUPILOT, "no GCS failsafe (FS_GCS_ENABLE=0)"),
+        (said(PX4, NAV_DLL_ACT=0.0), PX4, "no GCS failsafe (NAV_DLL_ACT=0)"),
+        (said(FS_OPTIONS=2.0), ARDUPILOT, "no GCS failsafe in a mission"),
+        (said(PX4, COM_DLL_EXCEPT=1.0), PX4, "no GCS failsafe in a mission"),
+        (lacking(said(), "FS_GCS_ENABLE"), ARDUPILOT, "GCS failsafe not known"),
     ],
 )
 def test_a_vehicle_that_does_nothing_without_us_is_a_warning(facts: Facts, dialect: Dialect, words: str) -> None:
@@ -183,7 +183,7 @@ def test_a_silent_vehicles_work_is_not_given_away_before_its_own_failsafe_acts()
     check = link(slow, PX4, 12.0)
     assert check.severity is Severity.WARNING
     assert "faults.link_timeout_s 12 is shorter" in check.text
-    assert check.text.endswith("given up after 40 s of silence instead")
+    assert check.text.endswith("declared lost after 40 s instead")
 
 
 def test_a_vehicle_without_a_failsafe_is_waited_for_as_the_site_says() -> None:
@@ -200,7 +200,7 @@ def test_a_failsafe_that_waits_for_another_station_does_not_watch_us() -> None:
     for facts in (said(MAV_GCS_SYSID=252.0), lacking(said(SYSID_MYGCS=252.0), "MAV_GCS_SYSID")):
         [check] = checks.stations(facts, ARDUPILOT)
         assert check.severity is Severity.WARNING
-        assert "waits for system 252" in check.text
+        assert "watches system 252" in check.text
         assert "ours is 255" in check.text
 
 
@@ -212,7 +212,7 @@ def test_another_ground_station_is_named(dialect: Dialect, system: int, hides: b
     [check] = checks.stations(facts, dialect)
     assert check.severity is Severity.WARNING
     assert f"system {system} component 190" in check.text
-    assert ("would hide that ours have ended" in check.text) is hides
+    assert ("would hide the loss of ours" in check.text) is hides
 
 
 @pytest.mark.parametrize(
@@ -220,8 +220,8 @@ def test_another_ground_station_is_named(dialect: Dialect, system: int, hides: b
     [
         (said(BATT_FS_LOW_ACT=0.0, BATT_FS_CRT_ACT=0.0), ARDUPILOT, "no battery failsafe"),
         (said(BATT_LOW_MAH=0.0, BATT_LOW_VOLT=0.0, BATT_CRT_MAH=0.0), ARDUPILOT, "no battery failsafe"),
-        (said(PX4, COM_LOW_BAT_ACT=0.0), PX4, "no battery failsafe (COM_LOW_BAT_ACT 0)"),
-        (lacking(said(PX4), "COM_LOW_BAT_ACT"), PX4, "did not say what it does on a low battery (COM_LOW_BAT_ACT)"),
+        (said(PX4, COM_LOW_BAT_ACT=0.0), PX4, "no battery failsafe (COM_LOW_BAT_ACT=0)"),
+        (lacking(said(PX4), "COM_LOW_BAT_ACT"), PX4, "battery failsafe not known (COM_LOW_BAT_ACT)"),
     ],
 )
 def test_a_vehicle_that_does_nothing_on_a_low_battery_is_a_warning(facts: Facts, dialect: Dialect, words: str) -> None:
@@ -233,17 +233,19 @@ def test_a_vehicle_that_does_nothing_on_a_low_battery_is_a_warning(facts: Facts,
 def test_what_it_does_on_a_low_battery_in_words() -> None:
     [check] = checks.battery_failsafes(said(), ARDUPILOT, 40.0)
     assert check.text == (
-        "by itself it returns below 20 % or 14 V (BATT_FS_LOW_ACT 2), lands below 10 % (BATT_FS_CRT_ACT 1)"
+        "battery failsafe: RTL below 20 % or 14 V (BATT_FS_LOW_ACT=2), land below 10 % (BATT_FS_CRT_ACT=1)"
     )
     [check] = checks.battery_failsafes(said(PX4), PX4, 40.0)
-    assert check.text == ("by itself it returns below 7 % (COM_LOW_BAT_ACT 3), lands below 5 % (COM_LOW_BAT_ACT 3)")
+    assert check.text == ("battery failsafe: RTL below 7 % (COM_LOW_BAT_ACT=3), land below 5 % (COM_LOW_BAT_ACT=3)")
 
 
 def test_a_battery_failsafe_that_would_act_in_the_planned_flight_is_a_warning() -> None:
     assert severities(checks.battery_failsafes(said(), ARDUPILOT, 21.0)) == [Severity.OK]
     found = checks.battery_failsafes(said(), ARDUPILOT, 18.0)
     assert severities(found) == [Severity.OK, Severity.WARNING]
-    assert found[1].text.startswith("returns below 20 % or 14 V (BATT_FS_LOW_ACT 2), but its flight ends with 18 %")
+    assert found[1].text.startswith(
+        "battery failsafe: RTL below 20 % or 14 V (BATT_FS_LOW_ACT=2), but its flight ends with 18 %"
+    )
     assert severities(checks.battery_failsafes(said(), ARDUPILOT, None)) == [Severity.OK], "a spare has no flight"
 
 
@@ -295,7 +297,7 @@ def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
     check = checks.talkers(links, signed=False)
     assert check.severity is (Severity.WARNING if warned else Severity.OK)
     if warned:
-        assert check.text.startswith("frames are not signed, and uav1 is reached over a network: whoever can send")
+        assert check.text.startswith("frames are not signed, and uav1 is reached over a network: any sender")
     assert checks.talkers(links, signed=True).severity is Severity.OK
 
 

@@ -55,7 +55,7 @@ def test_the_height_of_ardupilots_return_is_in_centimetres() -> None:
     assert second.words == "RTL_CONE_SLOPE 3 -> 0: climbs to that height near its pad, too"
     texts = [check.text for check in proposal.checks]
     assert texts == [
-        f"its own return will be at {height_m:g} m (RTL_ALT)",
+        f"RTL altitude will be {height_m:g} m (RTL_ALT)",
         f"to be set for the flight: {first.words}",
         f"to be set for the flight: {second.words}",
     ]
@@ -130,24 +130,24 @@ def test_a_return_whose_height_is_not_known_is_said() -> None:
     assert proposal.changes == ()
     [check] = proposal.checks
     assert check.severity is Severity.WARNING
-    assert check.text == "the height of its own return is not known: RTL_ALT does not answer; nothing is set"
+    assert check.text == "RTL altitude not known: RTL_ALT does not answer; nothing is set"
 
 
 def test_what_became_of_it() -> None:
     proposal = proposed(COPTERS, "uav1", RTL_ALT=1200.0, RTL_CONE_SLOPE=3.0)
     height_m = COPTERS.return_height_m("uav1")
     good = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
-    assert (good.severity, good.text) == (Severity.OK, f"its own return is set to {height_m:g} m (RTL_ALT)")
+    assert (good.severity, good.text) == (Severity.OK, f"RTL altitude set to {height_m:g} m (RTL_ALT)")
     low = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
     assert low.severity is Severity.WARNING
     assert low.text == (
-        f"its own return stays at 12 m (RTL_ALT), not at the {height_m:.0f} m that keep it clear of the others: "
+        f"RTL altitude stays 12 m (RTL_ALT), not the {height_m:.0f} m that keep it clear of the others: "
         "RTL_ALT stays 1200"
     )
     beside = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": "RTL_CONE_SLOPE stays 3"})
     assert (beside.severity, beside.text) == (
         Severity.WARNING,
-        f"its own return is set to {height_m:g} m, but RTL_CONE_SLOPE stays 3",
+        f"RTL altitude set to {height_m:g} m, but RTL_CONE_SLOPE stays 3",
     )
 
 

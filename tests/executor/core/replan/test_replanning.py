@@ -57,7 +57,7 @@ def test_an_answer_that_comes_too_late_is_planned_anew() -> None:
     flight.run(lambda: len(flight.solves()) == 2)
     late = [line for line in flight.said() if "came too late" in line]
     assert len(late) == 1
-    assert late[0].endswith("planning anew")
+    assert late[0].endswith("planning again")
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
     [record] = flight.state.records
@@ -93,7 +93,7 @@ def test_a_survivor_that_refuses_its_mission_is_planned_around() -> None:
     assert flight.vehicle("uav3").fault is None, "it flies its own mission to the end"
     assert set(flight.state.inspected) == EVERYTHING
     assert {4, 5} <= {segment for segment, by in flight.state.inspected.items() if by == "uav3"}
-    assert "uav3: could not be given its new mission (mission refused: denied); planning around it" in flight.said()
+    assert "uav3: upload of its new mission failed (mission refused: denied); planning around it" in flight.said()
 
 
 def test_a_vehicle_with_a_mixed_mission_is_sent_home() -> None:
@@ -103,7 +103,7 @@ def test_a_vehicle_with_a_mixed_mission_is_sent_home() -> None:
     flight.run(lambda: flight.stage("uav3") is Stage.RETURNING)
     fault = flight.vehicle("uav3").fault
     assert fault is not None
-    assert (fault.kind, fault.reason) == (FaultKind.INTERRUPTION, "its mission is a mixture of two")
+    assert (fault.kind, fault.reason) == (FaultKind.INTERRUPTION, "its mission on board is a mix of two")
     assert flight.sent_home() == ["uav3"]
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
@@ -189,7 +189,7 @@ def test_a_survivor_that_has_landed_stays_where_it_may_not_fly_again() -> None:
     flight.finish()
     assert flight.given(Start).count(Start("uav1")) == 1
     assert flight.solves() == []
-    assert flight.said(Level.WARNING)[-1].startswith("nobody in the air can take over segment")
+    assert flight.said(Level.WARNING)[-1].startswith("no vehicle in the air can take over segment")
 
 
 def test_what_the_budgets_do_not_cover_is_named() -> None:

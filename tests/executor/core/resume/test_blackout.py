@@ -42,7 +42,7 @@ def test_an_abort_that_nobody_may_hear_says_so() -> None:
     flight = under_way()
     silenced(flight)
     flight.run(lambda: flight.state.silent_since_s is not None)
-    assert flight.ask(Action.ABORT).text == "nobody is heard; who is heard again is told to return"
+    assert flight.ask(Action.ABORT).text == "no link to any vehicle; RTL will be commanded as soon as a link is back"
     silenced(flight, mute=False)
     flight.run(lambda: sorted(flight.sent_home()) == list(THREE))
     flight.finish()
@@ -97,8 +97,10 @@ def test_who_is_never_heard_again_is_lost_once_its_battery_is_empty() -> None:
     flight.run(lambda: flight.over, limit_s=lasts_s)
     assert {flight.stage(name) for name in THREE} == {Stage.LOST}
     assert flight.given(Finish) == [Finish("5 segments are not inspected")]
-    aloft = "in the air when last heard: uav1, uav2, uav3"
-    line = f"nobody was heard for 60 s; {aloft}. The flight stays open and takes up whoever is heard again"
+    aloft = "in the air at last contact: uav1, uav2, uav3"
+    line = (
+        f"no message from any vehicle for 60 s; {aloft}. The flight stays open and resumes with the first link regained"
+    )
     assert line in flight.said(Level.FAULT)
 
 
@@ -108,7 +110,7 @@ def test_the_last_one_that_is_heard_ends_no_flight_by_its_silence() -> None:
     flight.crafts["uav1"].mute = True
     flight.pass_s(100.0)
     assert (flight.over, flight.stage("uav1"), flight.vehicle("uav1").fault) == (False, Stage.FLYING, None)
-    assert "nobody is heard any more: is it our own radio? Nothing is re-planned yet" in flight.said()
+    assert "no link to any vehicle: is it our own radio? No re-plan yet" in flight.said()
     flight.crafts["uav1"].mute = False
     flight.finish()
     assert {0, 1} <= set(flight.state.inspected)
@@ -138,7 +140,7 @@ def test_what_was_left_over_in_a_silence_is_planned_when_it_ends() -> None:
     flight.crafts["uav3"].mute = False
     flight.finish()
     assert set(flight.state.inspected) == EVERYTHING
-    assert flight.state.records[-1].trigger == "uav3: is heard again"
+    assert flight.state.records[-1].trigger == "uav3: link regained"
 
 
 def test_who_is_silent_for_the_moment_is_given_no_work() -> None:

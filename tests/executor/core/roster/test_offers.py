@@ -35,7 +35,7 @@ def test_nobody_takes_off_again_by_silence() -> None:
     flight.finish()
     assert (starts(flight, "uav1"), starts(flight, "uav3")) == (1, 1)
     assert 115.0 < flight.now_s - lost_s < 130.0
-    assert flight.said(Level.WARNING)[-1].startswith("nobody was cleared to take off again within 120 s")
+    assert flight.said(Level.WARNING)[-1].startswith("no vehicle was cleared to take off again within 120 s")
     assert len(flight.state.inspected) < 6
 
 
@@ -85,7 +85,7 @@ def test_an_abort_ends_an_offer() -> None:
     flight = one_left()
     flight.run(lambda: flight.state.offer is not None)
     record = flight.ask(Action.ABORT)
-    assert (record.outcome, record.text) == (Outcome.DONE, "nobody flies its mission; nobody takes off any more")
+    assert (record.outcome, record.text) == (Outcome.DONE, "no vehicle is on its mission; no further take-off")
     flight.pass_s(1.0)
     assert flight.over
 

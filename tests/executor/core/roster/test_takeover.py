@@ -72,7 +72,7 @@ def test_switching_back_and_forth_is_answered_by_nothing() -> None:
 
 def test_who_is_put_back_on_its_mission_and_included_finishes_it() -> None:
     flight, at_s = taken()
-    assert flight.ask(Action.INCLUDE, "uav2").text == "its pilot has it, and must put it back on its mission first"
+    assert flight.ask(Action.INCLUDE, "uav2").text == "it is with its pilot, who must set mission mode first"
     flight.crafts["uav2"].mode = mission(flight)
     flight.run(lambda: "include it to have it in the plan again" in flight.said(Level.FAULT)[-1])
     assert told(flight, "uav2", at_s) == []
@@ -184,7 +184,7 @@ def test_everybody_home_leaves_the_pilots_vehicle_to_him() -> None:
     flight, at_s = taken()
     flight.happen(ReturnAllOrdered())
     assert told(flight, "uav2", at_s) == []
-    assert "uav2: is with its pilot and is not told to return" in flight.said(Level.WARNING)
+    assert "uav2: is with its pilot; RTL not commanded" in flight.said(Level.WARNING)
     assert sorted(flight.sent_home()) == ["uav1", "uav3"]
 
 
@@ -200,7 +200,7 @@ def test_who_stands_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> 
         flight.step()
     assert flight.stage("uav2") is Stage.LANDED
     assert flight.vehicle("uav2").excluded
-    text = "uav2: is disarmed on its pad; its autopilot has started anew; it stays until it is included"
+    text = "uav2: is disarmed on its pad; its autopilot has rebooted; it stays until it is included"
     assert text in flight.said(Level.INFO)
 
 
@@ -221,7 +221,7 @@ def test_a_vehicle_that_somebody_arms_after_its_landing_is_announced() -> None:
     at_s = flight.now_s
     flight.run(lambda: flight.stage("uav1") is Stage.PILOT)
     assert flight.said(Level.FAULT)[-1] == (
-        "uav1: was armed on the ground, not from here, mode STABILIZE: keep clear of it"
+        "uav1: armed on the ground, not from here, mode STABILIZE: keep clear of it"
     )
     flight.pass_s(10.0)
     assert told(flight, "uav1", at_s) == []
