@@ -520,7 +520,7 @@ def _fault(
 
 
 def _lies(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether its motors stopped where it was neither told to land nor at home."""
+    """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
     return vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle)
 
 
