@@ -84,7 +84,7 @@ def _pad(context: Context, name: str) -> dict[str, float]:
 
 def checked(check: Check) -> dict[str, str]:
     """Return a line of the checklist as plain data."""
-    return {"severity": check.severity.value, "subject": check.subject, "text": check.text}
+    return {"severity": check.severity.value, "code": check.code, "subject": check.subject, "text": check.text}
 
 
 def _firmware(facts: Facts | None) -> dict[str, object]:
@@ -201,6 +201,7 @@ def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening])
     return {
         "vehicle": name,
         "kind": fault.kind.value,
+        "code": fault.code.value,
         "reason": fault.reason,
         "happened_s": round(max(before) - began_s, 2) if before else None,
         "detected_s": round(fault.detected_s - began_s, 2),

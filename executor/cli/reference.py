@@ -7,7 +7,9 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import BaseMetadata, Ge, Gt, Le
@@ -17,11 +19,25 @@ from pydantic_core import PydanticUndefined
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli.commandline import cli
+from executor.core.check_codes import CheckCode
+from executor.core.endings import Ending
+from executor.core.intents import IntentReason
+from executor.core.vehicle import FaultCode
 from executor.site import config
 
 COMMANDS = "command-line.md"
 SITE_FILE = "site-file.md"
+REASONS = "reason-codes.md"
+DOMAINS: tuple[tuple[str, type[StrEnum]], ...] = (
+    ("Faults", FaultCode),
+    ("Intents", IntentReason),
+    ("Answers of a vehicle", Ending),
+    ("Messages from the broker", IntakeReason),
+    ("The checklist", CheckCode),
+)
+"""Each domain of codes, by its heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
 UNITS = (
     ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"), ("_m2", "m²"),
@@ -32,7 +48,7 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page by its name."""
-    return {COMMANDS: commands_page(), SITE_FILE: site_page()}
+    return {COMMANDS: commands_page(), SITE_FILE: site_page(), REASONS: reasons_page()}
 
 
 def write_pages(folder: Path) -> None:
@@ -127,6 +143,33 @@ def site_page() -> str:
             if (model.__name__, name) not in words:
                 raise LookupError(f"{model.__name__}.{name}: expected a docstring below it, for {SITE_FILE}")
             lines.append(_key(name, field, words[model.__name__, name]))
+    return "\n".join(lines) + "\n"
+
+
+def reasons_page() -> str:
+    """Return the page of the reason codes: each domain, and each code with its meaning."""
+    lines = [
+        MADE.format(what="enums of reasons"),
+        "",
+        "# Reason codes",
+        "",
+        "Beside a sentence for people stands a `code` for programs: in MQTT messages, in the answer to",
+        "`POST /intents`, on the page's stream and in `report.json`. Sentences may be worded anew at any time, codes",
+        "keep their meaning.",
+    ]
+    for heading, kind in DOMAINS:
+        lines += [
+            "",
+            f"## {heading}",
+            "",
+            inspect.cleandoc(kind.__doc__ or ""),
+            "",
+            "| code | meaning |",
+            "| --- | --- |",
+        ]
+        known = _docstrings(sys.modules[kind.__module__])
+        words = {key: text for name, key, text in known if name == kind.__name__}
+        lines += [f"| `{one.value}` | {_cell(words[one.name])} |" for one in kind]
     return "\n".join(lines) + "\n"
 
 
@@ -232,16 +275,15 @@ def _leaves(kind: object) -> set[object]:
     return {kind} if not parts else set().union(*(_leaves(one) for one in parts))
 
 
-def _docstrings() -> Iterator[tuple[str, str, str]]:
+def _docstrings(module: ModuleType = config) -> Iterator[tuple[str, str, str]]:
     """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
-    for node in ast.parse(inspect.getsource(config)).body:
+    for node in ast.parse(inspect.getsource(module)).body:
         if not isinstance(node, ast.ClassDef):
             continue
         for field, below in zip(node.body, node.body[1:], strict=False):
-            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-                continue
-            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, field.target.id, " ".join(str(below.value.value).split())
+            key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
+            if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                yield node.name, key.id, " ".join(str(below.value.value).split())
 
 
 def _cell(text: str) -> str:

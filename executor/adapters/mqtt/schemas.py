@@ -56,7 +56,7 @@ def _text(name: str, model: type[BaseModel], words: Mapping[tuple[str, str], str
     content: dict[str, Any] = model.model_json_schema(mode="validation" if asked else "serialization")
     parts = content.get("$defs", {})
     for kind, part in parts.items():
-        for key, known in part["properties"].items():
+        for key, known in part.get("properties", {}).items():  # an enum has none
             if (kind, key) in words:
                 known.setdefault("description", words[kind, key])
     for part in (content, *parts.values()):

@@ -15,6 +15,7 @@ from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
+from executor.adapters.mqtt.reasons import IntakeReason
 from executor.adapters.mqtt.schemas import schemas
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, Tick
@@ -90,7 +91,7 @@ def test_states_are_retained_and_published_on_change() -> None:
         for what, how in (("state", True), ("telemetry", False))
     }
     [state] = on(first, "vehicle/uav1/state")
-    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.1.0")
+    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.2.0")
     assert state["timestamp"] == "2026-09-21T14:13:21.000Z"
     assert state["vehicle"]["state"] == "flying"
     assert {letter.topic.rsplit("/", 1)[-1] for letter in desk.look()} == {"telemetry"}
@@ -138,7 +139,7 @@ def test_an_intent_is_answered_and_answered_again() -> None:
     desk.publisher.applied(asked, flight.state)
     desk.publisher.applied(Tick(), flight.state)
     assert [one["text"] for one in on(desk.written(), "intent/ack")] == ["it holds"]
-    desk.publisher.refused(RefusedMessage(None, "not JSON"))
+    desk.publisher.refused(RefusedMessage(None, "not JSON", IntakeReason.INVALID))
     assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["refused"]
 
 
