@@ -65,7 +65,9 @@ def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> Non
     assert (first["type"], first["autopilot"], first["firmware"]) == ("quadrotor", "ArduPilot", "4.7.0-dev")
     assert (second["type"], second["firmware"]) == ("hexarotor", None)
     assert "firmware" not in third
-    assert report["checks"] == [{"severity": "warning", "code": "battery_failsafe", "subject": "uav2", "text": "no battery failsafe"}]
+    assert report["checks"] == [
+        {"severity": "warning", "code": "battery_failsafe", "subject": "uav2", "text": "no battery failsafe"}
+    ]
 
 
 def test_what_was_asked_before_the_flight_is_kept() -> None:

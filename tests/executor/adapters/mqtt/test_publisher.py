@@ -140,7 +140,7 @@ def test_an_intent_is_answered_and_answered_again() -> None:
     desk.publisher.applied(Tick(), flight.state)
     assert [one["text"] for one in on(desk.written(), "intent/ack")] == ["it holds"]
     desk.publisher.refused(RefusedMessage(None, "not JSON", IntakeReason.INVALID))
-    assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["refused"]
+    assert [(one["outcome"], one["code"]) for one in on(desk.written(), "intent/ack")] == [("refused", "invalid")]
 
 
 @pytest.mark.parametrize("state", list(Presence))
