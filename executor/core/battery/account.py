@@ -66,7 +66,7 @@ class Charge:
     drift: Drift = field(default_factory=Drift)
 
 
-@dataclass(frozen=True)  # without slots: `changed` copies it
+@dataclass(frozen=True, slots=True)
 class BatteryState:
     """One vehicle's battery since its first report."""
 

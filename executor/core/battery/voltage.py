@@ -24,7 +24,7 @@ FULL_CELL_V = 4.4
 """No cell has more: the least number of cells that the highest voltage allows, so that none is called low wrongly."""
 
 
-@dataclass(frozen=True)  # without slots: `changed` copies it
+@dataclass(frozen=True, slots=True)
 class VoltageState:
     """One vehicle's voltage since its last start."""
 
