@@ -58,6 +58,10 @@ TRANSITIONS: dict[Stage, frozenset[Stage]] = {
 another battery, it is on the ground as before its start; one that its pilot has given back flies on."""
 
 
+WATCHED = frozenset({(Stage.GROUND, Stage.FLYING), (Stage.LANDED, Stage.FLYING), (Stage.LOST, Stage.FLYING)})
+"""What may follow besides where a flight is only watched: nobody here starts it, or sends it home after a silence."""
+
+
 class FaultKind(Enum):
     """What a fault is about."""
 
@@ -124,17 +128,29 @@ class VehicleState:
         return tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
 
 
-def moved_to(state: VehicleState, stage: Stage) -> VehicleState:
-    """Return the vehicle in another stage.
+def moved_to(
+    state: VehicleState, stage: Stage, *, besides: frozenset[tuple[Stage, Stage]] = frozenset()
+) -> VehicleState:
+    """Return the vehicle in another stage; nothing else of it is another.
+
+    Args:
+        state: The vehicle.
+        stage: Where it is now.
+        besides: What may follow what, besides the table.
 
     Raises:
         ValueError: the table has no such transition; a mistake of the caller's.
     """
     if stage is state.stage:
         return state
-    if stage not in TRANSITIONS[state.stage]:
+    if stage not in TRANSITIONS[state.stage] and (state.stage, stage) not in besides:
         raise ValueError(f"{state.name}: {state.stage.value} cannot become {stage.value}")
     return replace(state, stage=stage)
+
+
+def supposed_lost(state: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle as if it were lost, to reckon what that would mean: no vehicle ever becomes this."""
+    return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s))
 
 
 def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:

@@ -114,8 +114,7 @@ def _fitted(state: FleetState) -> FleetState:
     """Return the state with what vehicles say of their GPS, their voltage and the wind."""
     for number, vehicle in enumerate(state.vehicles.values()):
         volts = replace(vehicle.volts, voltage_v=16.2 - 0.2 * number)
-        said: dict[str, object] = {"gps": Gps(3, 14 + number), "wind": Wind(4.2 + number, 240.0), "volts": volts}
-        state = state.put(changed(vehicle, **said))
+        state = state.put(changed(vehicle, gps=Gps(3, 14 + number), wind=Wind(4.2 + number, 240.0), volts=volts))
     return state
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from executor.core.context import Context
 from executor.core.parts import OnBoard
@@ -73,7 +73,7 @@ def vehicle(fleet: Fleet, name: str = "uav1", /, **changes: object) -> VehicleSt
 def with_facts(state: State, **facts: object) -> State:
     """Return a state in which some things are so, whichever part of it they belong to."""
     part_of = {fact: part for part, held in parts_of(state).items() for fact in held}
-    told: dict[str, dict[str, object]] = {}
+    told: dict[str, dict[str, Any]] = {}
     for name, value in facts.items():
         told.setdefault(part_of.get(name, ""), {})[name] = value
     parts = {part: replace(getattr(state, part), **held) for part, held in told.items() if part}

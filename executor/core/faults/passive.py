@@ -19,7 +19,7 @@ from executor.core.faults.watching import View
 from executor.core.hearing.fold import fold
 from executor.core.messages import Heartbeat
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import WATCHED, Fault, FaultKind, Stage, VehicleState, moved_to
 from missions.autopilots.modes import is_home_mode
 
 WARN_S = 1.5
@@ -120,15 +120,18 @@ def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
         return vehicle
     match vehicle.stage:
         case Stage.GROUND | Stage.LANDED if beat.armed:
-            fresh = changed(vehicle, stage=Stage.FLYING, fault=None, took_off=False, flew_mission=False, watches=())
-            return changed(fresh, anchor=None, armed_once=True, alarm=("", float("-inf")))
+            vehicle = moved_to(vehicle, Stage.FLYING, besides=WATCHED)
+            return changed(
+                vehicle, fault=None, took_off=False, flew_mission=False, watches=(), anchor=None, armed_once=True,
+                alarm=("", float("-inf")),
+            )  # fmt: skip
         case Stage.LOST if not beat.armed:
             return moved_to(vehicle, Stage.LANDED)
         case Stage.LOST if is_home_mode(scene.vehicles[vehicle.name].dialect, beat.custom_mode):
             return moved_to(vehicle, Stage.RETURNING)
         case Stage.LOST:
             # Live it would be told to return; here it flies on, and may be lost again.
-            return changed(vehicle, stage=Stage.FLYING, fault=None, watches=(), anchor=None)
+            return changed(moved_to(vehicle, Stage.FLYING, besides=WATCHED), fault=None, watches=(), anchor=None)
         case Stage.FLYING | Stage.RETURNING if not beat.armed and vehicle.fault is not None:
             return moved_to(vehicle, Stage.LANDED)
         case _:

@@ -139,9 +139,11 @@ def _sent_home(
 ) -> Stepped:
     """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
-        state = state.put(replace(left_plan(vehicle, Stage.LANDED, now_s), excluded=True))
+        left = left_plan(vehicle, Stage.LANDED, now_s)
+        state = state.put(replace(left, excluded=True))
         return state, (SendHome(vehicle.name),)  # in place of its start
-    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), excluded=True)
+    left = left_plan(vehicle, Stage.RETURNING, now_s)
+    left = replace(left, excluded=True)
     if force:
         left = replace(left, taken=None, cause=Cause.OURS)
     return sent_home(context, state, left, now_s, force=force)
@@ -151,7 +153,8 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
     vehicle = _vehicle(state, intent)
     planned = vehicle.stage in _ON_MISSION
     fault = vehicle.fault or Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s)
-    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault)
+    left = left_plan(vehicle, Stage.RETURNING, now_s)
+    left = replace(left, lands=True, excluded=True, fault=fault)
     left = replace(left, taken=None, cause=Cause.OURS) if intent.confirmed else left
     state, told = sent_home(context, state, left, now_s, land=True, force=intent.confirmed)
     others: tuple[Command, ...] = ()
@@ -163,17 +166,18 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
 
 def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
-    state = state.put(replace(vehicle, excluded=True))
+    vehicle = replace(vehicle, excluded=True)
+    state = state.put(vehicle)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
-        return _Ordered(state.put(replace(state.vehicles[vehicle.name], cleared_s=None)), "it stays on the ground")
+        return _Ordered(state.put(replace(vehicle, cleared_s=None)), "it stays on the ground")
     if vehicle.stage is Stage.PILOT:
         hold = replace(vehicle.taken, given_away=True) if vehicle.taken is not None else None
-        state = state.put(replace(state.vehicles[vehicle.name], taken=hold))
+        state = state.put(replace(vehicle, taken=hold))
         state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
         return _Ordered(state, "it is left to its pilot; the others are given what is left", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
     state, commands = declare(
-        context, state, state.vehicles[vehicle.name], FaultKind.OPERATOR, "excluded by the operator's word", now_s
+        context, state, vehicle, FaultKind.OPERATOR, "excluded by the operator's word", now_s
     )
     if starting:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
@@ -204,8 +208,9 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         watches=(), alarm=("", float("-inf")), failures=0, armed_once=False, cleared_s=now_s, taken=None,
     )  # fmt: skip
     trigger = f"{vehicle.name}: is back with {vehicle.battery.remaining_pct or 0.0:.0f} % in its battery"
+    state = state.put(ready)
     state = replace(
-        state.put(ready), mended=mended, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s,
+        state, mended=mended, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s,
         considered=state.considered - {vehicle.name}, offers_over=False,
     )  # fmt: skip
     if state.offer is not None and len(state.offer.vehicles) > 1:

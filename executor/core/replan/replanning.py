@@ -228,7 +228,8 @@ def solved(
     if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
         return state, ()  # made stale by a newer fault
     if event.routes is None:
-        state = replace(wanted_again(state, plan), wait_until_s=now_s + RETRY_S)
+        state = wanted_again(state, plan)
+        state = replace(state, wait_until_s=now_s + RETRY_S)
         return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
     late = [offer.vehicle for offer in plan.solve.survivors if not still_fits(state.vehicles[offer.vehicle], offer)]
     if late:
@@ -241,7 +242,8 @@ def solved(
         if (visits := routes.get(offer.vehicle, ())) != offer.tail
     )
     for route in unmade:
-        state = state.put(replace(state.vehicles[route.vehicle], pending=event.revision))
+        vehicle = state.vehicles[route.vehicle]
+        state = state.put(replace(vehicle, pending=event.revision))
     names = ", ".join(sorted(route.vehicle for route in unmade)) or "nobody"
     text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
@@ -310,7 +312,8 @@ def all_made(context: Context, state: FleetState, plan: Replan) -> Replan:
 def let_go(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -> tuple[FleetState, Replan, Say]:
     """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
-    state = state.put(replace(state.vehicles[name], pending=None))
+    vehicle = state.vehicles[name]
+    state = state.put(replace(vehicle, pending=None))
     state = replace(state, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
     return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned anew for it")
 

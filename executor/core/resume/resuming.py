@@ -107,7 +107,8 @@ def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -
     for found in event.found:
         if not found.heard:
             commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
-            state = state.put(changed(state.vehicles[found.vehicle], before=None))
+            vehicle = state.vehicles[found.vehicle]
+            state = state.put(changed(vehicle, before=None))
             continue
         state, one = _taken_up(context, state, found, now_s)
         commands += one.commands
@@ -190,7 +191,8 @@ def _half_uploaded(
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         why = "its mission is a mixture of two, and it flies beyond what is new"
         return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
-    state = state.put(changed(state.vehicles[found.vehicle], before=None))
+    vehicle = state.vehicles[found.vehicle]
+    state = state.put(changed(vehicle, before=None))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is not whole on board; it is sent again"
     again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
     return state, _Taken(said, again=(Say(Level.WARNING, text), again))

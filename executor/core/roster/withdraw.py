@@ -41,7 +41,8 @@ def declare(
         stage, then, commands = Stage.RETURNING, "it is told to disarm", (Disarm(vehicle.name, force=False),)
     else:
         stage, then = Stage.RETURNING, ""
-    state = state.put(replace(left_plan(vehicle, stage, now_s), fault=fault, place_told=kind is FaultKind.DOWN))
+    gone = left_plan(vehicle, stage, now_s)
+    state = state.put(replace(gone, fault=fault, place_told=kind is FaultKind.DOWN))
     if stage is Stage.RETURNING and not then:
         then = _words(context, state, vehicle.name, now_s)
         state, commands = homeward.sent_home(context, state, state.vehicles[vehicle.name], now_s)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
 
 import pytest
 
@@ -24,6 +23,7 @@ from executor.core.ports import LinkCounts
 from executor.core.recording import Skipped
 from executor.core.state import Absence, Briefing, FleetState, Replan, Told
 from executor.core.vehicle import Cause, Errand, Stage, TakenOver, TextFlow, VehicleState, Watch
+from tests.executor.builders import flat
 from tests.executor.core.steps import Changes, rounded
 
 
