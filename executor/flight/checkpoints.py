@@ -35,7 +35,7 @@ Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
 _MAPPING = (Coverage, Replanning, Crew, Replan)
 """What of the state of a flight holds mappings."""
-T = TypeVar("T", FleetState, Coverage, Replanning, Crew, Replan)
+T = TypeVar("T", bound=FleetState | Coverage | Replanning | Crew | Replan)
 
 
 @dataclass(frozen=True, slots=True)
