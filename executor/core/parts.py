@@ -135,14 +135,6 @@ class LinkState:
     stale: bool = False
     excused_s: float = float("-inf")
     """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
-    streams_asked_s: float = float("-inf")
-    """When it was asked last to send again what does not come."""
-    unseen_until_s: float | None = None
-    """When its last silence ended with a heartbeat."""
-    unseen_from_boot_s: float | None = None
-    """By its own clock, when it was seen last before that."""
-    beat_boot_s: float | None = None
-    """By its own clock, about when its last heartbeat came."""
     quality: LinkQuality = field(default_factory=LinkQuality)
     strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
     """Other ground stations on its link, and other vehicles with its number."""
@@ -150,7 +142,7 @@ class LinkState:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What it said of itself last, apart from its place and its battery."""
+    """What it said last of what it does."""
 
     heartbeat: Heartbeat | None = None
     mode_since_s: float = 0.0
@@ -161,6 +153,15 @@ class Telemetry:
     item_s: float | None = None
     """When it said so last."""
     on_ground: bool | None = None
+    alarm: tuple[str, float] = ("", float("-inf"))
+    """What it said last of a failsafe or a crash, and when."""
+    texts: TextFlow = field(default_factory=TextFlow)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What its sensors say of it and of what is around it."""
+
     gps: Gps | None = None
     wind: Wind | None = None
     """As it measures it."""
@@ -170,9 +171,6 @@ class Telemetry:
     fence_breached: bool = False
     unhealthy: int = 0
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
-    alarm: tuple[str, float] = ("", float("-inf"))
-    """What it said last of a failsafe or a crash, and when."""
-    texts: TextFlow = field(default_factory=TextFlow)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +246,8 @@ class Orders:
     errand: Errand | None = None
     cleared_s: float | None = None
     """When the crew said that it may take off again; None if it did not, or it has."""
+    streams_asked_s: float = float("-inf")
+    """When it was asked last to send again what does not come."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,10 +273,16 @@ class Sortie:
 
 @dataclass(frozen=True, slots=True)
 class Custody:
-    """Who has it."""
+    """Who has it, and in which silence of its link it may have been taken, or have acted by itself."""
 
     taken: TakenOver | None = None
     cause: Cause = Cause.OURS
     """Why it is in its mode, as long as it is armed."""
     certain: bool = False
     """Whether no text that may come late can make it anything but a person's."""
+    unseen_until_s: float | None = None
+    """When its last silence ended with a heartbeat."""
+    unseen_from_boot_s: float | None = None
+    """By its own clock, when it was seen last before that."""
+    beat_boot_s: float | None = None
+    """By its own clock, about when its last heartbeat came."""

@@ -15,6 +15,7 @@ from executor.core.parts import (
     OnBoard,
     Orders,
     Power,
+    Sensors,
     Sortie,
     Telemetry,
     Watch,
@@ -96,6 +97,7 @@ class VehicleState:
     watches: tuple[tuple[str, Watch], ...] = ()
     link: LinkState = field(default_factory=LinkState)
     telemetry: Telemetry = field(default_factory=Telemetry)
+    sensors: Sensors = field(default_factory=Sensors)
     motion: Motion = field(default_factory=Motion)
     power: Power = field(default_factory=Power)
     assignment: Assignment = field(default_factory=Assignment)

@@ -17,10 +17,10 @@ from pathlib import Path
 from shutil import which
 from typing import Self
 
+from executor.core.changed import changed
 from playwright.async_api import Page, async_playwright
 
 from executor.adapters.web import WebServer, WebSettings
-from executor.core.changed import changed
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome

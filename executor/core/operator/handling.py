@@ -176,9 +176,7 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
         state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
         return _Ordered(state, "it is left to its pilot; the others are given what is left", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
-    state, commands = declare(
-        context, state, vehicle, FaultKind.OPERATOR, "excluded by the operator's word", now_s
-    )
+    state, commands = declare(context, state, vehicle, FaultKind.OPERATOR, "excluded by the operator's word", now_s)
     if starting:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))

@@ -6,8 +6,8 @@ import asyncio
 from types import MappingProxyType
 
 import pytest
-
 from executor.core.changed import changed
+
 from executor.core.commands import Solve
 from executor.core.events import LossJudged
 from executor.core.intents import Action
