@@ -161,6 +161,17 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
+class Progress:
+    """How far the flight is from its launch to its end."""
+
+    launched_s: float | None = None
+    recalled: bool = False
+    """Everybody was sent home."""
+    finished: bool = False
+    separation: Separation | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Coverage:
     """What became of each segment."""
 
@@ -237,11 +248,7 @@ class FleetState:
     """The flight as it is known at one moment."""
 
     vehicles: Mapping[str, VehicleState]
-    launched_s: float | None = None
-    recalled: bool = False
-    """Everybody was sent home."""
-    finished: bool = False
-    separation: Separation | None = None
+    progress: Progress = field(default_factory=Progress)
     coverage: Coverage = field(default_factory=Coverage)
     replanning: Replanning = field(default_factory=Replanning)
     listening: Listening = field(default_factory=Listening)

@@ -29,7 +29,7 @@ LAND = 9
 def flight_of(*vehicles: VehicleState, **facts: Any) -> FleetState:
     """Return a flight that began 100 s ago; who is not given stands on its pad and is not heard."""
     there = {name: vehicle(FLEET, name) for name in FLEET.boards} | {one.name: one for one in vehicles}
-    return with_facts(FleetState(MappingProxyType(there), launched_s=NOW_S - 100.0), **facts)
+    return with_facts(FleetState(MappingProxyType(there)), **({"launched_s": NOW_S - 100.0} | facts))
 
 
 def changes(before: object, after: object) -> Changes:
