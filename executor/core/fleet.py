@@ -12,7 +12,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core.carried import Carried
-from executor.core.changed import changed
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
@@ -45,6 +44,7 @@ from executor.core.homing import down, homeward
 from executor.core.homing.homeward import comes_home, on_mission
 from executor.core.messages import ComponentText, Heartbeat, Position
 from executor.core.operator import handling
+from executor.core.parts import Assignment, Cause, OnBoard
 from executor.core.places import (
     UNSEEN_S,
     at_rest,
@@ -59,8 +59,8 @@ from executor.core.replan import replanning
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
-from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
-from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Separation, Told
+from executor.core.vehicle import FaultKind, Stage, VehicleState, aboard, moved_to
 from executor.core.words import count_of
 from missions import StartStep
 from planner import segment_of
@@ -79,8 +79,10 @@ CLIMBS_MOST_M = 15.0
 
 def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] = ()) -> FleetState:
     """Return the state before the launch, with the missions that are, or are to be, on board."""
-    vehicles = MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()})
-    return FleetState(vehicles, briefing=Briefing(checks))
+    vehicles = MappingProxyType(
+        {name: VehicleState(name, assignment=Assignment(board=board)) for name, board in boards.items()}
+    )
+    return FleetState(vehicles, crew=Crew(briefing=Briefing(checks)))
 
 
 def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
@@ -118,7 +120,9 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
             return _found(context, state, event, now_s)
         case Asked(question, text, lines):
             asked = Question(question, text, lines)
-            return replace(state, briefing=replace(state.briefing, question=asked, answered="")), ()
+            return replace(
+                state, crew=replace(state.crew, briefing=replace(state.crew.briefing, question=asked, answered=""))
+            ), ()
 
 
 def _found(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
@@ -136,10 +140,10 @@ def _found(context: Context, state: FleetState, event: Resumed | MissionRead, no
 
 
 def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
-    if event.revision != state.revision:
+    if event.revision != state.replanning.revision:
         return state
-    outlook = {**state.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
-    return replace(state, outlook=MappingProxyType(outlook))
+    outlook = {**state.replanning.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
+    return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
 
 
 SEEN_AFTER_S = 0.5
@@ -153,20 +157,26 @@ HEARD_LATELY_S = 15.0
 def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
-        if vehicle.heard_s is not None and now_s - vehicle.heard_s < HEARD_LATELY_S:
-            state = state.put(changed(vehicle, heard_s=now_s, excused_s=now_s))
+        if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
+            state = state.put(replace(vehicle, link=replace(vehicle.link, heard_s=now_s, excused_s=now_s)))
     planned: set[int] = set()
     for vehicle in state.vehicles.values():
-        if vehicle.board is None or not vehicle.board.visits:
+        if vehicle.assignment.board is None or not vehicle.assignment.board.visits:
             continue
         if vehicle.armed:
             continue  # somebody else has armed it since it was looked at
-        planned |= {segment_of(visit) for visit in vehicle.board.visits}
+        planned |= {segment_of(visit) for visit in vehicle.assignment.board.visits}
         state, start = _start(context, state, vehicle, now_s)
         commands.append(start)
     # What the first plan leaves over is the next sortie's: no reason for a re-plan.
-    state = replace(state, given_up=state.given_up | (context.wanted - planned))
-    return replace(state, launched_s=now_s, briefing=replace(state.briefing, question=None)), tuple(commands)
+    state = replace(
+        state, coverage=replace(state.coverage, given_up=state.coverage.given_up | (context.wanted - planned))
+    )
+    return replace(
+        state,
+        progress=replace(state.progress, launched_s=now_s),
+        crew=replace(state.crew, briefing=replace(state.crew.briefing, question=None)),
+    ), tuple(commands)
 
 
 def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
@@ -176,10 +186,13 @@ def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
         modes_on_the_way.add(dialect.modes.guided.custom_mode)
     vehicle = moved_to(vehicle, Stage.STARTING)
     vehicle = replace(
-        vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
-        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None, away_once=False,
-        ordered_modes=frozenset(modes_on_the_way), carried=Carried(ours_s=now_s),
-    )  # fmt: skip
+        vehicle,
+        orders=replace(vehicle.orders, ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way)),
+        assignment=replace(vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s)),
+        sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
+        motion=replace(vehicle.motion, anchor=None),
+        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct),
+    )
     return state.put(vehicle), Start(vehicle.name)
 
 
@@ -189,14 +202,21 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         return state, ()
     if event.accepted:
         vehicle = replace(
-            moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s, anchor=None, cleared_s=None
+            moved_to(vehicle, Stage.FLYING),
+            assignment=replace(vehicle.assignment, failures=0),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s, cleared_s=None),
+            motion=replace(vehicle.motion, anchor=None),
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
-    stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
+    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
+    stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
-    if vehicle.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
-        vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
+    if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
+        vehicle = replace(
+            vehicle,
+            assignment=replace(vehicle.assignment, failures=vehicle.assignment.failures + 1),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s),
+        )
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}" + (", and it has disarmed" if stopped else "")
@@ -205,13 +225,13 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
 
 def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
     """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
-    if not (vehicle.armed_once or event.armed):
+    if not (vehicle.sortie.armed_once or event.armed):
         return True
-    fix, beat_s = vehicle.fix, vehicle.heartbeat_s
+    fix, beat_s = vehicle.motion.fix, vehicle.link.heartbeat_s
     fresh = beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
     if not fresh or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         return False  # it may have taken off, or its autopilot may have started anew
-    return not vehicle.took_off and not comes_home(context, vehicle) and vehicle.cause is Cause.OURS
+    return not vehicle.sortie.took_off and not comes_home(context, vehicle) and vehicle.custody.cause is Cause.OURS
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -220,21 +240,25 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         return texts.said_aboard(state, before, event.message, now_s)
     folded = fold(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
-        folded = replace(folded, state=causes.judged(context, state.absences, before, folded.state, now_s))
+        folded = replace(folded, state=causes.judged(context, state.listening.absences, before, folded.state, now_s))
     state = state.put(folded.state)
     commands: list[Command] = [
         Say(Level.WARNING, f"{event.vehicle}: {line}")
-        for line in stranger_lines(before.strangers, folded.state.strangers)
+        for line in stranger_lines(before.link.strangers, folded.state.link.strangers)
     ]
     if folded.text is not None:
         state, more = texts.tell_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
         state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
-    if folded.inspected is not None and folded.inspected not in state.inspected:
-        inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
-        flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
-        state = replace(state, inspected=inspected, flown=MappingProxyType(flown))
+    if folded.inspected is not None and folded.inspected not in state.coverage.inspected:
+        inspected = MappingProxyType({**state.coverage.inspected, folded.inspected: event.vehicle})
+        flown = (
+            {**state.coverage.flown, folded.inspected: folded.flown}
+            if folded.flown is not None
+            else state.coverage.flown
+        )
+        state = replace(state, coverage=replace(state.coverage, inspected=inspected, flown=MappingProxyType(flown)))
     if isinstance(event.message, Position):
         state = _separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
@@ -247,7 +271,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
 def _beat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
     vehicle = state.vehicles[before.name]
     commands: tuple[Command, ...] = ()
-    if vehicle.cause is Cause.PERSON and before.cause is not Cause.PERSON:
+    if vehicle.custody.cause is Cause.PERSON and before.custody.cause is not Cause.PERSON:
         commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
     if before.stage is Stage.LOST:
         state, more = _came_back(context, state, vehicle, now_s)
@@ -262,15 +286,25 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
         state, more = takeover.taken(context, state, vehicle)
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
-        vehicle = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+        vehicle = replace(
+            moved_to(vehicle, Stage.RETURNING),
+            motion=replace(vehicle.motion, anchor=None),
+            sortie=replace(vehicle.sortie, left_s=now_s),
+        )
         state, more = homeward.sent_home(context, state, vehicle, now_s)
         if comes_home(context, vehicle):
             return state, (Say(Level.WARNING, f"{heard}, on its way home or down by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its work was given away, so it does not go on with it"), *more)
     if not over_its_pad(context, vehicle):
-        state = state.put(replace(moved_to(vehicle, Stage.DOWN), ordered_mode_s=now_s, place_told=True))
+        state = state.put(
+            replace(
+                moved_to(vehicle, Stage.DOWN),
+                orders=replace(vehicle.orders, ordered_mode_s=now_s),
+                sortie=replace(vehicle.sortie, place_told=True),
+            )
+        )
         return state, (Say(Level.FAULT, f"{heard}, {place_words(context, vehicle)}"),)
-    state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
+    state = state.put(replace(moved_to(vehicle, Stage.LANDED), orders=replace(vehicle.orders, ordered_mode_s=now_s)))
     if not on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
@@ -279,15 +313,15 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
 
 
 def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     high = context.limits.airborne_m
     if fix is None or fix.alt_rel_m < high or not vehicle.armed:
         return state
-    least = state.separation
+    least = state.progress.separation
     # Every position is held against every vehicle: the height alone settles nearly all of them.
     reach_m = math.inf if least is None else least.least_m + CLIMBS_MOST_M
     for other in state.vehicles.values():
-        seen = other.fix
+        seen = other.motion.fix
         if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
             continue
         if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
@@ -302,9 +336,9 @@ def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s
         apart_m = math.hypot(east_m, north_m, higher_m)
         if least is None or apart_m < least.least_m:
             least = Separation(apart_m, (vehicle.name, other.name), now_s)
-    if least is state.separation:
+    if least is state.progress.separation:
         return state
-    return replace(state, separation=least)
+    return replace(state, progress=replace(state.progress, separation=least))
 
 
 def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -313,8 +347,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = link_loss.of_all(context, state, now_s)
     commands.extend(more)
-    if state.silent_since_s is not None and now_s - state.silent_since_s >= GAP_S:
-        state = blackout.began(state, state.silent_since_s)
+    if state.listening.silent_since_s is not None and now_s - state.listening.silent_since_s >= GAP_S:
+        state = blackout.began(state, state.listening.silent_since_s)
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
@@ -331,7 +365,7 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = state.vehicles[name]
-    alone = state.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
+    alone = state.listening.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return _on_the_ground(context, state, vehicle, now_s)
     if vehicle.stage is Stage.LOST:
@@ -339,26 +373,28 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     commands: list[Command] = []
     state, more = link_loss.of_one(context, state, vehicle, now_s)
     commands.extend(more)
-    if vehicle.stale and not state.vehicles[name].stale:
+    if vehicle.link.stale and not state.vehicles[name].link.stale:
         state = replanning.heard_again(state, state.vehicles[name], now_s)
     taken_up = blackout.taken_up(context, state, state.vehicles[name], now_s)
     if taken_up is not None:
         state, more = taken_up
         commands.extend(more)
-    vehicle = causes.looked_at_again(context, state.absences, state.vehicles[name], now_s)
+    vehicle = causes.looked_at_again(context, state.listening.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
-    told, lines = warnings.new_warnings(view, state.told.get(name, Told()))
-    if told is not state.told.get(name):
-        state = replace(state, told=MappingProxyType({**state.told, name: told}))
+    told, lines = warnings.new_warnings(view, state.crew.told.get(name, Told()))
+    if told is not state.crew.told.get(name):
+        state = replace(state, crew=replace(state.crew, told=MappingProxyType({**state.crew.told, name: told})))
     commands.extend(Say(Level.WARNING, line) for line in lines)
     if vehicle.stage is not Stage.PILOT and not causes.in_other_hands(vehicle) and streams.to_be_asked(view):
-        vehicle = changed(vehicle, streams_asked_s=now_s)
+        vehicle = replace(vehicle, orders=replace(vehicle.orders, streams_asked_s=now_s))
         commands.append(AskStreams(name))
     if reading.wanted(vehicle, now_s):
-        vehicle = changed(vehicle, carried=replace(vehicle.carried, asked_s=now_s))
+        vehicle = replace(
+            vehicle, assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=now_s))
+        )
         commands.append(ReadMission(name))
     judgement = watchpoints.judge(context, context.vehicles[name], vehicle, now_s)
-    vehicle = changed(vehicle, watches=judgement.watches)
+    vehicle = replace(vehicle, watches=judgement.watches)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:
@@ -379,9 +415,9 @@ def _decided(
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and causes.takes_over(vehicle, now_s) and not lost:
         return takeover.taken(context, state, vehicle)
-    if vehicle.stage is Stage.FLYING and vehicle.carried.sure(now_s) and not lost:
+    if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.sure(now_s) and not lost:
         return takeover.taken(context, state, vehicle)
-    if raised and raised[0][0].name == "mode" and causes.missed_us(context, state.absences, vehicle, now_s):
+    if raised and raised[0][0].name == "mode" and causes.missed_us(context, state.listening.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
     if raised:
         point, why = raised[0]
@@ -397,11 +433,11 @@ def _decided(
 
 def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that should not move."""
-    if state.launched_s is None:
+    if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
-        if not vehicle.armed and not vehicle.place_told and at_rest(vehicle, now_s):
-            state = state.put(replace(vehicle, place_told=True))
+        if not vehicle.armed and not vehicle.sortie.place_told and at_rest(vehicle, now_s):
+            state = state.put(replace(vehicle, sortie=replace(vehicle.sortie, place_told=True)))
             return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
         if not down.flies_again(vehicle):
             return state, ()
@@ -416,7 +452,11 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
 def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
     text = f"{vehicle.name}: was taken to be {taken_for} and flies, {last_heard(context, vehicle)}"
-    back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+    back = replace(
+        moved_to(vehicle, Stage.RETURNING),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
     state, more = homeward.sent_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
 
@@ -425,22 +465,29 @@ def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, 
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare(context, state, vehicle, FaultKind.DOWN, why, now_s)
-    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, anchor=vehicle.fix, place_told=True)
+    lies = replace(
+        moved_to(vehicle, Stage.DOWN),
+        orders=replace(vehicle.orders, errand=None),
+        motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
+        sortie=replace(vehicle.sortie, place_told=True),
+    )
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
 def _owed(context: Context, state: FleetState, name: str) -> Stepped:
     """Say that an inspection does not count once its vehicle has left the segment without proof."""
     vehicle = state.vehicles[name]
-    if vehicle.owed is None or vehicle.board is None:
+    if vehicle.assignment.owed is None or vehicle.assignment.board is None:
         return state, ()
-    visit, why = vehicle.owed
-    ahead = any(point.visit == visit for point in vehicle.board.path.waypoints[vehicle.waypoint :])
+    visit, why = vehicle.assignment.owed
+    ahead = any(
+        point.visit == visit for point in vehicle.assignment.board.path.waypoints[vehicle.assignment.waypoint :]
+    )
     if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
         return state, ()
-    state = state.put(replace(vehicle, owed=None))
-    segment = vehicle.board.tracks[visit].segment
-    if segment in state.inspected:
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, owed=None)))
+    segment = vehicle.assignment.board.tracks[visit].segment
+    if segment in state.coverage.inspected:
         return state, ()
     return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
 
@@ -450,27 +497,32 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
 
     Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
     """
-    vehicle = replace(moved_to(vehicle, Stage.RETURNING), run=None, anchor=None, left_s=now_s)
+    vehicle = replace(
+        moved_to(vehicle, Stage.RETURNING),
+        assignment=replace(vehicle.assignment, run=None),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
     state, more = homeward.sent_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was away"
-    state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
+    state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
     return state, (Say(Level.WARNING, f"{trigger}; it comes home"), *more)
 
 
 def _has_landed(vehicle: VehicleState) -> bool:
-    return vehicle.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
+    return vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
 
 
 def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
     """Return whether a vehicle came down other than it lands; None as long as that is not seen."""
-    fix = vehicle.fix
-    if not vehicle.took_off or fix is None:
+    fix = vehicle.motion.fix
+    if not vehicle.sortie.took_off or fix is None:
         return False
-    if fix.at_s < vehicle.disarmed_s + SEEN_AFTER_S and now_s - vehicle.disarmed_s < UNSEEN_S:
-        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.lands else None
+    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
+        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
     # Who was told to land may do so on a hill.
-    came_down = sank(vehicle) if vehicle.lands else fell(context, vehicle)
-    return came_down or vehicle.disarmed_s - vehicle.falls_s < CRASHED_S
+    came_down = sank(vehicle) if vehicle.orders.lands else fell(context, vehicle)
+    return came_down or vehicle.sortie.disarmed_s - vehicle.motion.falls_s < CRASHED_S
 
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -479,22 +531,38 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         return state, ()
     if came_down:
         text = f"{vehicle.name}: came down other than it lands; {last_heard(context, vehicle)}"
-        lies = replace(moved_to(vehicle, Stage.DOWN), run=None, errand=None, anchor=vehicle.fix, place_told=False)
+        lies = replace(
+            moved_to(vehicle, Stage.DOWN),
+            assignment=replace(vehicle.assignment, run=None),
+            orders=replace(vehicle.orders, errand=None),
+            motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
+            sortie=replace(vehicle.sortie, place_told=False),
+        )
         return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None, errand=None, cleared_s=None)
+    vehicle = replace(
+        moved_to(vehicle, Stage.LANDED),
+        assignment=replace(vehicle.assignment, run=None),
+        orders=replace(vehicle.orders, errand=None, cleared_s=None),
+    )
     state = state.put(vehicle)
-    if vehicle.fault is None and not vehicle.excluded and vehicle.name not in state.considered:
+    if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
         # It was on its way down when the last re-plan was made: what was left then may be for it.
-        state = replace(state, considered=state.considered | {vehicle.name})
-        if context.fly_again is FlyAgain.AUTO and state.given_up:
+        state = replace(
+            state, replanning=replace(state.replanning, considered=state.replanning.considered | {vehicle.name})
+        )
+        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up:
             trigger = f"{vehicle.name}: landed with battery to spare"
-            state = replace(state, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s)
-    if not vehicle.took_off:
+            state = replace(
+                state,
+                coverage=replace(state.coverage, given_up=frozenset()),
+                replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
+            )
+    if not vehicle.sortie.took_off:
         return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
-    battery = vehicle.battery
+    battery = vehicle.power.battery
     known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
     left = f" with {battery.remaining_pct:.0f} %" if known else ""
-    if vehicle.rebooted_s is not None and over_its_pad(context, vehicle):
+    if vehicle.sortie.rebooted_s is not None and over_its_pad(context, vehicle):
         text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has started anew"
         return state, (Say(Level.INFO, text),)
     place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
@@ -509,12 +577,23 @@ def _fault(
         return declare(context, state, vehicle, kind, why, now_s)
     if kind is FaultKind.LINK:
         text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
-        return state.put(replace(moved_to(vehicle, Stage.LOST), errand=None)), (Say(Level.WARNING, text),)
-    if vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle):
-        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
-        return state.put(replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)), (
-            Say(Level.FAULT, text),
+        return state.put(replace(moved_to(vehicle, Stage.LOST), orders=replace(vehicle.orders, errand=None))), (
+            Say(Level.WARNING, text),
         )
+    if (
+        vehicle.sortie.armed_once
+        and not vehicle.armed
+        and not vehicle.orders.lands
+        and not over_its_pad(context, vehicle)
+    ):
+        text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
+        return state.put(
+            replace(
+                moved_to(vehicle, Stage.DOWN),
+                orders=replace(vehicle.orders, errand=None),
+                sortie=replace(vehicle.sortie, place_told=False),
+            )
+        ), (Say(Level.FAULT, text),)
     if _has_landed(vehicle) and seen_at_rest(vehicle, now_s):
         return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, vehicle.name, now_s)
@@ -522,30 +601,39 @@ def _fault(
 
 def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
     vehicle = state.vehicles[event.vehicle]
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
         return state, ()
     mission = plan.missions[event.vehicle]
-    vehicle = replace(vehicle, pending=None)
+    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, pending=None))
     commands: list[Command] = []
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-        state = state.put(replace(vehicle, board=board, carried=Carried(ours_s=now_s)))
+        state = state.put(
+            replace(vehicle, assignment=replace(vehicle.assignment, board=board, carried=Carried(ours_s=now_s)))
+        )
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
-    elif _left_meanwhile(context, vehicle) or (state.silent_since_s is not None and not event.mixed):
+    elif _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(vehicle)
-        state = replace(state, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+        state = replace(
+            state, replanning=replace(state.replanning, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+        )
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
-        state = state.put(replace(vehicle, stubborn=True))
+        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, stubborn=True)))
         text = f"{vehicle.name}: could not be given its new mission ({event.reason}); planning around it"
         commands.append(Say(Level.WARNING, text))
-        state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
+        state = replace(
+            state,
+            replanning=replace(
+                state.replanning, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s
+            ),
+        )
     if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
         state, start = _start(context, state, state.vehicles[vehicle.name], now_s)
         commands.append(start)
@@ -554,7 +642,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     elif vehicle.stage is Stage.STARTING and not event.mixed:
         state, more = _started_again(context, state, state.vehicles[vehicle.name], now_s)
         commands.extend(more)
-    state = replace(state, replan=plan)
+    state = replace(state, replanning=replace(state.replanning, replan=plan))
     if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
         state, more = declare(
             context,
@@ -576,8 +664,12 @@ def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
 
 def _started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
-    if vehicle.took_off:
-        vehicle = replace(moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s)
+    if vehicle.sortie.took_off:
+        vehicle = replace(
+            moved_to(vehicle, Stage.FLYING),
+            assignment=replace(vehicle.assignment, failures=0),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s),
+        )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     state, start = _start(context, state, vehicle, now_s)
     return state, (start,)
@@ -585,16 +677,16 @@ def _started_again(context: Context, state: FleetState, vehicle: VehicleState, n
 
 def _finish(context: Context, state: FleetState) -> Stepped:
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
-    if state.finished or state.launched_s is None or state.replan is not None:
+    if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
         return state, ()
     if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.awaits_answer(state):
         return state, ()
-    if not state.recalled and replanning.orphans(context, state):
+    if not state.progress.recalled and replanning.orphans(context, state):
         return state, ()
-    missing = context.segments - len(state.inspected)
+    missing = context.segments - len(state.coverage.inspected)
     reason = (
         "every segment is inspected"
         if missing == 0
         else f"{count_of(missing, 'segment')} {'is' if missing == 1 else 'are'} not inspected"
     )
-    return replace(state, finished=True), (Finish(reason),)
+    return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)

@@ -10,7 +10,6 @@ from executor.core import carried, link_quality
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
 from executor.core.battery.voltage import Report, Thresholds, VoltageState, measured
-from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.coverage import Sample, SegmentPass, follow
 from executor.core.hearing.strangers import noted
@@ -33,7 +32,8 @@ from executor.core.messages import (
     Traffic,
     Wind,
 )
-from executor.core.vehicle import Fix, Stage, VehicleState
+from executor.core.parts import Fix
+from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 
@@ -75,40 +75,79 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
 ) -> Folded:
     """Take one message into the state."""
     if not isinstance(message, _ABOUT):
-        silent = state.spoke_s is not None and now_s - state.spoke_s >= context.limits.link_stale_s
-        state = changed(state, spoke_s=now_s, regained_s=now_s if silent else state.regained_s)
+        silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
+        state = replace(
+            state, link=replace(state.link, spoke_s=now_s, regained_s=now_s if silent else state.link.regained_s)
+        )
     match message:
         case Heartbeat():
             return Folded(_beat(context, state, message, now_s))
         case Position():
-            return _positioned(context, changed(state, heard_s=now_s), message, now_s)
+            return _positioned(context, replace(state, link=replace(state.link, heard_s=now_s)), message, now_s)
         case Battery():
             return Folded(_powered(context, state, message, now_s))
         case SystemStatus():
             return Folded(_status(context, state, message, now_s))
         case MissionCurrent(seq, total):
-            state = changed(state, heard_s=now_s, item=(seq, total), item_s=now_s)
+            state = replace(
+                state,
+                link=replace(state.link, heard_s=now_s),
+                telemetry=replace(state.telemetry, item=(seq, total), item_s=now_s),
+            )
             return Folded(_at_item(_carries(context, state, message, now_s), seq))
         case LandedState(on_ground):
-            return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
+            return Folded(
+                replace(
+                    state,
+                    link=replace(state.link, heard_s=now_s),
+                    telemetry=replace(state.telemetry, on_ground=on_ground),
+                )
+            )
         case Gps():
-            return Folded(changed(state, heard_s=now_s, gps=message))
+            return Folded(
+                replace(state, link=replace(state.link, heard_s=now_s), sensors=replace(state.sensors, gps=message))
+            )
         case Wind():
-            return Folded(changed(state, heard_s=now_s, wind=message))
+            return Folded(
+                replace(state, link=replace(state.link, heard_s=now_s), sensors=replace(state.sensors, wind=message))
+            )
         case Attitude(roll_deg, pitch_deg):
             tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
-            tilted_s = (state.tilted_since_s or now_s) if tilted else None
-            return Folded(changed(state, heard_s=now_s, attitude=message, tilted_since_s=tilted_s))
+            tilted_s = (state.sensors.tilted_since_s or now_s) if tilted else None
+            return Folded(
+                replace(
+                    state,
+                    link=replace(state.link, heard_s=now_s),
+                    sensors=replace(state.sensors, attitude=message, tilted_since_s=tilted_s),
+                )
+            )
         case FenceStatus(breached):
-            return Folded(changed(state, heard_s=now_s, fence_breached=breached))
+            return Folded(
+                replace(
+                    state,
+                    link=replace(state.link, heard_s=now_s),
+                    sensors=replace(state.sensors, fence_breached=breached),
+                )
+            )
         case StatusText(_, said):
-            alarm = (said, now_s) if _ALARM.search(said) and not _adds_nothing(state, said, now_s) else state.alarm
-            told = _carries(context, changed(state, heard_s=now_s, alarm=alarm), message, now_s)
+            alarm = (
+                (said, now_s)
+                if _ALARM.search(said) and not _adds_nothing(state, said, now_s)
+                else state.telemetry.alarm
+            )
+            told = _carries(
+                context,
+                replace(
+                    state, link=replace(state.link, heard_s=now_s), telemetry=replace(state.telemetry, alarm=alarm)
+                ),
+                message,
+                now_s,
+            )
             return Folded(told, text=message)
         case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
             return Folded(_about(context, state, message, now_s))
         case _:
-            return Folded(changed(state, heard_s=now_s))
+            return Folded(replace(state, link=replace(state.link, heard_s=now_s)))
 
 
 DOUBT_S = 2.5
@@ -118,38 +157,44 @@ DOUBTED_FIX_S = 1.5
 
 def _beat(context: Scene, state: VehicleState, message: Heartbeat, now_s: float) -> VehicleState:
     if not message.armed and _flies(context, state, now_s):
-        if state.doubted is None:
-            return changed(state, heard_s=now_s, doubted=(message, now_s))
-        if now_s - state.doubted[1] < DOUBT_S:
-            return changed(state, heard_s=now_s)
-    other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
-    since = now_s if other else state.mode_since_s
-    armed_once = state.armed_once or message.armed
-    disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
-    unseen_s, from_s = state.unseen_until_s, state.unseen_from_boot_s
-    if state.heartbeat is not None and _was_unseen(context, state, now_s):
-        unseen_s, from_s = now_s, state.beat_boot_s
-    boot_s = None if state.fix is None else state.fix.boot_s
-    flew = state.flew_mission
-    if not flew and state.took_off and message.armed and state.name in context.vehicles:
+        if state.telemetry.doubted is None:
+            return replace(
+                state,
+                link=replace(state.link, heard_s=now_s),
+                telemetry=replace(state.telemetry, doubted=(message, now_s)),
+            )
+        if now_s - state.telemetry.doubted[1] < DOUBT_S:
+            return replace(state, link=replace(state.link, heard_s=now_s))
+    other = state.telemetry.heartbeat is None or state.telemetry.heartbeat.custom_mode != message.custom_mode
+    since = now_s if other else state.telemetry.mode_since_s
+    armed_once = state.sortie.armed_once or message.armed
+    disarmed_s = now_s if state.armed and not message.armed else state.sortie.disarmed_s
+    unseen_s, from_s = state.custody.unseen_until_s, state.custody.unseen_from_boot_s
+    if state.telemetry.heartbeat is not None and _was_unseen(context, state, now_s):
+        unseen_s, from_s = now_s, state.custody.beat_boot_s
+    boot_s = None if state.motion.fix is None else state.motion.fix.boot_s
+    flew = state.sortie.flew_mission
+    if not flew and state.sortie.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-    return changed(
-        state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since, armed_once=armed_once,
-        flew_mission=flew, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s,
-        disarmed_s=disarmed_s, doubted=None,
-    )  # fmt: skip
+    return replace(
+        state,
+        link=replace(state.link, heard_s=now_s, heartbeat_s=now_s),
+        telemetry=replace(state.telemetry, heartbeat=message, mode_since_s=since, doubted=None),
+        sortie=replace(state.sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
+        custody=replace(state.custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
+    )
 
 
 def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that says that it is disarmed is seen to fly on."""
-    fix, setup = state.fix, context.vehicles.get(state.name)
-    if not state.armed or not state.took_off or fix is None or setup is None or not setup.planned:
+    fix, setup = state.motion.fix, context.vehicles.get(state.name)
+    if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
-    if now_s - fix.at_s > DOUBTED_FIX_S or state.on_ground or _killed(state, now_s):
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _killed(state, now_s):
         return False
-    if now_s - state.falls_s < DOUBT_S:
+    if now_s - state.motion.falls_s < DOUBT_S:
         return False  # who falls is not refuted by where it is
-    if state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s:
+    if state.link.heartbeat_s is None or now_s - state.link.heartbeat_s >= context.limits.heartbeat_stale_s:
         return False  # that it is armed is from before a silence
     return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
 
@@ -161,7 +206,7 @@ _DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECAS
 
 def _killed(state: VehicleState, now_s: float) -> bool:
     """Return whether it says why it disarms in the air."""
-    text, said_s = state.alarm
+    text, said_s = state.telemetry.alarm
     return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
 
 
@@ -171,14 +216,14 @@ def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
     It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
     vehicle that has landed, which ends no flight.
     """
-    does = now_s - state.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
+    does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
     return does or (bool(_STOPPED.search(said)) and _rests(state, now_s))
 
 
 def _rests(state: VehicleState, now_s: float) -> bool:
     """Return whether it is seen to stand on the ground."""
-    fix = state.fix
-    if fix is None or not state.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
+    fix = state.motion.fix
+    if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
         return False
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
@@ -188,10 +233,10 @@ def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:
 
     One that got lost among other messages is no silence: nothing that a failsafe waits for has happened then.
     """
-    if state.heartbeat_s is None:
+    if state.link.heartbeat_s is None:
         return True
-    silent = state.heard_s is not None and now_s - state.heard_s >= context.limits.link_stale_s
-    return silent or (state.regained_s is not None and state.regained_s > state.heartbeat_s)
+    silent = state.link.heard_s is not None and now_s - state.link.heard_s >= context.limits.link_stale_s
+    return silent or (state.link.regained_s is not None and state.link.regained_s > state.link.heartbeat_s)
 
 
 def _about(
@@ -203,49 +248,73 @@ def _about(
     """Take what others say about a vehicle, which does not mean that it was heard."""
     match message:
         case StationHeard() | DoubleHeard():
-            return changed(state, strangers=noted(state.strangers, message))
+            return replace(state, link=replace(state.link, strangers=noted(state.link.strangers, message)))
         case Traffic():
             window_s = context.limits.loss_window_s
-            return changed(state, quality=link_quality.with_traffic(state.quality, message, now_s, window_s))
+            return replace(
+                state,
+                link=replace(
+                    state.link, quality=link_quality.with_traffic(state.link.quality, message, now_s, window_s)
+                ),
+            )
         case Radio():
-            return changed(state, quality=link_quality.heard_radio(state.quality, message, now_s))
+            return replace(
+                state, link=replace(state.link, quality=link_quality.heard_radio(state.link.quality, message, now_s))
+            )
         case OrderSeen():
-            return changed(state, ordered_mode_s=now_s)
+            return replace(state, orders=replace(state.orders, ordered_mode_s=now_s))
 
 
 def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float) -> VehicleState:
-    packs = state.packs
+    packs = state.power.packs
     if message.remaining_pct is not None:
         # Of several packs the emptiest one ends the flight.
         packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
     single = len(packs) <= 1  # the counters of several packs are not one account
     if message.consumed_ah is not None and single and state.armed:
-        counted = account.with_consumed(state.battery, message.consumed_ah, now_s, context.limits)
-        state = changed(state, battery=counted)
-    charge = state.battery
+        counted = account.with_consumed(state.power.battery, message.consumed_ah, now_s, context.limits)
+        state = replace(state, power=replace(state.power, battery=counted))
+    charge = state.power.battery
     if message.remaining_pct is not None:
         percent = min(dict(packs).values())
         if single and _rounds_twice(context, state):
-            state = changed(state, roundings=replace(state.roundings, rounded=percent, rounded_s=now_s))
-            percent = state.roundings.percent
+            state = replace(
+                state,
+                power=replace(state.power, roundings=replace(state.power.roundings, rounded=percent, rounded_s=now_s)),
+            )
+            percent = state.power.roundings.percent
         charge = _charged(context, state, percent, message.charge_state, now_s)
-    volts = state.volts
+    volts = state.power.volts
     if message.voltage_v and single:
         report = Report(message.voltage_v, message.current_a, message.cells_v)
         volts = _measured(context, state, report, now_s)
-    return changed(state, heard_s=now_s, packs=packs, battery=charge, volts=volts, battery_faults=message.faults)
+    return replace(
+        state,
+        link=replace(state.link, heard_s=now_s),
+        power=replace(state.power, packs=packs, battery=charge, volts=volts, battery_faults=message.faults),
+    )
 
 
 def _status(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> VehicleState:
-    charge, volts = state.battery, state.volts
+    charge, volts = state.power.battery, state.power.volts
     if message.remaining_pct is not None and _unreported(context, state, now_s):
         charge = _charged(context, state, message.remaining_pct, 0, now_s)
-    elif message.remaining_pct is not None and len(state.packs) == 1 and _rounds_twice(context, state):
-        state = changed(state, roundings=replace(state.roundings, ceiled=message.remaining_pct, ceiled_s=now_s))
-        charge = _charged(context, state, state.roundings.percent, charge.charge_state, now_s)
+    elif message.remaining_pct is not None and len(state.power.packs) == 1 and _rounds_twice(context, state):
+        state = replace(
+            state,
+            power=replace(
+                state.power, roundings=replace(state.power.roundings, ceiled=message.remaining_pct, ceiled_s=now_s)
+            ),
+        )
+        charge = _charged(context, state, state.power.roundings.percent, charge.charge_state, now_s)
     if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
         volts = _measured(context, state, Report(message.voltage_v), now_s)
-    return changed(state, heard_s=now_s, battery=charge, volts=volts, unhealthy=message.unhealthy)
+    return replace(
+        state,
+        link=replace(state.link, heard_s=now_s),
+        power=replace(state.power, battery=charge, volts=volts),
+        sensors=replace(state.sensors, unhealthy=message.unhealthy),
+    )
 
 
 def _measured(context: Scene, state: VehicleState, report: Report, now_s: float) -> VoltageState:
@@ -253,18 +322,18 @@ def _measured(context: Scene, state: VehicleState, report: Report, now_s: float)
     known = report.current_a is not None and report.current_a > 0
     step = limits.voltage_step if known else limits.voltage_step_blind
     thresholds = Thresholds(step, limits.cell_low_v, limits.cell_spread_v)
-    return measured(state.volts, report, thresholds, now_s, flying=state.armed and state.took_off)
+    return measured(state.power.volts, report, thresholds, now_s, flying=state.armed and state.sortie.took_off)
 
 
 def _unreported(context: Scene, state: VehicleState, now_s: float) -> bool:
     # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
-    return now_s - state.battery.reported_s > context.limits.battery_stale_s
+    return now_s - state.power.battery.reported_s > context.limits.battery_stale_s
 
 
 def _rounds_twice(context: Scene, state: VehicleState) -> bool:
     """Return whether it rounds its percentage in two ways, and has nothing finer than that."""
     return (
-        account.is_blind(state.battery)
+        account.is_blind(state.power.battery)
         and state.name in context.vehicles
         and context.vehicles[state.name].dialect.rounds_twice
     )
@@ -274,7 +343,7 @@ def _charged(
     context: Scene, state: VehicleState, remaining_pct: float, charge_state: int, now_s: float
 ) -> BatteryState:
     # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
-    known = state.battery
+    known = state.power.battery
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
         return account.swapped(known, remaining_pct, charge_state, now_s, context.prior)
     return account.with_remaining(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
@@ -282,58 +351,65 @@ def _charged(
 
 def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> VehicleState:
     """Take what it says of the mission on board, unless it is being given one."""
-    if state.board is None or state.pending is not None or state.stubborn or state.stage not in _ON_ITS_MISSION:
+    if (
+        state.assignment.board is None
+        or state.assignment.pending is not None
+        or state.assignment.stubborn
+        or state.stage not in _ON_ITS_MISSION
+    ):
         return state
     if isinstance(message, StatusText):
-        known = carried.texted(state.carried, message.text, now_s)
+        known = carried.texted(state.assignment.carried, message.text, now_s)
     else:
-        expected = carried.items_expected(context, state.name, len(state.board.waypoint_of))
-        known = carried.after_report(state.carried, message, expected, now_s)
-    return state if known is state.carried else changed(state, carried=known)
+        expected = carried.items_expected(context, state.name, len(state.assignment.board.waypoint_of))
+        known = carried.after_report(state.assignment.carried, message, expected, now_s)
+    return (
+        state
+        if known is state.assignment.carried
+        else replace(state, assignment=replace(state.assignment, carried=known))
+    )
 
 
 def _at_item(state: VehicleState, seq: int) -> VehicleState:
-    if state.carried.foreign_s is not None:
+    if state.assignment.carried.foreign_s is not None:
         return state  # an index into a list that we do not know
-    if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
+    if state.assignment.board is None or not 0 <= seq < len(state.assignment.board.waypoint_of):
         return state
-    waypoint = state.board.waypoint_of[seq]
+    waypoint = state.assignment.board.waypoint_of[seq]
     if waypoint is None or state.stage not in _ON_ITS_MISSION:
         return state
-    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < state.waypoint:
+    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < state.assignment.waypoint:
         return state  # both autopilots begin to count anew when the mission is over
-    return changed(state, waypoint=waypoint)
+    return replace(state, assignment=replace(state.assignment, waypoint=waypoint))
 
 
 def _positioned(context: Scene, state: VehicleState, message: Position, now_s: float) -> Folded:
-    if state.fix is not None and message.boot_s <= state.fix.boot_s:
-        late_s = state.fix.boot_s - message.boot_s
-        if late_s < OVERTAKEN_S and now_s - state.fix.at_s < context.limits.link_stale_s:
+    if state.motion.fix is not None and message.boot_s <= state.motion.fix.boot_s:
+        late_s = state.motion.fix.boot_s - message.boot_s
+        if late_s < OVERTAKEN_S and now_s - state.motion.fix.at_s < context.limits.link_stale_s:
             return Folded(state)  # overtaken on the way by a newer one, or a duplicate
-        state = changed(state, rebooted_s=now_s)
+        state = replace(state, sortie=replace(state.sortie, rebooted_s=now_s))
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
     fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
-    drained = state.battery
-    elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
+    drained = state.power.battery
+    elapsed_s = 0.0 if state.motion.fix is None else message.boot_s - state.motion.fix.boot_s
     if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
         drained = account.drawn(drained, context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s)
-    anchor = state.anchor
+    anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
-    took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
-    jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
-    away = state.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    took_off = state.sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
+    jump = _jump(context, state.motion.fix, fix, elapsed_s) or state.motion.jump
+    away = state.sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
-    state = changed(
+    state = replace(
         state,
-        falls_s=now_s if falls else state.falls_s,
-        fix=fix,
-        battery=drained,
-        anchor=anchor,
-        took_off=took_off,
-        jump=jump,
-        away_once=took_off and away,
+        motion=replace(
+            state.motion, falls_s=now_s if falls else state.motion.falls_s, fix=fix, anchor=anchor, jump=jump
+        ),
+        power=replace(state.power, battery=drained),
+        sortie=replace(state.sortie, took_off=took_off, away_once=took_off and away),
     )
     return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
 
@@ -356,32 +432,38 @@ def _apart_m(one: Fix, other: Fix) -> float:
 
 def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
     leg = state.leg
-    if state.board is None or leg is None or not _may_count(context, state):
+    if state.assignment.board is None or leg is None or not _may_count(context, state):
         return Folded(state)
     # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
-    visit = state.run_visit if state.run_visit is not None and state.run is not None else leg.visit
+    visit = (
+        state.assignment.run_visit
+        if state.assignment.run_visit is not None and state.assignment.run is not None
+        else leg.visit
+    )
     if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
         visit = leg.visit
     if visit is None:
         return Folded(state)
-    track = state.board.tracks[visit]
-    run = state.run if state.run_visit == visit else None
+    track = state.assignment.board.tracks[visit]
+    run = state.assignment.run if state.assignment.run_visit == visit else None
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
-    state = changed(state, run=step.run, run_visit=visit)
+    state = replace(state, assignment=replace(state.assignment, run=step.run, run_visit=visit))
     if step.done:
         return Folded(state, inspected=track.segment, flown=step.flown)
     if step.broken:
-        broken = (*state.runs_broken, (track.segment, step.broken))
-        return Folded(changed(state, runs_broken=broken, owed=(visit, step.broken)))
+        broken = (*state.assignment.runs_broken, (track.segment, step.broken))
+        return Folded(
+            replace(state, assignment=replace(state.assignment, runs_broken=broken, owed=(visit, step.broken)))
+        )
     return Folded(state)
 
 
 def _may_count(context: Scene, state: VehicleState) -> bool:
     """Return whether it flies its mission; a pilot may have put it back on it."""
-    if state.carried.foreign_s is not None:
+    if state.assignment.carried.foreign_s is not None:
         return False
     if state.stage is Stage.FLYING:
         return True
-    beat = state.heartbeat
+    beat = state.telemetry.heartbeat
     on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
     return state.stage is Stage.PILOT and on_mission

@@ -30,11 +30,11 @@ _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND}
 
 def reason(context: Context, state: FleetState, intent: Intent, now_s: float) -> str:
     """Return why an intent is refused; empty if it is not."""
-    if state.finished:
+    if state.progress.finished:
         return "the flight is over"
     if intent.action in BEFORE:
         return _before(state, intent)
-    if state.launched_s is None:
+    if state.progress.launched_s is None:
         return NOT_BEGUN
     if intent.action in FOR_ALL:
         if intent.vehicle is not None:
@@ -64,8 +64,8 @@ def question(context: Context, state: FleetState, intent: Intent) -> str:
 
 
 def _before(state: FleetState, intent: Intent) -> str:
-    asked = state.briefing.question
-    if state.launched_s is not None:
+    asked = state.crew.briefing.question
+    if state.progress.launched_s is not None:
         return "the flight has begun"
     if intent.vehicle is not None:
         return f"{intent.action.value} concerns everybody; expected no vehicle"
@@ -73,7 +73,7 @@ def _before(state: FleetState, intent: Intent) -> str:
 
 
 def _silent(vehicle: VehicleState, context: Context, now_s: float) -> str:
-    heard_s = vehicle.heard_s
+    heard_s = vehicle.link.heard_s
     if heard_s is None:
         return "it was never heard"
     if now_s - heard_s >= context.limits.link_stale_s:
@@ -84,9 +84,9 @@ def _silent(vehicle: VehicleState, context: Context, now_s: float) -> str:
 def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
     if vehicle.stage is not Stage.FLYING and vehicle.stage is not Stage.PILOT:
         return f"it does not fly its mission, it is {vehicle.stage.value}"
-    if vehicle.held_s is not None:
+    if vehicle.orders.held_s is not None:
         return "it holds already"
-    if vehicle.pending is not None:
+    if vehicle.assignment.pending is not None:
         return "its new mission is being put on board; ask again in a moment"
     phase = None if vehicle.leg is None else vehicle.leg.phase
     if phase is Phase.TAKEOFF:
@@ -99,9 +99,9 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
 def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
     if vehicle.stage is Stage.PILOT:
         return "its pilot has it, and must put it back on its mission; then it can be included"
-    if vehicle.stage is not Stage.FLYING or vehicle.held_s is None:
+    if vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is None:
         return f"it does not hold by an order, it is {vehicle.stage.value}"
-    if state.recalled:
+    if state.progress.recalled:
         return "everybody was sent home"
     return _silent(vehicle, context, now_s)
 
@@ -119,10 +119,10 @@ def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 
 def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if vehicle.stage not in IN_THE_AIR or not vehicle.armed:
         return f"it does not fly, it is {vehicle.stage.value}"
-    if vehicle.lands:
+    if vehicle.orders.lands:
         return "it is landing already"
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         return "nobody knows where it is now"
@@ -150,7 +150,7 @@ def _from_line_m(context: Context, place_m: tuple[float, float]) -> float:
 def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
     if vehicle.fault is not None:
         return f"it is out of the plan already: {vehicle.fault.reason}"
-    if vehicle.excluded:
+    if vehicle.orders.excluded:
         return "it is out of the plan already"
     return ""
 
@@ -158,22 +158,27 @@ def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
 def _include(  # noqa: PLR0911 - one return for each reason
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float
 ) -> str:
-    setup, remaining = context.vehicles[vehicle.name], vehicle.battery.remaining_pct
+    setup, remaining = context.vehicles[vehicle.name], vehicle.power.battery.remaining_pct
     if vehicle.stage is Stage.PILOT:
         return _from_its_pilot(state, vehicle)
     if vehicle.stage not in _ON_GROUND or vehicle.armed:
         return f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
-    if state.recalled:
+    if state.progress.recalled:
         return "everybody was sent home"
     if silent := _silent(vehicle, context, now_s):
         return silent
-    if vehicle.tilted_since_s is not None:
+    if vehicle.sensors.tilted_since_s is not None:
         return "it leans as no vehicle stands"
-    if vehicle.cleared_s is not None:
+    if vehicle.orders.cleared_s is not None:
         return "it is cleared for take-off already"
-    if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not open_segments(context, state):
+    if (
+        vehicle.fault is None
+        and not vehicle.orders.excluded
+        and not vehicle.assignment.stubborn
+        and not open_segments(context, state)
+    ):
         return "it is in the plan, and nothing is left over for it"
-    if vehicle.fix is None or math.dist(vehicle.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+    if vehicle.motion.fix is None or math.dist(vehicle.motion.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
         return "it does not stand on its pad; its way up and down is planned from there"
     if remaining is None or remaining < setup.reserve_pct + LEAST_SPARE_PCT:
         shown = "unknown" if remaining is None else f"{remaining:.0f} %"
@@ -182,11 +187,11 @@ def _include(  # noqa: PLR0911 - one return for each reason
 
 
 def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> str:
-    if vehicle.taken is None or vehicle.taken.returned_s is None:
+    if vehicle.custody.taken is None or vehicle.custody.taken.returned_s is None:
         return "its pilot has it, and must put it back on its mission first"
     if vehicle.fault is not None:
         return f"it is out of the plan: {vehicle.fault.reason}"
-    return "everybody was sent home" if state.recalled else ""
+    return "everybody was sent home" if state.progress.recalled else ""
 
 
 def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
@@ -198,22 +203,22 @@ def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 
 def _replan(context: Context, state: FleetState, now_s: float) -> str:
-    if state.recalled:
+    if state.progress.recalled:
         return "everybody was sent home"
-    if state.replan is not None or state.ordered:
+    if state.replanning.replan is not None or state.replanning.ordered:
         return "a re-plan is under way"
     offers = [offer for vehicle in state.vehicles.values() if (offer := replanning.survivor(context, vehicle, now_s))]
     if not offers:
         return "nobody can be given anything now"
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
-    if not freed and not state.given_up and not replanning.orphans(context, state):
+    if not freed and not state.coverage.given_up and not replanning.orphans(context, state):
         return "nothing is left to plan anew"
     return ""
 
 
 def _abort(context: Context, state: FleetState, now_s: float) -> str:  # noqa: ARG001
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
-    if not flies and state.offer is None:
+    if not flies and state.crew.offer is None:
         return "nobody flies a mission"
     return ""
 

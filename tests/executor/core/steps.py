@@ -13,8 +13,9 @@ from executor.core.context import Context, FlyAgain
 from executor.core.events import Event, IntentReceived, Tick
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Heartbeat
+from executor.core.parts import Errand, Fix, OnBoard, TakenOver
 from executor.core.state import FleetState, NewMission, Replan, Told
-from executor.core.vehicle import Errand, Fault, FaultKind, Fix, OnBoard, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState
 from missions import continue_path, flight_path
 from tests.executor.builders import flat, vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
@@ -186,5 +187,5 @@ TERMINATED = Fault(FaultKind.INTERRUPTION, "reports that its flight is terminate
 WHY: Changes = {"trigger": "uav1: interruption, reports that its flight is terminated", "trigger_s": NOW_S}
 URGENT = {"urgent": True} | WHY
 TAKEN = TakenOver(NOW_S - 10.0)
-SECOND = replace(flying(), name="uav2", board=FLEET.boards["uav2"])
+SECOND = with_facts(flying(), name="uav2", board=FLEET.boards["uav2"])
 """Another one that flies its mission."""

@@ -8,8 +8,9 @@ from executor.core.battery.account import BatteryState
 from executor.core.commands import AskStreams, Level, Say
 from executor.core.events import Tick
 from executor.core.messages import Heartbeat
+from executor.core.parts import Cause, Errand
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage
+from executor.core.vehicle import Fault, FaultKind, Stage
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, flying
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
 

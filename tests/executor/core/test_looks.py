@@ -8,8 +8,9 @@ from executor.core.carried import Carried
 from executor.core.commands import AskStreams, HandsOff, Level, Say, SendHome
 from executor.core.events import Tick
 from executor.core.messages import Attitude
+from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver
+from executor.core.vehicle import Fault, FaultKind, Stage
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,

@@ -8,7 +8,9 @@ import pytest
 
 from executor.core.commands import CancelSolve, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.intents import Action, Outcome
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage
+from executor.core.parts import Cause, Errand
+from executor.core.vehicle import Fault, FaultKind, Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -100,7 +102,7 @@ ROWS = [
     ),
     Row(
         "an order to go on beyond the mission",
-        replace(HOLDS, waypoint=6),
+        with_facts(HOLDS, waypoint=6),
         wish(Action.RESUME),
         [
             Say(Level.INFO, "page asks: resume uav1; it is told to go on with its mission"),
@@ -218,7 +220,7 @@ ROWS = [
     ),
     Row(
         "an order to return in the midst of a start",
-        replace(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
+        with_facts(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
         wish(Action.RETURN),
         [
             Say(
@@ -455,7 +457,7 @@ ROWS = [
     ),
     Row(
         "an order to land in the midst of a start",
-        replace(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
+        with_facts(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
         wish(Action.LAND),
         [Say(Level.WARNING, "page asks: land uav1; refused: it does not fly, it is starting")],
         {},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,7 @@ from executor.site import assembly, planning
 from executor.site.assembly import Ground
 from missions import Network, PlanFile, PlanFileError, read_plan, write_plan
 from planner import segment_of
-from tests.executor.builders import ground_for, site_of
+from tests.executor.builders import ground_for, site_of, with_facts
 from tests.missions.builders import line_east, network_of
 
 NAMES = ("uav1", "uav2", "uav3")
@@ -84,7 +83,7 @@ def test_a_flight_is_for_the_segments_of_its_plan(ground: Ground) -> None:
     before = fleet.initial(dict.fromkeys(NAMES))
     assert context.segments == 3
     assert replanning.orphans(context, before) == {2, 4, 5}
-    flown = report_of(context, replace(before, inspected={4: "uav1"}), 100.0)
+    flown = report_of(context, with_facts(before, inspected={4: "uav1"}), 100.0)
     assert (flown["segments_total"], flown["segments_inspected"]) == (3, 1)
     assert (flown["segments_uncovered"], flown["finished"]) == ([2, 5], False)
 

@@ -10,10 +10,11 @@ import pytest
 from executor.core.intents import Action, Intent
 from executor.core.messages import Heartbeat
 from executor.core.operator.refusals import question, reason
+from executor.core.parts import Cause, Fix, TakenOver
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Fault, FaultKind, Fix, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState
 from missions import Phase
-from tests.executor.builders import vehicle
+from tests.executor.builders import vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import (
     AUTO,
     CONTEXT,
@@ -34,8 +35,8 @@ FAULT = Fault(FaultKind.BATTERY, "why", NOW_S)
 
 def state_of(one: VehicleState, **changes: object) -> FleetState:
     others = {name: vehicle(FLEET, name) for name in ("uav2", "uav3")}
-    state = FleetState(MappingProxyType({"uav1": one, **others}), launched_s=NOW_S - 100.0)
-    return replace(state, **changes)  # type: ignore[arg-type]
+    state = with_facts(FleetState(MappingProxyType({"uav1": one, **others})), launched_s=NOW_S - 100.0)
+    return with_facts(state, **changes)
 
 
 def refused(action: Action, one: VehicleState, **changes: object) -> str:
@@ -43,7 +44,7 @@ def refused(action: Action, one: VehicleState, **changes: object) -> str:
 
 
 def leg(phase: Phase) -> VehicleState:
-    board = flying().board
+    board = flying().assignment.board
     assert board is not None
     return flying(waypoint=next(n for n, point in enumerate(board.path.waypoints) if point.phase is phase))
 
@@ -91,7 +92,7 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
         flying(stage=Stage.PILOT, held_s=NOW_S),
         "its pilot has it, and must put it back on its mission; then it can be included",
     ),
-    (Action.RESUME, replace(HOLDS, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.RESUME, with_facts(HOLDS, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
     (Action.RETURN, flying(), ""),
     (Action.RETURN, flying(stage=Stage.RETURNING), ""),
     (
@@ -104,9 +105,9 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.RETURN, flying(stage=Stage.LOST), "its link is lost; when it is regained, it is told to return"),
     (Action.LAND, AWAY, ""),
     (Action.LAND, replace(AWAY, stage=Stage.LOST), "it does not fly, it is lost"),
-    (Action.LAND, replace(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
-    (Action.LAND, replace(AWAY, lands=True), "it is landing already"),
-    (Action.LAND, replace(AWAY, fix=None), "nobody knows where it is now"),
+    (Action.LAND, with_facts(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
+    (Action.LAND, with_facts(AWAY, lands=True), "it is landing already"),
+    (Action.LAND, with_facts(AWAY, fix=None), "nobody knows where it is now"),
     (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.0)), ""),
     (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.1)), "nobody knows where it is now"),
     (Action.LAND, flying(fix=placed(250.0, LINE_N + 12.1)), ""),
@@ -185,8 +186,8 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     ),
     (Action.DISARM, DOWN, ""),
     (Action.DISARM, flying(), "it is not down, it is flying"),
-    (Action.DISARM, replace(DOWN, heartbeat=DISARMED), "its motors are off already"),
-    (Action.DISARM, replace(DOWN, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
+    (Action.DISARM, with_facts(DOWN, heartbeat=DISARMED), "its motors are off already"),
+    (Action.DISARM, with_facts(DOWN, heard_s=NOW_S - 3.0), "nothing was heard from it for 3 s"),
 ]
 
 
