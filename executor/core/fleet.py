@@ -88,6 +88,8 @@ def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] 
 def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
     """Apply one event."""
     state, commands = _step(context, state, event, now_s)
+    if not commands:
+        return state, commands
     lines = tuple(SaidLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
     return (state.telling(lines) if lines else state), commands
 
@@ -394,7 +396,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
         )
         commands.append(ReadMission(name))
     judgement = watchpoints.judge(context, context.vehicles[name], vehicle, now_s)
-    vehicle = replace(vehicle, watches=judgement.watches)
+    vehicle = watchpoints.remembered(vehicle, judgement)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:

@@ -48,9 +48,10 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
     """
     if state.power.battery.estimate is None:
         return None
-    modelled_pct = modelled_to_return_pct(context, state, setup)
     if state.assignment.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
-        modelled_pct = modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1)
+        modelled_pct: float | None = modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1)
+    else:
+        modelled_pct = modelled_to_return_pct(context, state, setup)
     if modelled_pct is None:
         return None
     ahead = projected(state.power.battery.estimate, modelled_pct)

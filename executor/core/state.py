@@ -256,6 +256,8 @@ class FleetState:
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
+        if self.vehicles.get(vehicle.name) is vehicle:
+            return self
         return replace(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
 
     def telling(self, lines: tuple[SaidLine, ...]) -> FleetState:

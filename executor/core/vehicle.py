@@ -42,6 +42,9 @@ class Stage(Enum):
     LOST = "lost"
     """Silent for longer than its time-out."""
 
+    __hash__ = object.__hash__
+    """Stages are looked up on every step of every vehicle; an Enum's own hash is that of its name, made in Python."""
+
 
 TRANSITIONS: dict[Stage, frozenset[Stage]] = {
     Stage.GROUND: frozenset({Stage.STARTING, Stage.PILOT, Stage.LOST}),

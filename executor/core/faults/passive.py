@@ -182,8 +182,7 @@ def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -
     if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
         return vehicle, []
     judgement = watchpoints.judge(scene, scene.vehicles[vehicle.name], vehicle, now_s)
-    if judgement.watches != vehicle.watches:
-        vehicle = replace(vehicle, watches=judgement.watches)
+    vehicle = watchpoints.remembered(vehicle, judgement)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if not raised:
         if vehicle.stage is Stage.FLYING and not vehicle.armed:

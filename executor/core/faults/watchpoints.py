@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.core import projection
 from executor.core.battery import account, cusum
@@ -396,7 +396,8 @@ def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
     old = dict(state.watches)
     watches: list[tuple[str, Watch]] = []
     raised: list[tuple[Watchpoint, str]] = []
-    fine, failing = (View(context, setup, state, failed, now_s) for failed in (False, True))
+    fine = View(context, setup, state, False, now_s)
+    failing = replace(fine, failing=True) if old else fine
     for point in _BY_STAGE[state.stage]:
         since = old[point.name].failing_since_s if point.name in old else None
         finding = point.judge(fine if since is None else failing)
@@ -409,3 +410,8 @@ def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
         if since is not None:
             watches.append((point.name, Watch(since)))
     return Judgement(tuple(watches), tuple(raised))
+
+
+def remembered(state: VehicleState, judgement: Judgement) -> VehicleState:
+    """Return a vehicle with what its watchpoints have to remember."""
+    return state if judgement.watches == state.watches else replace(state, watches=judgement.watches)
