@@ -139,6 +139,13 @@ class LinkState:
     strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
     """Other ground stations on its link, and other vehicles with its number."""
 
+    def heard(self, now_s: float, *, silent: bool) -> LinkState:
+        """Return it after the vehicle said something, whatever it was: every message comes here."""
+        regained_s = now_s if silent else self.regained_s
+        return LinkState(
+            now_s, now_s, self.heartbeat_s, regained_s, self.stale, self.excused_s, self.quality, self.strangers
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:

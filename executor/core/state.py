@@ -258,7 +258,9 @@ class FleetState:
         """Return the state with one vehicle replaced."""
         if self.vehicles.get(vehicle.name) is vehicle:
             return self
-        return replace(self, vehicles=MappingProxyType({**self.vehicles, vehicle.name: vehicle}))
+        # Every message comes here: made at once, it takes a third of what `replace` takes.
+        vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
+        return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
 
     def telling(self, lines: tuple[SaidLine, ...]) -> FleetState:
         """Return the state with lines for the operator added."""

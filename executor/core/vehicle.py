@@ -124,6 +124,18 @@ class VehicleState:
         board, waypoint = self.assignment.board, self.assignment.waypoint
         return None if board is None or waypoint >= len(board.path.waypoints) else board.path.waypoints[waypoint]
 
+    def after(
+        self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
+        motion: Motion | None = None, power: Power | None = None, assignment: Assignment | None = None,
+        sortie: Sortie | None = None, custody: Custody | None = None,
+    ) -> VehicleState:  # fmt: skip
+        """Return it after a message: as `replace`, in half its time, as every message comes here."""
+        return VehicleState(
+            self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
+            motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
+            sortie or self.sortie, custody or self.custody,
+        )  # fmt: skip
+
     def remaining_visits(self) -> tuple[int, ...]:
         """Visits of its mission that it has not passed, the one under way included."""
         board = self.assignment.board

@@ -76,42 +76,41 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     if isinstance(message, _ABOUT):
         return Folded(_about(context, state, message, now_s))
     silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
-    regained_s = now_s if silent else state.link.regained_s
-    link = replace(state.link, heard_s=now_s, spoke_s=now_s, regained_s=regained_s)
+    link = state.link.heard(now_s, silent=silent)
     match message:
         case Heartbeat():
             return Folded(_beat(context, state, link, message, now_s))
         case Position():
             return _positioned(context, state, link, message, now_s)
         case Battery():
-            return Folded(replace(state, link=link, power=powered(context, state, message, now_s)))
+            return Folded(state.after(link, power=powered(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
             sensors = replace(state.sensors, unhealthy=unhealthy)
-            return Folded(replace(state, link=link, sensors=sensors, power=status_told(context, state, message, now_s)))
+            return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
         case MissionCurrent(seq, total):
             assignment = _at_item(state, _carries(context, state, message, now_s), seq)
             telemetry = replace(state.telemetry, item=(seq, total), item_s=now_s)
-            return Folded(replace(state, link=link, telemetry=telemetry, assignment=assignment))
+            return Folded(state.after(link, telemetry=telemetry, assignment=assignment))
         case LandedState(on_ground):
-            return Folded(replace(state, link=link, telemetry=replace(state.telemetry, on_ground=on_ground)))
+            return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
         case Gps():
-            return Folded(replace(state, link=link, sensors=replace(state.sensors, gps=message)))
+            return Folded(state.after(link, sensors=replace(state.sensors, gps=message)))
         case Wind():
-            return Folded(replace(state, link=link, sensors=replace(state.sensors, wind=message)))
+            return Folded(state.after(link, sensors=replace(state.sensors, wind=message)))
         case Attitude(roll_deg, pitch_deg):
             tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
             tilted_s = (state.sensors.tilted_since_s or now_s) if tilted else None
             sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
-            return Folded(replace(state, link=link, sensors=sensors))
+            return Folded(state.after(link, sensors=sensors))
         case FenceStatus(breached):
-            return Folded(replace(state, link=link, sensors=replace(state.sensors, fence_breached=breached)))
+            return Folded(state.after(link, sensors=replace(state.sensors, fence_breached=breached)))
         case StatusText(_, said):
             assignment, telemetry = _carries(context, state, message, now_s), state.telemetry
             if _ALARM.search(said) and not _adds_nothing(state, said, now_s):
                 telemetry = replace(telemetry, alarm=(said, now_s))
-            return Folded(replace(state, link=link, telemetry=telemetry, assignment=assignment), text=message)
+            return Folded(state.after(link, telemetry=telemetry, assignment=assignment), text=message)
         case _:
-            return Folded(replace(state, link=link))
+            return Folded(state.after(link))
 
 
 DOUBT_S = 2.5
@@ -123,9 +122,9 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     old, sortie, custody = state.telemetry, state.sortie, state.custody
     if not message.armed and _flies(context, state, now_s):
         if old.doubted is None:
-            return replace(state, link=link, telemetry=replace(old, doubted=(message, now_s)))
+            return state.after(link, telemetry=replace(old, doubted=(message, now_s)))
         if now_s - old.doubted[1] < DOUBT_S:
-            return replace(state, link=link)
+            return state.after(link)
     other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
     since = now_s if other else old.mode_since_s
     armed_once = sortie.armed_once or message.armed
@@ -137,9 +136,8 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     flew = sortie.flew_mission
     if not flew and sortie.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-    return replace(
-        state,
-        link=replace(link, heartbeat_s=now_s),
+    return state.after(
+        replace(link, heartbeat_s=now_s),
         telemetry=replace(old, heartbeat=message, mode_since_s=since, doubted=None),
         sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
@@ -251,7 +249,7 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     rebooted_s = sortie.rebooted_s
     if last is not None and message.boot_s <= last.boot_s:
         if last.boot_s - message.boot_s < OVERTAKEN_S and now_s - last.at_s < context.limits.link_stale_s:
-            return Folded(replace(state, link=link))  # overtaken on the way by a newer one, or a duplicate
+            return Folded(state.after(link))  # overtaken on the way by a newer one, or a duplicate
         rebooted_s = now_s
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
@@ -273,7 +271,7 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     motion = Motion(fix, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     covered = _covered(context, state, sample)
-    after = replace(state, link=link, motion=motion, power=power, sortie=sortie, assignment=covered.assignment)
+    after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=covered.assignment)
     return Folded(after, covered.inspected, covered.flown)
 
 
