@@ -75,7 +75,7 @@ SAID = sorted({(named(path), line) for path in TEXTS for line in command_lines(p
 SNIPPETS = [(named(path), content) for path in TEXTS for language, content in fenced(path) if language == "toml"]
 
 
-@pytest.mark.parametrize("name", [reference.COMMANDS, reference.SITE_FILE])
+@pytest.mark.parametrize("name", reference.pages())
 def test_a_page_that_is_made_is_current(name: str) -> None:
     """`./scripts/reference` makes them anew."""
     assert (DOCS / "reference" / name).read_text(encoding="utf-8") == reference.pages()[name]

@@ -18,6 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from executor.cli.commandline import cli
+from executor.cli.states_page import PAGE, PICTURE, states_page, states_picture
 from executor.site import config
 
 COMMANDS = "command-line.md"
@@ -32,7 +33,8 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page by its name."""
-    return {COMMANDS: commands_page(), SITE_FILE: site_page()}
+    states = states_page(MADE.format(what="tables (executor/core/vehicle.py and flags.py)"))
+    return {COMMANDS: commands_page(), SITE_FILE: site_page(), PAGE: states, PICTURE: states_picture()}
 
 
 def write_pages(folder: Path) -> None:

@@ -48,6 +48,7 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )  # fmt: skip
+from executor.core.flags import breaches
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.parts import OnBoard
@@ -244,7 +245,11 @@ class Story:
         if self.sink is not None:
             self.sink.write(event, self.now_s)
         self.events.append((self.now_s, event))
-        self.state, decided = fleet.step(self.context, self.state, event, self.now_s)
+        before = self.state
+        self.state, decided = fleet.step(self.context, before, event, self.now_s)
+        for name, vehicle in self.state.vehicles.items():
+            if vehicle is not before.vehicles[name]:
+                assert not list(breaches(before.vehicles[name], vehicle)), event
         for command in decided:
             self.commands.append((self.now_s, command))
             self._carry_out(command)

@@ -177,9 +177,17 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
     vehicle = replace(vehicle, orders=replace(vehicle.orders, excluded=True))
     state = state.put(vehicle)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
-        return _Ordered(
-            state.put(replace(vehicle, orders=replace(vehicle.orders, cleared_s=None))), "it stays on the ground"
+        given = vehicle.assignment.pending is not None
+        vehicle = replace(
+            vehicle,
+            orders=replace(vehicle.orders, cleared_s=None),
+            assignment=replace(vehicle.assignment, pending=None),
         )
+        state = state.put(vehicle)
+        if given:  # it would start as soon as its new mission is on board
+            state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded on the ground", now_s)
+            return _Ordered(state, "it stays on the ground", more)
+        return _Ordered(state, "it stays on the ground")
     if vehicle.stage is Stage.PILOT:
         hold = replace(vehicle.custody.taken, given_away=True) if vehicle.custody.taken is not None else None
         state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=hold)))

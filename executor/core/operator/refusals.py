@@ -86,6 +86,8 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
         return f"it does not fly its mission, it is {vehicle.stage.value}"
     if vehicle.orders.held_s is not None:
         return "it holds already"
+    if vehicle.fault is not None or vehicle.orders.excluded:
+        return "it is out of the plan; it can be told to return or to land"
     if vehicle.assignment.pending is not None:
         return "its new mission is being put on board; ask again in a moment"
     phase = None if vehicle.leg is None else vehicle.leg.phase
