@@ -181,7 +181,7 @@ class Sensors:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class MotionState:
     """Where it is, and how it moves."""
 
     fix: Fix | None = None

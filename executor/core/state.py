@@ -161,7 +161,7 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class FlightProgress:
     """How far the flight is from its launch to its end."""
 
     launched_s: float | None = None
@@ -248,7 +248,7 @@ class FleetState:
     """The flight as it is known at one moment."""
 
     vehicles: Mapping[str, VehicleState]
-    progress: Progress = field(default_factory=Progress)
+    progress: FlightProgress = field(default_factory=FlightProgress)
     coverage: Coverage = field(default_factory=Coverage)
     replanning: Replanning = field(default_factory=Replanning)
     listening: Listening = field(default_factory=Listening)

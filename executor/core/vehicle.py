@@ -11,7 +11,7 @@ from executor.core.parts import (
     Assignment,
     Custody,
     LinkState,
-    Motion,
+    MotionState,
     OnBoard,
     Orders,
     Power,
@@ -101,7 +101,7 @@ class VehicleState:
     link: LinkState = field(default_factory=LinkState)
     telemetry: Telemetry = field(default_factory=Telemetry)
     sensors: Sensors = field(default_factory=Sensors)
-    motion: Motion = field(default_factory=Motion)
+    motion: MotionState = field(default_factory=MotionState)
     power: Power = field(default_factory=Power)
     assignment: Assignment = field(default_factory=Assignment)
     orders: Orders = field(default_factory=Orders)
@@ -126,7 +126,7 @@ class VehicleState:
 
     def after(
         self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
-        motion: Motion | None = None, power: Power | None = None, assignment: Assignment | None = None,
+        motion: MotionState | None = None, power: Power | None = None, assignment: Assignment | None = None,
         sortie: Sortie | None = None, custody: Custody | None = None,
     ) -> VehicleState:  # fmt: skip
         """Return it after a message: as `replace`, in half its time, as every message comes here."""

@@ -31,7 +31,7 @@ from executor.core.messages import (
     Traffic,
     Wind,
 )
-from executor.core.parts import Assignment, Fix, LinkState, Motion
+from executor.core.parts import Assignment, Fix, LinkState, MotionState
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
@@ -268,7 +268,7 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
-    motion = Motion(fix, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
+    motion = MotionState(fix, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     covered = _covered(context, state, sample)
     after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=covered.assignment)

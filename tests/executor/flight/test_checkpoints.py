@@ -217,7 +217,7 @@ def test_types_are_checked_where_the_digests_fit(logged: Logged, tmp_path: Path)
     (run / FILES[0]).write_bytes(json.dumps(forged).encode() + b"\n" + body)
     found = left(run)
     assert found.notes == (
-        "checkpoint-a.jsonl is not used: state.revision: Input should be a valid integer",
+        "checkpoint-a.jsonl is not used: state.replanning.revision: Input should be a valid integer",
         "without a checkpoint the whole log is read",
     )
     assert alike(found, left(logged.run))
