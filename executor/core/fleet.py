@@ -42,24 +42,23 @@ from executor.core.hearing.fold import fold
 from executor.core.hearing.strangers import stranger_lines
 from executor.core.homing import down, homeward
 from executor.core.homing.homeward import comes_home, on_mission
+from executor.core.homing.landing import has_landed, touched_down
 from executor.core.messages import ComponentText, Heartbeat, Position
 from executor.core.operator import handling
 from executor.core.parts import Assignment, Cause, OnBoard
 from executor.core.places import (
-    UNSEEN_S,
     at_rest,
-    fell,
     last_heard,
     over_its_pad,
     place_words,
-    sank,
     seen_at_rest,
 )
 from executor.core.replan import replanning
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
-from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Separation, Told
+from executor.core.separation import separated
+from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
 from executor.core.vehicle import FaultKind, Stage, VehicleState, aboard, moved_to
 from executor.core.words import count_of
 from missions import StartStep
@@ -71,10 +70,6 @@ RETRIES = 3
 """How often a start that failed is tried again."""
 START_WINDOW_S = 60.0
 """So long after the crew's yes a start that failed is tried again: later somebody may stand at the pad."""
-FRESH_S = 1.5
-"""Two positions no older than this say how far two vehicles are apart."""
-CLIMBS_MOST_M = 15.0
-"""More than anybody rises or sinks in that time."""
 
 
 def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] = ()) -> FleetState:
@@ -148,10 +143,6 @@ def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
     return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
 
 
-SEEN_AFTER_S = 0.5
-"""A position so much later than the disarming shows where it lies."""
-CRASHED_S = 10.0
-"""Who fell so shortly before it disarmed did not land."""
 HEARD_LATELY_S = 15.0
 """Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
 
@@ -262,7 +253,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         )
         state = replace(state, coverage=replace(state.coverage, inspected=inspected, flown=MappingProxyType(flown)))
     if isinstance(event.message, Position):
-        state = _separated(context, state, folded.state, now_s)
+        state = separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
     if isinstance(event.message, Heartbeat):
         state, more = _beat(context, state, before, now_s)
@@ -312,35 +303,6 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     # Whoever arms it in this mode would have it fly its old mission: neither autopilot takes off for a return.
     text = f"{heard}, on the ground; it is switched to RTL, so that it does not take off with its old mission"
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
-
-
-def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
-    fix = vehicle.motion.fix
-    high = context.limits.airborne_m
-    if fix is None or fix.alt_rel_m < high or not vehicle.armed:
-        return state
-    least = state.progress.separation
-    # Every position is held against every vehicle: the height alone settles nearly all of them.
-    reach_m = math.inf if least is None else least.least_m + CLIMBS_MOST_M
-    for other in state.vehicles.values():
-        seen = other.motion.fix
-        if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
-            continue
-        if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
-            continue
-        age_s = now_s - seen.at_s
-        if age_s > FRESH_S:
-            continue
-        east_m_s, north_m_s, up_m_s = seen.velocity_m_s
-        higher_m = seen.alt_msl_m + up_m_s * age_s - fix.alt_msl_m
-        east_m = seen.place_m[0] + east_m_s * age_s - fix.place_m[0]
-        north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
-        apart_m = math.hypot(east_m, north_m, higher_m)
-        if least is None or apart_m < least.least_m:
-            least = Separation(apart_m, (vehicle.name, other.name), now_s)
-    if least is state.progress.separation:
-        return state
-    return replace(state, progress=replace(state.progress, separation=least))
 
 
 def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -428,8 +390,8 @@ def _decided(
         return _down(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
-    if _has_landed(vehicle):
-        return _landed(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
+    if has_landed(vehicle):
+        return touched_down(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
     return homeward.pursued(context, state, name, now_s)
 
 
@@ -511,66 +473,6 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
     return state, (Say(Level.WARNING, f"{trigger}; it comes home"), *more)
 
 
-def _has_landed(vehicle: VehicleState) -> bool:
-    return vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
-
-
-def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
-    """Return whether a vehicle came down other than it lands; None as long as that is not seen."""
-    fix = vehicle.motion.fix
-    if not vehicle.sortie.took_off or fix is None:
-        return False
-    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
-        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
-    # Who was told to land may do so on a hill.
-    came_down = sank(vehicle) if vehicle.orders.lands else fell(context, vehicle)
-    return came_down or vehicle.sortie.disarmed_s - vehicle.motion.falls_s < CRASHED_S
-
-
-def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    came_down = _fell(context, vehicle, now_s)
-    if came_down is None:
-        return state, ()
-    if came_down:
-        text = f"{vehicle.name}: came down other than it lands; {last_heard(context, vehicle)}"
-        lies = replace(
-            moved_to(vehicle, Stage.DOWN),
-            assignment=replace(vehicle.assignment, run=None),
-            orders=replace(vehicle.orders, errand=None),
-            motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
-            sortie=replace(vehicle.sortie, place_told=False),
-        )
-        return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = replace(
-        moved_to(vehicle, Stage.LANDED),
-        assignment=replace(vehicle.assignment, run=None),
-        orders=replace(vehicle.orders, errand=None, cleared_s=None),
-    )
-    state = state.put(vehicle)
-    if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
-        # It was on its way down when the last re-plan was made: what was left then may be for it.
-        state = replace(
-            state, replanning=replace(state.replanning, considered=state.replanning.considered | {vehicle.name})
-        )
-        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up:
-            trigger = f"{vehicle.name}: landed with battery to spare"
-            state = replace(
-                state,
-                coverage=replace(state.coverage, given_up=frozenset()),
-                replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
-            )
-    if not vehicle.sortie.took_off:
-        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
-    battery = vehicle.power.battery
-    known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
-    left = f" with {battery.remaining_pct:.0f} %" if known else ""
-    if vehicle.sortie.rebooted_s is not None and over_its_pad(context, vehicle):
-        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has started anew"
-        return state, (Say(Level.INFO, text),)
-    place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
-    return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
-
-
 def _fault(
     context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
 ) -> Stepped:
@@ -596,8 +498,8 @@ def _fault(
                 sortie=replace(vehicle.sortie, place_told=False),
             )
         ), (Say(Level.FAULT, text),)
-    if _has_landed(vehicle) and seen_at_rest(vehicle, now_s):
-        return _landed(context, state, vehicle, now_s)
+    if has_landed(vehicle) and seen_at_rest(vehicle, now_s):
+        return touched_down(context, state, vehicle, now_s)
     return homeward.pursued(context, state, vehicle.name, now_s)
 
 
