@@ -23,7 +23,7 @@ PLACES: dict[Stage, tuple[int, int]] = {
     Stage.GROUND: (110, 70), Stage.STARTING: (380, 70), Stage.FLYING: (650, 70), Stage.LOST: (650, 260),
     Stage.RETURNING: (650, 450), Stage.DOWN: (380, 450), Stage.LANDED: (110, 450), Stage.PILOT: (380, 260),
 }  # fmt: skip
-WIDE, HIGH = 760, 520
+WIDE, HIGH = 780, 520
 HALF_W, HALF_H = 62, 20
 BEND = 26
 """How far a way bends to its left, so that one and the one back lie apart."""
@@ -77,8 +77,8 @@ def _listed(stages: frozenset[Stage]) -> str:
 def _way(one: Stage, other: Stage) -> str:
     (ax, ay), (bx, by) = PLACES[one], PLACES[other]
     far = math.hypot(bx - ax, by - ay)
-    over = (ay == by and abs(bx - ax) > 300) or (ax == bx and abs(by - ay) > 300)
-    bend = BEND * (3 if over else 1)  # past the box that lies between
+    between = ((ax + bx) // 2, (ay + by) // 2) in PLACES.values()
+    bend = BEND * (1.0 if not between else 3.0 if ay == by else 5.5)  # past a box, which is wider than it is high
     mx, my = (ax + bx) / 2 + bend * (by - ay) / far, (ay + by) / 2 - bend * (bx - ax) / far
     (sx, sy), (ex, ey) = _edge(ax, ay, mx, my), _edge(bx, by, mx, my)
     return (
