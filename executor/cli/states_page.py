@@ -40,7 +40,7 @@ def states_page(made: str) -> str:
         "At any moment a vehicle is in one stage, and may have flags beside it. Both tables are those that the program",
         "itself goes by (`executor/core/vehicle.py` and `executor/core/flags.py`): a change of stage that is not in",
         "the first is refused as a mistake, and the flights of the tests are held to the second at every step.", "",
-        f"![The stages of a vehicle, and what may follow what](states.svg)", "",
+        "![The stages of a vehicle, and what may follow what](states.svg)", "",
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",
         "## Flags", "", "| flag | meaning | where it may be set | what sets it | what ends it |",
