@@ -59,7 +59,7 @@ from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
 from executor.core.separation import separated
 from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, moved_to
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying, moved_to
 from executor.core.words import count_of
 from missions import StartStep
 from planner import segment_of
@@ -509,9 +509,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-        state = state.put(
-            replace(vehicle, assignment=replace(vehicle.assignment, board=board, carried=Carried(ours_s=now_s)))
-        )
+        state = state.put(carrying(vehicle, board, now_s))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))

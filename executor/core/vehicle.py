@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
+from executor.core.carried import Carried
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.parts import (
@@ -224,6 +225,24 @@ def moved_to(
 def supposed_lost(state: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle as if it were lost, to reckon what that would mean: no vehicle ever becomes this."""
     return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST))
+
+
+def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleState:
+    """Return a vehicle with another mission on board, known to be ours.
+
+    What is flown of a visit that stands no longer in its place is over: an upload may take longer than was reckoned.
+    """
+    old = vehicle.assignment
+
+    def stays(visit: int | None) -> bool:
+        return visit is None or (old.board is not None and board.tracks[visit:][:1] == old.board.tracks[visit:][:1])
+
+    run, run_visit = (old.run, old.run_visit) if stays(old.run_visit) else (None, None)
+    owed = old.owed if old.owed is not None and stays(old.owed[0]) else None
+    assignment = replace(
+        old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, carried=Carried(ours_s=now_s)
+    )
+    return replace(vehicle, assignment=assignment)
 
 
 def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:

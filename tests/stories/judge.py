@@ -10,7 +10,7 @@ import math
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
@@ -184,10 +184,12 @@ class Judge:
 
     def silences(self, name: str) -> list[Span]:
         """Return when nothing came from it."""
-        spans = []
+        spans: list[Span] = []
         for one in self.happened(name, "fault "):
             fault = parse_fault(one.what.removeprefix("fault "))
             if fault.kind is InjectionKind.SILENT:
+                # A later one takes the place of one that goes on.
+                spans = [replace(span, to_s=min(span.to_s, one.t_s)) for span in spans]
                 spans.append(Span(one.t_s, one.t_s + (fault.value or math.inf), "silent"))
             if fault.kind is InjectionKind.REBOOT:
                 spans.append(Span(one.t_s, one.t_s + 12.0, "reboot"))

@@ -264,7 +264,11 @@ class StormJudge(Judge):
 
     def _given(self, found: re.Match[str], at_s: float, line: Say) -> str:
         """Segments may be given to nobody: who could take them may be cut off, or the day over."""
-        return "" if len(self.stormed.plot.happenings) > 1 else super()._given(found, at_s, line)
+        told = any(
+            at_s <= said_s and re.search(r"no vehicle|can take over|left over|without a vehicle", said.text)
+            for said_s, said in self.flown.said
+        )
+        return "" if told or len(self.stormed.plot.happenings) > 1 else super()._given(found, at_s, line)
 
     def _below_reserve(self, found: re.Match[str], at_s: float, line: Say) -> str:
         drained = any(began_s <= at_s for began_s, _ in self._began(found["name"], DRAINS))

@@ -8,9 +8,10 @@ import pytest
 
 from executor.core.carried import Carried
 from executor.core.commands import Disarm, Level, Say, SendHome, Start
+from executor.core.coverage import Sample, run_joined
 from executor.core.events import UploadEnded
 from executor.core.state import ReplanRecord
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard, carrying
 from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import CREW, HOMEWARD, LOW, SENT_HOME, Row, beat, new_mission, plan_of
@@ -390,3 +391,15 @@ ROWS = [
 @pytest.mark.parametrize("row", ROWS, ids=[row.what for row in ROWS])
 def test_everything_that_comes_of_it(row: Row) -> None:
     assert row.shows() == row.expected()
+
+
+RUN = run_joined(NEW.tracks[0], Sample(NOW_S, (0.0, 0.0), 5.0), 5.0)
+
+
+def test_what_was_begun_of_a_visit_that_is_not_there_any_more_is_over() -> None:
+    """An upload may take longer than was reckoned: its vehicle may have begun a visit that it has no more."""
+    begun = with_facts(GETS, run=RUN, run_visit=1, owed=(1, "flown too far from the line"))
+    carries = carrying(begun, HOME_BOARD, NOW_S).assignment
+    assert (carries.run, carries.run_visit, carries.owed) == (None, None, None)
+    kept = carrying(with_facts(begun, run_visit=0, owed=(0, "why")), HOME_BOARD, NOW_S).assignment
+    assert (kept.run, kept.run_visit, kept.owed) == (begun.assignment.run, 0, (0, "why"))
