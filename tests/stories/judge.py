@@ -193,7 +193,11 @@ class Judge:
                 spans.append(Span(one.t_s, one.t_s + (fault.value or math.inf), "silent"))
             if fault.kind is InjectionKind.REBOOT:
                 spans.append(Span(one.t_s, one.t_s + 12.0, "reboot"))
-        spans += [Span(one.t_s, math.inf, "crash") for one in self.happened(name, "crash")]
+        put = [one.t_s for one in self.happened(name, "on_pad")]
+        spans += [
+            Span(one.t_s, min((at_s for at_s in put if at_s > one.t_s), default=math.inf), "crash")
+            for one in self.happened(name, "crash")
+        ]
         return spans
 
     def _silent(self, name: str, at_s: float, slack_s: float = 2.0) -> bool:

@@ -145,8 +145,8 @@ class StormJudge(Judge):
 
     def _as_without_us(self, name: str, one: Truth) -> bool:
         """Return whether somebody chose what its GCS failsafe leads to while nobody was heard for most of the time."""
-        bursts = self._began(name, frozenset({"bursts"}))
-        return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + burst.for_s for at_s, burst in bursts)
+        unheard = [*self._began(name, frozenset({"bursts", "frozen"}))]
+        return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
 
     def _unheard_until_s(self, name: str, at_s: float) -> float:
         """Return when a vehicle is heard that is silent now; its time itself if it is not."""
@@ -182,6 +182,9 @@ class StormJudge(Judge):
         if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed
         why = super()._landed(found, at_s, line)
+        downs = [one.t_s for one in self.happened(found["name"], "disarmed") if one.t_s <= at_s]
+        if why.endswith("never in the air") and downs and super()._silent(found["name"], downs[-1], 0.0):
+            return ""  # it stopped on its pad within its first seconds, and nobody saw whether it flew
         emptied = any(one.t_s <= at_s for one in self.happened(found["name"], f"fault {found['name']}:battery-step"))
         return "" if why.startswith("its battery holds") and emptied and not self.armed(found["name"], at_s) else why
 
@@ -254,7 +257,7 @@ class StormJudge(Judge):
     def _unexplained(self, name: str, at_s: float) -> bool:
         """Return whether its failsafe acted last, and the text that says so got lost: in doubt it is a person's."""
         acted = [one for one in self.happened(name, "failsafe ") if at_s - UNEXPLAINED_S <= one.t_s <= at_s]
-        return bool(acted) and any(span.from_s <= acted[-1].t_s <= span.to_s for span in self._muddles(name))
+        return any(span.from_s <= one.t_s <= span.to_s for one in acted for span in self._muddles(name))
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]

@@ -78,7 +78,10 @@ def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: Vehicl
     if vehicle.custody.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
         return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.PERSON, certain=True))
     if vehicle.custody.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
-        return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.PERSON, certain=True))
+        # In its landing a failsafe holds it as anywhere else, and says so.
+        itself = _explained(context, absences, vehicle, now_s)
+        cause = Cause.FAILSAFE if itself else Cause.PERSON
+        return replace(vehicle, custody=replace(vehicle.custody, cause=cause, certain=not itself))
     if (
         vehicle.custody.cause is not Cause.PERSON
         or vehicle.custody.certain

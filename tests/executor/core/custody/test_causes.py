@@ -103,6 +103,7 @@ def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: 
     ("changes", "cause"),
     [
         ({}, Cause.PERSON),
+        ({"alarm": ("Failsafe activated: entering Hold for 5 seconds", NOW_S - 2.4)}, Cause.FAILSAFE),
         ({"mode_since_s": NOW_S - 2.4}, Cause.MISSION),
         ({"on_ground": True}, Cause.MISSION),
         ({"on_ground": None}, Cause.MISSION),
