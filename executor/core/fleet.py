@@ -16,6 +16,7 @@ from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level,
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
 from executor.core.custody import causes, reading
+from executor.core.endings import Ending
 from executor.core.events import (
     Asked,
     Event,
@@ -205,6 +206,7 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
+    may = may and event.code is not Ending.MODE_CHANGED
     if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
         vehicle = replace(
             vehicle,

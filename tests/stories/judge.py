@@ -30,7 +30,7 @@ LANDING_KNOWN_S = 3.0
 """A landing begins without a word: the landed state comes once a second."""
 OBEYS_S = 60.0
 """An order that a person asked for is given within this, tries included."""
-LAUNCH_S = 60.0
+LAUNCH_S = 75.0
 """The launch is the crew's word for a take-off this soon after it; whoever starts later needs another."""
 ON_PAD_M = 6.0
 PLACE_M = 12.0
@@ -277,6 +277,10 @@ class Judge:
             ends = [later.t_s for later in over if later.t_s > one.t_s]
             ends += [order.t_s for order in self.orders(name) if order.t_s > one.t_s and self._wished(name, order.t_s)]
             if one.what == "descends":
+                # A new mission may have come in time: then it climbs again.
+                ends += [
+                    at.t_s for at in self._of[name] if at.t_s > one.t_s and (at.up_m or 0.0) > (one.up_m or 0.0) + 1
+                ]
                 ends += [later.t_s for later in self.happened(name, "mode ", "wreck") if later.t_s > one.t_s]
             yield Span(one.t_s, min(ends, default=self.end_s), one.what)
 

@@ -128,6 +128,9 @@ class StormJudge(Judge):
             span.from_s < one.t_s < span.to_s for span in self._acting(name)
         ):
             return True  # nothing may be ordered then either
+        low = self.happened(name, "low battery")
+        if one.what.endswith((" RTL", " LAND")) and any(0.0 <= one.t_s - at.t_s <= EXPLAINS_S for at in low):
+            return True  # its own failsafe has just said that it acts
         heard_s = self._unheard_until_s(name, one.t_s)
         mission = MISSION[self.flown.autopilot]["mission"]
         modes = [mode for mode in self.happened(name, "mode ") if one.t_s <= mode.t_s <= heard_s]

@@ -10,6 +10,7 @@ from executor.core import coverage
 from executor.core.carried import Carried
 from executor.core.commands import Disarm, LandNow, Level, Say, Start
 from executor.core.coverage import Sample
+from executor.core.endings import Ending
 from executor.core.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.messages import Heartbeat
 from executor.core.parts import Cause, Errand
@@ -240,6 +241,21 @@ ROWS = [
         "a third start that fails is the last",
         with_facts(STARTS, failures=2),
         ended(),
+        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "a start that somebody else broke off is not tried again",
+        STARTS,
+        replace(ended(), code=Ending.MODE_CHANGED),
         [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
         {
             "uav1": {
