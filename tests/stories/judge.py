@@ -277,19 +277,15 @@ class Judge:
             ends = [later.t_s for later in over if later.t_s > one.t_s]
             ends += [order.t_s for order in self.orders(name) if order.t_s > one.t_s and self._wished(name, order.t_s)]
             if one.what == "descends":
-                # A new mission may have come in time: then it climbs again.
-                ends += self._climbs(name, one.t_s)
+                # A new mission may have come in time: then it flies away again.
+                ends += self._leaves(name, one)
                 ends += [later.t_s for later in self.happened(name, "mode ", "wreck") if later.t_s > one.t_s]
             yield Span(one.t_s, min(ends, default=self.end_s), one.what)
 
-    def _climbs(self, name: str, after_s: float) -> list[float]:
-        """Return when it is first higher than it was before by more than a metre."""
-        least_m = math.inf
-        for at in (one for one in self._of[name] if one.what == "at" and one.t_s > after_s):
-            least_m = min(least_m, at.up_m or 0.0)
-            if (at.up_m or 0.0) > least_m + 1.0:
-                return [at.t_s]
-        return []
+    def _leaves(self, name: str, start: Truth) -> list[float]:
+        """Return when it is first in the air and elsewhere than above where its landing began."""
+        later = [one for one in self._of[name] if one.what == "at" and one.t_s > start.t_s and (one.up_m or 0.0) > 1.0]
+        return [one.t_s for one in later if distance_m(place(one), place(start)) > self.on_pad_m][:1]
 
     def _arming(self) -> Iterator[Finding]:
         if self.flown.story.tables.get("flight", {}).get("fly_again") == "auto":
