@@ -147,7 +147,9 @@ class StormJudge(Judge):
         )
 
     def _as_without_us(self, name: str, one: Truth) -> bool:
-        """Return whether somebody chose what its GCS failsafe leads to while nobody was heard for most of the time."""
+        """Return whether somebody chose what its GCS failsafe leads to while nobody was heard, or in that moment."""
+        if any(-2.5 <= one.t_s - span.to_s <= BEAT_S for span in self.silences(name)):
+            return one.what.endswith((" RTL", " HOLD"))
         unheard = [*self._began(name, frozenset({"bursts", "frozen"}))]
         return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
 
