@@ -116,7 +116,7 @@ def test_silent_and_home_by_its_own_failsafe(autopilot: Autopilot, tmp_path: Pat
     home = {mode.custom_mode for mode in homeward(autopilot)}
     turned_s = next(at_s for at_s, mode in flight.unseen_modes if mode in home)
     assert turned_s < flight.report["faults"][0]["detected_s"] + flight.launched_s, flight.said
-    assert flight.says(f"{VICTIM}: is heard again, returning or landing by itself") is not None, flight.said
+    assert flight.says(f"{VICTIM}: link regained, returning or landing by itself") is not None, flight.said
     assert never_on_its_mission(flight, autopilot)
 
 
@@ -126,7 +126,7 @@ def test_silent_and_told_to_return(autopilot: Autopilot, tmp_path: Path) -> None
     flight = flown(autopilot, silence(NO_FAILSAFE[autopilot], link_timeout_s=14.0), tmp_path)
     ended_well(flight, ["link"])
     assert {mode for _, mode in flight.unseen_modes} == {dialect_for(autopilot.name).modes.mission.custom_mode}
-    told_s = flight.says(f"{VICTIM}: is heard again; its work was given away, so RTL commanded")
+    told_s = flight.says(f"{VICTIM}: link regained; its segments were reassigned, its mission is not resumed")
     assert told_s is not None, flight.said
     assert never_on_its_mission(flight, autopilot, after_s=told_s + 5.0)
 
