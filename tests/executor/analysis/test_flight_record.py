@@ -21,8 +21,8 @@ from executor.analysis.flight_record import (
 from executor.core.coverage import Sample, Track
 from executor.core.vehicle import FaultKind
 from missions.geo import FloatArray
-from tests.executor.core.faults.test_watchpoints import NOW_S
 from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import NOW_S
 
 PACK = np.array([[0.0, 100.0], [10.0, 98.0], [20.0, 99.0], [30.0, 60.0], [40.0, 80.0], [50.0, 100.1], [60.0, 100.0]])
 TRACK = np.array([[0.0, 0.0, 0.0, 0.0], [10.0, 0.0, 0.0, 1.0], [20.0, 30.0, 0.0, 1.1], [30.0, 60.0, 40.0, 20.0]])

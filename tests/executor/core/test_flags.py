@@ -19,9 +19,9 @@ from executor.core.parts import Errand, LinkState, TakenOver
 from executor.core.state import FleetState
 from executor.core.vehicle import TRANSITIONS, Stage, VehicleState, moved_to
 from tests.executor.builders import THREE, fleet_of, with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, flying
 from tests.executor.core.steps import BATTERY_FAULT
 from tests.executor.core.stories import FLEET, story
+from tests.executor.core.vehicles import NOW_S, flying
 from tests.fakes.flight import Story
 
 CORE = Path(executor.core.__path__[0])

@@ -14,7 +14,6 @@ from executor.core.parts import Cause, Errand, Fix, Watch
 from executor.core.state import Absence
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, RTL, flying, mission
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -25,6 +24,7 @@ from tests.executor.core.steps import (
     landed,
     over_pad,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, RTL, flying, mission
 
 WITH_FAILSAFE = replace(
     FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": replace(FLEET.context.vehicles["uav1"], failsafe_s=5.0)}

@@ -12,7 +12,6 @@ from executor.core.intents import Action, Outcome
 from executor.core.parts import Errand
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, flying
 from tests.executor.core.steps import (
     HOLD,
     HOMEWARD,
@@ -23,6 +22,7 @@ from tests.executor.core.steps import (
     beat,
     wished,
 )
+from tests.executor.core.vehicles import NOW_S, flying
 
 HOLDS = flying(held_s=NOW_S - 9.0, heartbeat=beat(HOLD), hold_asked_s=NOW_S - 9.0)
 COMES = flying(**HOMEWARD | {"heartbeat": beat()}, errand=Errand(NOW_S - 9.0, told=True))

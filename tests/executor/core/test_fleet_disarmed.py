@@ -11,8 +11,8 @@ from executor.core.messages import Heartbeat
 from executor.core.parts import Cause, Errand
 from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, flying
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
+from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, flying
 
 ROWS = [
     Row(

@@ -10,7 +10,6 @@ from executor.core.parts import Cause
 from executor.core.state import Offer
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, flying, pack
 from tests.executor.core.steps import (
     CREW,
     HOLD,
@@ -21,6 +20,7 @@ from tests.executor.core.steps import (
     landed,
     plan_of,
 )
+from tests.executor.core.vehicles import NOW_S, flying, pack
 
 DONE = {"inspected": dict.fromkeys(range(6), "uav2")}
 STANDS = landed(stage=Stage.LANDED)

@@ -15,8 +15,8 @@ from executor.core.parts import Cause, Errand, TakenOver, TextFlow
 from executor.core.state import Separation
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, PAD_N, RTL, at, flying
 from tests.executor.core.steps import HOLD, LOW, SECOND, SENT_HOME, TAKEN, Row, beat, flight_of
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, PAD_N, RTL, at, flying
 
 GONE = flying(stage=Stage.LOST, heard_s=NOW_S - 50.0, heartbeat_s=NOW_S - 50.0, spoke_s=NOW_S - 50.0)
 LOST_ON_PAD = with_facts(GONE, fix=LOW, heartbeat=DISARMED)

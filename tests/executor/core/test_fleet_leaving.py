@@ -10,7 +10,6 @@ from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.state import Replan
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, RTL, flying, volts
 from tests.executor.core.steps import (
     FAILS,
     LEAVES,
@@ -24,6 +23,7 @@ from tests.executor.core.steps import (
     beat,
     over_pad,
 )
+from tests.executor.core.vehicles import NOW_S, RTL, flying, volts
 
 ROWS = [
     Row(

@@ -12,7 +12,6 @@ from executor.core.events import Tick
 from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, RTL, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -26,6 +25,7 @@ from tests.executor.core.steps import (
     over_pad,
     plan_of,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, RTL, flying
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN, mode_since_s=NOW_S - 10.0)
 RETURNED = with_facts(PILOTS, heartbeat=beat(), mode_since_s=NOW_S - 1.0)

@@ -15,7 +15,6 @@ from executor.core.parts import Before, Cause, Errand, Watch
 from executor.core.state import Absence, Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, at, flying, mission
 from tests.executor.core.steps import (
     LEAVES,
     LOW,
@@ -24,6 +23,7 @@ from tests.executor.core.steps import (
     Row,
     beat,
 )
+from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, at, flying, mission
 
 RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(

@@ -17,8 +17,8 @@ from executor.core.parts import Errand
 from executor.core.state import Briefing, Outlook, Question
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import fleet_of, with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying, mission
 from tests.executor.core.steps import CREW, LOW, Changes, Row, beat
+from tests.executor.core.vehicles import DISARMED, NOW_S, flying, mission
 
 READY = flying(
     stage=Stage.GROUND, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, fix=LOW, anchor=None

@@ -11,8 +11,8 @@ from executor.core.events import StartEnded
 from executor.core.parts import Cause, Errand
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying
 from tests.executor.core.steps import CREW, HOLD, LAND, LOW, Row, beat, over_pad
+from tests.executor.core.vehicles import DISARMED, NOW_S, flying
 
 READY = flying(
     stage=Stage.GROUND, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, fix=LOW, anchor=None

@@ -12,7 +12,6 @@ from executor.core.parts import Errand
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -23,6 +22,7 @@ from tests.executor.core.steps import (
     plan_of,
     wished,
 )
+from tests.executor.core.vehicles import NOW_S, flying
 
 HELD_LATE = flying(
     heartbeat=beat(HOLD), hold_asked_s=NOW_S - 120.0, ordered_mode_s=NOW_S - 120.0, mode_since_s=NOW_S - 0.5

@@ -13,8 +13,8 @@ from executor.core.events import UploadEnded
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard, carrying
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import CREW, HOMEWARD, LOW, SENT_HOME, Row, beat, new_mission, plan_of
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, flying
 
 UNDER_WAY = plan_of(missions={"uav1": new_mission(4, 6)}, pending=frozenset({"uav1"}))
 BOTH = replace(UNDER_WAY, pending=frozenset({"uav1", "uav2"}))

@@ -11,7 +11,7 @@ from executor.core.messages import Heartbeat
 from executor.core.places import at_rest, coordinates, last_heard, place_words, where
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import CONTEXT, DISARMED, NOW_S, RTL, at, flying
+from tests.executor.core.vehicles import CONTEXT, DISARMED, NOW_S, RTL, at, flying
 
 PLACE = "{:.6f}, {:.6f}".format(*CONTEXT.frame.to_wgs84_deg(*at().place_m))
 HOMEWARD = Heartbeat(3, RTL, True, 4)

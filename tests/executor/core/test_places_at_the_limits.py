@@ -9,8 +9,8 @@ import pytest
 
 from executor.core import places
 from executor.core.vehicle import Stage
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, flying
 from tests.executor.core.steps import STILL, beat, landed, over_pad, rounded
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, flying
 
 CONTEXT = FLEET.context
 

@@ -12,10 +12,10 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Projection
 from executor.core.parts import Fix
 from executor.core.vehicle import Stage
-from tests.executor.core.faults.test_watchpoints import FLEET, at, flying
 from tests.executor.core.steps import (
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, at, flying
 
 CONTEXT = FLEET.context
 

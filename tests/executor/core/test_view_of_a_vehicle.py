@@ -24,7 +24,6 @@ from executor.core.view import (
     WindView,
 )
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -35,6 +34,7 @@ from tests.executor.core.steps import (
     over_pad,
     rounded,
 )
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, at, flying
 
 CONTEXT = FLEET.context
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)

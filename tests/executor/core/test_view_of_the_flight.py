@@ -19,7 +19,6 @@ from executor.core.view import (
     ReplanView,
     SaidView,
 )
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     Changes,
     flight_of,
@@ -27,6 +26,7 @@ from tests.executor.core.steps import (
     rounded,
     wished,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
 OPEN = Offer(("uav1",), (0, 2), 5.0)

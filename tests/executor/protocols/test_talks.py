@@ -32,8 +32,8 @@ from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted, BrokenOff, Machine, Rejected, TimedOut
 from executor.protocols.params import Parameter
 from missions import ARDUPILOT, PX4, encode
-from tests.executor.core.faults.test_watchpoints import flying
 from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import flying
 
 BOARD = flying().assignment.board
 assert BOARD is not None

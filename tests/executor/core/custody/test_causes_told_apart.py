@@ -14,8 +14,8 @@ from executor.core.parts import Cause
 from executor.core.state import Absence
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, vehicle, with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, pack
 from tests.executor.core.steps import HOLD, LAND, TAKEN, Changes, beat, rounded
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, pack
 
 CONTEXT = FLEET.context
 PX4_FLEET = fleet_of(autopilot="px4")

@@ -6,7 +6,7 @@ from executor.core.context import VehicleSetup
 from executor.core.faults import warnings, watchpoints
 from executor.core.faults.watching import View
 from executor.core.vehicle import VehicleState
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S
+from tests.executor.core.vehicles import FLEET, NOW_S
 
 CONTEXT = FLEET.context
 PLANNED = CONTEXT.vehicles["uav1"]

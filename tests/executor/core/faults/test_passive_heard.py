@@ -15,7 +15,6 @@ from executor.core.faults.passive import Degraded
 from executor.core.messages import FlightMessage, MissionCurrent
 from executor.core.parts import Watch
 from executor.core.vehicle import FaultKind, Stage, VehicleState
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, flying
 from tests.executor.core.faults.watched import LOST, seen, watched
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -25,6 +24,7 @@ from tests.executor.core.steps import (
     landed,
     rounded,
 )
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, flying
 
 SCENE = FLEET.context
 IDLE = flying(stage=Stage.GROUND, heartbeat=DISARMED, armed_once=False)

@@ -14,7 +14,6 @@ from executor.core.faults.passive import Declared, Degraded
 from executor.core.state import Absence
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, at, flying
 from tests.executor.core.faults.watched import LOST, seen, watched
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -26,6 +25,7 @@ from tests.executor.core.steps import (
     landed,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, at, flying
 
 SCENE = FLEET.context
 

@@ -9,8 +9,8 @@ import pytest
 from executor.core.faults import streams
 from executor.core.faults.watching import View
 from tests.executor.core.faults.looks import CONTEXT, PLANNED
-from tests.executor.core.faults.test_watchpoints import NOW_S, at, flying, pack
 from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import NOW_S, at, flying, pack
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (

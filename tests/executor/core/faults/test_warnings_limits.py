@@ -14,8 +14,8 @@ from executor.core.messages import Radio
 from executor.core.state import Told
 from executor.core.vehicle import Stage
 from tests.executor.core.faults.looks import CONTEXT, PLANNED, warn
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, at, flying, pack
 from tests.executor.core.steps import HOMEWARD, rounded
+from tests.executor.core.vehicles import DISARMED, NOW_S, at, flying, pack
 
 UNPLANNED = replace(PLANNED, planned=False)
 

@@ -13,8 +13,8 @@ from executor.core.battery.cusum import Drift
 from executor.core.vehicle import VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.faults.looks import PLANNED, look
-from tests.executor.core.faults.test_watchpoints import NOW_S, RTL, at, flying, pack, volts
 from tests.executor.core.steps import Changes, beat, rounded
+from tests.executor.core.vehicles import NOW_S, RTL, at, flying, pack, volts
 
 UNPLANNED = replace(PLANNED, planned=False)
 KNOWN: list[Changes] = [

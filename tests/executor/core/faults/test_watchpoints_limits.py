@@ -12,8 +12,8 @@ from executor.core.parts import Cause
 from executor.core.vehicle import Stage, VehicleState
 from missions import PX4
 from tests.executor.core.faults.looks import PLANNED, look, warn
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, at, flying, pack
 from tests.executor.core.steps import HOLD, STILL, Changes, beat, landed, over_pad, rounded
+from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, at, flying, pack
 
 UNPLANNED = replace(PLANNED, planned=False)
 

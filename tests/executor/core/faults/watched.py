@@ -7,12 +7,12 @@ from typing import Any
 
 from executor.core.faults.passive import Finding, Watched
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
-from tests.executor.core.faults.test_watchpoints import NOW_S, flying
 from tests.executor.core.steps import (
     changes,
     differences,
     flight_of,
 )
+from tests.executor.core.vehicles import NOW_S, flying
 
 
 def watched(*vehicles: VehicleState, **given: Any) -> Watched:

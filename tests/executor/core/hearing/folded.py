@@ -12,13 +12,13 @@ from executor.core.messages import (
 )
 from executor.core.vehicle import VehicleState
 from tests.executor.builders import flat
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.steps import Changes, changes
+from tests.executor.core.vehicles import (
     FLEET,
     NOW_S,
     PAD_E,
     PAD_N,
 )
-from tests.executor.core.steps import Changes, changes
 
 CONTEXT = FLEET.context
 

@@ -17,14 +17,14 @@ from executor.core.messages import (
 )
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.hearing.folded import folded
+from tests.executor.core.steps import landed, rounded
+from tests.executor.core.vehicles import (
     NOW_S,
     flying,
     pack,
     volts,
 )
-from tests.executor.core.hearing.folded import folded
-from tests.executor.core.steps import landed, rounded
 
 PX4_FLEET = fleet_of(autopilot="px4")
 PX4_CONTEXT = PX4_FLEET.context

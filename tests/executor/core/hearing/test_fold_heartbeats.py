@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import pytest
 
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.hearing.folded import CONTEXT, folded, moved, placed
+from tests.executor.core.steps import HOLD, beat, over_pad, rounded
+from tests.executor.core.vehicles import (
     AUTO,
     DISARMED,
     NOW_S,
     at,
     flying,
 )
-from tests.executor.core.hearing.folded import CONTEXT, folded, moved, placed
-from tests.executor.core.steps import HOLD, beat, over_pad, rounded
 
 UNPLANNED = replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], planned=False)})
 

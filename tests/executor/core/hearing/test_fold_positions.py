@@ -13,7 +13,9 @@ from executor.core.hearing import fold
 from executor.core.parts import Fix
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.hearing.folded import CONTEXT, folded, moved, placed
+from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
+from tests.executor.core.vehicles import (
     DISARMED,
     NOW_S,
     PAD_E,
@@ -21,8 +23,6 @@ from tests.executor.core.faults.test_watchpoints import (
     at,
     flying,
 )
-from tests.executor.core.hearing.folded import CONTEXT, folded, moved, placed
-from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
 
 
 def inspects(*places: tuple[float, float], later: Changes | None = None, **given: Any) -> tuple[Any, ...]:

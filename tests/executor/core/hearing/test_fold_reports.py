@@ -22,13 +22,13 @@ from executor.core.messages import (
 )
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of, vehicle
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.hearing.folded import CONTEXT, folded
+from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import (
     LOW_TEXT,
     NOW_S,
     flying,
 )
-from tests.executor.core.hearing.folded import CONTEXT, folded
-from tests.executor.core.steps import rounded
 
 PX4_FLEET = fleet_of(autopilot="px4")
 PX4_CONTEXT = PX4_FLEET.context

@@ -17,8 +17,8 @@ from executor.core.messages import (
     SystemStatus,
     Wind,
 )
-from tests.executor.core.faults.test_watchpoints import NOW_S
 from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import NOW_S
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (

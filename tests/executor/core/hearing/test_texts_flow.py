@@ -11,8 +11,8 @@ from executor.core.hearing import texts
 from executor.core.messages import ComponentText, StatusText
 from executor.core.parts import TextFlow
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import flying
 from tests.executor.core.steps import flight_of, rounded
+from tests.executor.core.vehicles import flying
 
 
 def shown(*said: tuple[float, int, str], alarmed: bool = False, aboard: bool = False) -> list[str]:

@@ -11,8 +11,8 @@ import pytest
 from executor.core.homing import down
 from executor.core.messages import Attitude
 from executor.core.vehicle import Stage
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying
 from tests.executor.core.steps import HOMEWARD, STILL, Changes, beat, over_pad, rounded
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying
 
 CONTEXT = FLEET.context
 

@@ -10,7 +10,7 @@ from executor.core.homing.down import flies_again, found_down
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, DISARMED, NOW_S, RTL, at, flying
+from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, NOW_S, RTL, at, flying
 
 HOMEWARD = Heartbeat(3, RTL, True, 4)
 

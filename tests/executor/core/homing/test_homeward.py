@@ -10,8 +10,8 @@ import pytest
 from executor.core.homing import homeward
 from executor.core.parts import Cause, Errand
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
 from tests.executor.core.steps import HOLD, HOMEWARD, LAND, TAKEN, beat, over_pad, rounded
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
 
 CONTEXT = FLEET.context
 COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=Errand(NOW_S))

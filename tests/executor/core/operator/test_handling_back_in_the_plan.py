@@ -14,7 +14,6 @@ from executor.core.parts import Cause, Watch
 from executor.core.state import Offer
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -25,6 +24,7 @@ from tests.executor.core.steps import (
     noted,
     wish,
 )
+from tests.executor.core.vehicles import NOW_S, flying
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
 GIVES_BACK = with_facts(PILOTS, heartbeat=beat(), taken=replace(TAKEN, returned_s=NOW_S - 5.0))

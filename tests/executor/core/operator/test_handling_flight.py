@@ -13,7 +13,6 @@ from executor.core.intents import Action, IntentReason, Outcome
 from executor.core.parts import Cause
 from executor.core.state import Briefing, Offer, Question
 from executor.core.vehicle import Stage
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     HOLD,
     HOMEWARD,
@@ -29,6 +28,7 @@ from tests.executor.core.steps import (
     wish,
     wished,
 )
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, flying
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
 STARTS = flying(stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, fix=LOW, waypoint=0)

@@ -11,7 +11,6 @@ from executor.core.intents import Action, Outcome
 from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -26,6 +25,7 @@ from tests.executor.core.steps import (
     noted,
     wish,
 )
+from tests.executor.core.vehicles import DISARMED, NOW_S, flying
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
 STARTS = flying(stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, fix=LOW, waypoint=0)

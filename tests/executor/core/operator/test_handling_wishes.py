@@ -11,7 +11,6 @@ from executor.core.intents import Action, IntentReason, Outcome
 from executor.core.parts import Cause, Errand
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     HOLD,
@@ -28,6 +27,7 @@ from tests.executor.core.steps import (
     plan_of,
     wish,
 )
+from tests.executor.core.vehicles import DISARMED, NOW_S, flying
 
 HOLDS = flying(held_s=NOW_S - 9.0, heartbeat=beat(HOLD), hold_asked_s=NOW_S - 9.0)
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)

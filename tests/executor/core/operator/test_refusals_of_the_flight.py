@@ -15,8 +15,8 @@ from executor.core.parts import Cause
 from executor.core.state import Briefing, Offer, Question
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import BATTERY_FAULT, HOLD, TAKEN, beat, flight_of, landed, plan_of, rounded
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, flying
 from tests.missions.builders import network_of
 
 CONTEXT = FLEET.context

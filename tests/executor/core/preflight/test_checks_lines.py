@@ -17,8 +17,8 @@ from executor.core.preflight.checks import (
 )
 from executor.core.preflight.failsafes import LinkFailsafe
 from missions import ARDUPILOT, PX4, Pad
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, flying
 from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import DISARMED, FLEET, flying
 
 CONTEXT = FLEET.context
 PLACE = Position(5.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)

@@ -19,8 +19,8 @@ from executor.core.preflight.parameters import (
 )
 from missions import ARDUPILOT, PX4
 from tests.executor.builders import fleet_of
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S
 from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import FLEET, NOW_S
 
 CONTEXT = FLEET.context
 UNEVEN = fleet_of(autopilot="px4").context

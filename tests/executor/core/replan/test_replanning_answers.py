@@ -12,7 +12,6 @@ from executor.core.events import NewRoute, SolveEnded
 from executor.core.replan import replanning
 from executor.core.state import Replan, ReplanRecord
 from executor.core.vehicle import VehicleState
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying
 from tests.executor.core.replan.replans import without_paths
 from tests.executor.core.steps import (
     SECOND,
@@ -22,6 +21,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
 ON_ITS_WAY = flying()

@@ -14,7 +14,6 @@ from executor.core.replan import replanning
 from executor.core.state import Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     CREW,
@@ -29,6 +28,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}

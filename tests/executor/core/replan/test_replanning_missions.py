@@ -13,7 +13,6 @@ from executor.core.events import MissionsWanted, NewRoute
 from executor.core.replan import replanning
 from executor.core.state import Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying
 from tests.executor.core.replan.replans import without_paths
 from tests.executor.core.steps import (
     SECOND,
@@ -26,6 +25,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
 ON_ITS_WAY = flying()

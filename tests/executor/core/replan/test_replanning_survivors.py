@@ -16,7 +16,6 @@ from executor.core.parts import Fix
 from executor.core.replan import replanning
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, at, flying, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     CREW,
@@ -30,6 +29,7 @@ from tests.executor.core.steps import (
     over_pad,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
 
 CONTEXT = FLEET.context
 ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3)

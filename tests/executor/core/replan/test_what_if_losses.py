@@ -10,7 +10,6 @@ from executor.core.commands import Solve, Survivor
 from executor.core.replan import what_if
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     SECOND,
@@ -19,6 +18,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
 

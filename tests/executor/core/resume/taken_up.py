@@ -10,11 +10,11 @@ from executor.core.events import Found, Match, Resumed
 from executor.core.resume import resuming
 from executor.core.state import Replan
 from executor.core.vehicle import VehicleState
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S
 from tests.executor.core.steps import (
     differences,
     flight_of,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S
 
 CONTEXT = FLEET.context
 

@@ -14,8 +14,8 @@ from executor.core.coverage import Run, Sample, _Pace
 from executor.core.parts import Before
 from executor.core.resume import inference
 from executor.core.resume.inference import Inferred
-from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 
 CONTEXT = FLEET.context
 BOARD = mission()

@@ -22,7 +22,6 @@ from executor.core.state import Absence, Replan
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath, MissionItem, encode
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, at, flying, mission
 from tests.executor.core.resume.taken_up import CONTEXT, found, taken_up
 from tests.executor.core.steps import (
     CREW,
@@ -42,6 +41,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import DISARMED, NOW_S, at, flying, mission
 
 OUR_BOARD = mission()
 NEW = new_mission(4, 6)

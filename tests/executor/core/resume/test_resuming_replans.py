@@ -13,7 +13,6 @@ from executor.core.events import Match, NewRoute, UploadEnded
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import NOW_S, RTL, flying
 from tests.executor.core.resume.taken_up import found, taken_up
 from tests.executor.core.steps import (
     SECOND,
@@ -24,6 +23,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import NOW_S, RTL, flying
 
 NEW = new_mission(4, 6)
 GOING = plan_of(missions={"uav1": NEW}, pending=frozenset({"uav1"}))

@@ -15,7 +15,6 @@ from executor.core.roster import offers
 from executor.core.state import Offer
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
     CREW,
@@ -31,6 +30,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
+from tests.executor.core.vehicles import FLEET, NOW_S, flying, pack
 
 STANDS = landed(stage=Stage.LANDED)
 OPEN: Changes = {"given_up": frozenset({0, 2, 4})}
