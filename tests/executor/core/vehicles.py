@@ -5,8 +5,6 @@ from __future__ import annotations
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
 from executor.core.battery.voltage import VoltageState
-from executor.core.faults.watching import Verdict, View, Watchpoint
-from executor.core.faults.watchpoints import TABLE
 from executor.core.messages import Heartbeat
 from executor.core.parts import Fix, OnBoard
 from executor.core.vehicle import Stage, VehicleState
@@ -73,14 +71,6 @@ def mission() -> OnBoard:
     board = flying().assignment.board
     assert board is not None
     return board
-
-
-def point(name: str) -> Watchpoint:
-    return next(watchpoint for watchpoint in TABLE if watchpoint.name == name)
-
-
-def verdict(name: str, state: VehicleState, *, failing: bool = False) -> Verdict:
-    return point(name).judge(View(CONTEXT, SETUP, state, failing, NOW_S)).verdict
 
 
 DISARMED = Heartbeat(3, AUTO, False, 3)

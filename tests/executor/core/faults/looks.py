@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from executor.core.context import VehicleSetup
 from executor.core.faults import warnings, watchpoints
-from executor.core.faults.watching import View
+from executor.core.faults.watching import Verdict, View, Watchpoint
 from executor.core.vehicle import VehicleState
 from tests.executor.core.vehicles import FLEET, NOW_S
 
 CONTEXT = FLEET.context
 PLANNED = CONTEXT.vehicles["uav1"]
+
+
+def point(name: str) -> Watchpoint:
+    return next(watchpoint for watchpoint in watchpoints.TABLE if watchpoint.name == name)
+
+
+def verdict(name: str, state: VehicleState, *, failing: bool = False) -> Verdict:
+    return point(name).judge(View(CONTEXT, PLANNED, state, failing, NOW_S)).verdict
 
 
 def look(name: str, one: VehicleState, setup: VehicleSetup = PLANNED, *, failing: bool = False) -> str:

@@ -16,6 +16,7 @@ from executor.core.parts import Cause
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from tests.executor.builders import with_facts
+from tests.executor.core.faults.looks import point, verdict
 from tests.executor.core.vehicles import (
     AUTO,
     CONTEXT,
@@ -28,8 +29,6 @@ from tests.executor.core.vehicles import (
     at,
     flying,
     pack,
-    point,
-    verdict,
     volts,
 )
 

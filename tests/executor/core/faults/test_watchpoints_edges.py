@@ -10,20 +10,8 @@ from executor.core.faults.watching import Verdict, View
 from executor.core.messages import Heartbeat
 from executor.core.parts import Fix
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.core.vehicles import (
-    AUTO,
-    CONTEXT,
-    DISARMED,
-    LOW_TEXT,
-    NOW_S,
-    SETUP,
-    at,
-    flying,
-    pack,
-    point,
-    verdict,
-    volts,
-)
+from tests.executor.core.faults.looks import point, verdict
+from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LOW_TEXT, NOW_S, SETUP, at, flying, pack, volts
 
 
 def parted(**changes: object) -> VehicleState:

@@ -8,18 +8,8 @@ import pytest
 
 from executor.core.faults.watching import Verdict, View
 from executor.core.messages import Heartbeat
-from tests.executor.core.vehicles import (
-    CONTEXT,
-    DISARMED,
-    LOW_TEXT,
-    NOW_S,
-    RTL,
-    SETUP,
-    at,
-    flying,
-    pack,
-    point,
-)
+from tests.executor.core.faults.looks import point
+from tests.executor.core.vehicles import CONTEXT, DISARMED, LOW_TEXT, NOW_S, RTL, SETUP, at, flying, pack
 
 UNPLANNED = replace(SETUP, planned=False)
 LOITER, LAND = 5, 9
