@@ -1,4 +1,4 @@
-"""Matrices: by hand, and against the figures of the authors' solver."""
+"""Instances: their matrices by hand and against the figures of the authors' solver, and what is refused."""
 
 from __future__ import annotations
 
