@@ -11,7 +11,7 @@ import pytest
 from missions import NetworkError, read_network
 
 DEPOT = (50.345749, 13.325244, 300.0)
-NECHRANICE = Path(__file__).resolve().parents[3] / "shared" / "data" / "nechranice_graph.yaml"
+NECHRANICE = Path(__file__).resolve().parents[4] / "shared" / "data" / "nechranice_graph.yaml"
 needs_nechranice = pytest.mark.skipif(
     not NECHRANICE.exists(), reason="the public network ../shared/data/nechranice_graph.yaml is not there"
 )
