@@ -9,6 +9,19 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "tests/e2e/test_fleet.py": (
+        "executor/flight/flight_order.py",
+        "executor/flight/fly.py",
+        "executor/flight/linking.py",
+        "executor/flight/preparing.py",
+        "executor/flight/recorder.py",
+        "executor/simulated/injected.py",
+    ),
+    "tests/e2e/test_given_back.py": (
+        "executor/cli/restore.py",
+        "executor/flight/restore.py",
+    ),
+    "tests/e2e/test_told_to_end.py": ("executor/flight/leaving.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
@@ -22,7 +35,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/mqtt/broker.py",
         "executor/adapters/mqtt/outbox.py",
     ),
-    "tests/executor/adapters/test_interrupts.py": ("executor/flight/leaving.py",),
     "tests/executor/adapters/web/test_server.py": (
         "executor/adapters/web/guard.py",
         "executor/adapters/web/present.py",
@@ -86,12 +98,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/options.py",
         "executor/cli/planning.py",
         "executor/cli/plans.py",
-        "executor/cli/replay.py",
-        "executor/cli/restore.py",
-        "executor/flight/restore.py",
-        "executor/replay/page.py",
-        "executor/replay/pictures.py",
-        "executor/simulated/injected.py",
     ),
     "tests/executor/core/hearing/test_fold.py": ("executor/core/hearing/charge.py",),
     "tests/executor/core/operator/test_handling_out_of_the_plan.py": ("executor/core/roster/withdraw.py",),
@@ -112,11 +118,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/flight/test_resume.py": (
         "executor/adapters/clock.py",
         "executor/adapters/run_directory.py",
-        "executor/flight/flight_order.py",
-        "executor/flight/fly.py",
-        "executor/flight/linking.py",
-        "executor/flight/recorder.py",
         "executor/flight/run_start.py",
+    ),
+    "tests/executor/replay/test_logs.py": (
+        "executor/cli/replay.py",
+        "executor/replay/page.py",
+        "executor/replay/pictures.py",
     ),
     "tests/executor/replay/test_logs_of_real_flights.py": (
         "executor/replay/ground_truth.py",
@@ -151,7 +158,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/site/test_planning_asked.py": (
         "executor/flight/checklist.py",
         "executor/flight/examination.py",
-        "executor/flight/preparing.py",
         "executor/site/plan_words.py",
     ),
     "tests/executor/site/test_risk.py": (
@@ -216,7 +222,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/test_extras.py": ("executor/adapters/extras.py",),
 }
-"""By a test file, the modules that it shows, as parts of what it is called after."""
+"""By a test file, the modules that it shows beside what it is called after."""
 
 
 def does(path: Path) -> bool:
@@ -246,7 +252,9 @@ def imported(path: Path) -> frozenset[Path]:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     places = [ROOT.joinpath(*name.split(".")) for name in names]
     files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
-    return frozenset(file for file in files if file.is_file())
+    found = frozenset(file for file in files if file.is_file())
+    # The flights' tests start the program itself.
+    return found | {ROOT / "executor" / "__main__.py"} if path.parent == ROOT / "tests" / "e2e" else found
 
 
 @cache
