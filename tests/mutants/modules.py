@@ -29,6 +29,7 @@ MODULES = {
         (
             "tests/executor/core",
             "tests/executor/site/test_heights.py",
+            "tests/executor/analysis/test_flight_record.py",
             "tests/executor/analysis/test_read_run.py",
             "tests/executor/replay/test_logs.py",
             "tests/executor/flight/test_mqtt.py",

@@ -18,7 +18,7 @@ from executor.core.state import FleetState, NewMission, Replan, Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import continue_path, flight_path
 from tests.executor.builders import flat, vehicle, with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
 
 Changes = dict[str, Any]
 NOT_SHOWN = frozenset({"vehicles", "watches", "tick_s", "said"})

@@ -13,7 +13,7 @@ from executor.core.battery.kalman import BatteryEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
+from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
 
 BOARD = mission()
 LAST = len(BOARD.legs) - 1

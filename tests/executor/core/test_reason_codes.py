@@ -24,9 +24,9 @@ from executor.protocols import upload
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Rejected
 from executor.protocols.orders import arm
-from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, flying
 from tests.executor.core.operator.test_refusals import ROWS, grounded, state_of
 from tests.executor.core.steps import plan_of
+from tests.executor.core.vehicles import CONTEXT, NOW_S, flying
 from tests.test_architecture import ROOT, modules
 
 R = IntentReason

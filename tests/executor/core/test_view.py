@@ -22,7 +22,7 @@ from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleSta
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
 from tests.executor.builders import vehicle, with_facts
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.vehicles import (
     AUTO,
     CONTEXT,
     FLEET,

@@ -16,7 +16,7 @@ from executor.core.resume.blackout import taken_up
 from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack
+from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack
 
 LOITER, BRAKE, LAND, SMART_RTL = 5, 17, 9, 21
 HELD = Heartbeat(3, BRAKE, True, 4)

@@ -12,7 +12,7 @@ from executor.core.faults.link_loss import of_all, of_one, own_sleep
 from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, flying
+from tests.executor.core.vehicles import CONTEXT, NOW_S, flying
 
 NAMES = ("uav1", "uav2", "uav3")
 BEGUN: dict[str, object] = {"launched_s": NOW_S - 500.0}

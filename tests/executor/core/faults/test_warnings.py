@@ -13,7 +13,7 @@ from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
 from executor.core.state import Told
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, SETUP, at, flying, pack
+from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, pack
 
 GOOD = Radio(120, 110, 40, 40, 90)
 

@@ -2,92 +2,40 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.battery.voltage import VoltageState
 from executor.core.faults import watchpoints
 from executor.core.faults.watching import Finding, Verdict, View, Watchpoint
 from executor.core.faults.watchpoints import TABLE, judge
 from executor.core.messages import Heartbeat
-from executor.core.parts import Cause, Fix, OnBoard
+from executor.core.parts import Cause
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
-from tests.executor.builders import fleet_of, vehicle, with_facts
-
-FLEET = fleet_of()
-CONTEXT, SETUP = FLEET.context, FLEET.context.vehicles["uav1"]
-LIMITS = CONTEXT.limits
-NOW_S = 1000.0
-AUTO, RTL = 3, 6
-PAD_E, PAD_N = SETUP.pad_m
-
-Change = Callable[[VehicleState], VehicleState]
-
-
-def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> Fix:
-    heard_s = NOW_S - age_s
-    return Fix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
-
-
-def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_state: int = 1) -> BatteryState:
-    """Return a battery with these reports, the last one `age_s` ago; the model expects hardly anything."""
-    state = BatteryState()
-    for index, percent in enumerate(percents):
-        reported_s = NOW_S - age_s - (len(percents) - 1 - index) * apart_s
-        state = account.with_remaining(account.drawn(state, 0.036 * apart_s), percent, charge_state, reported_s)
-    return state
+from tests.executor.builders import with_facts
+from tests.executor.core.faults.looks import point, verdict
+from tests.executor.core.vehicles import (
+    AUTO,
+    CONTEXT,
+    DISARMED,
+    LIMITS,
+    LOW_TEXT,
+    NOW_S,
+    RTL,
+    SETUP,
+    at,
+    flying,
+    pack,
+    volts,
+)
 
 
 def falling_pack(reports: int, apart_s: float = 10.0, age_s: float = 0.0) -> BatteryState:
     """Return a battery that loses a percent from report to report."""
     return pack(*(90.0 - number for number in range(reports)), apart_s=apart_s, age_s=age_s)
-
-
-def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **changes: object) -> VoltageState:
-    """Return a pack of four cells whose current is known."""
-    drop = 1.0 - voltage_v / usual_v
-    told: dict[str, object] = {
-        "reported_s": NOW_S - age_s,
-        "voltage_v": voltage_v,
-        "highest_v": 16.8,
-        "usual_v": usual_v,
-        "known_load": True,
-        "drop": drop,
-        "dropped_s": NOW_S - age_s if drop > LIMITS.voltage_step / 2 else None,
-    }
-    return VoltageState(**(told | changes))  # type: ignore[arg-type]
-
-
-def flying(**changes: object) -> VehicleState:
-    """Return a vehicle in the midst of its mission, with nothing wrong."""
-    healthy: dict[str, object] = {
-        "stage": Stage.FLYING,
-        "heard_s": NOW_S,
-        "heartbeat": Heartbeat(3, AUTO, True, 4),
-        "heartbeat_s": NOW_S,
-        "item_s": NOW_S,
-        "armed_once": True,
-        "took_off": True,
-        "fix": at(),
-        "anchor": at(),
-        "battery": pack(90.0, 90.0),
-        "volts": volts(),
-        "waypoint": 2,
-    }
-    return vehicle(FLEET, "uav1", **(healthy | changes))
-
-
-def mission() -> OnBoard:
-    """Return what it carries."""
-    board = flying().assignment.board
-    assert board is not None
-    return board
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,39 +156,8 @@ ROWS = [
 ]
 
 
-def point(name: str) -> Watchpoint:
-    return next(watchpoint for watchpoint in TABLE if watchpoint.name == name)
-
-
-def verdict(name: str, state: VehicleState, *, failing: bool = False) -> Verdict:
-    return point(name).judge(View(CONTEXT, SETUP, state, failing, NOW_S)).verdict
-
-
 def names(rows: list[Row]) -> list[str]:
     return [row.name for row in rows]
-
-
-def test_every_watchpoint_has_its_row() -> None:
-    assert names(ROWS) == [watchpoint.name for watchpoint in TABLE]
-
-
-@pytest.mark.parametrize("watchpoint", TABLE, ids=lambda one: str(one.name))
-def test_a_healthy_vehicle_is_fine(watchpoint: Watchpoint) -> None:
-    assert verdict(watchpoint.name, flying()) is Verdict.OK
-
-
-@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
-def test_it_fails_with_its_evidence(row: Row) -> None:
-    finding = point(row.name).judge(View(CONTEXT, SETUP, row.fails, False, NOW_S))
-    assert (finding.verdict, finding.evidence) == (Verdict.FAIL, row.evidence)
-
-
-@pytest.mark.parametrize("row", [row for row in ROWS if row.hangs], ids=lambda row: str(row.name))
-def test_it_clears_by_a_threshold_of_its_own(row: Row) -> None:
-    assert row.hangs is not None
-    assert verdict(row.name, row.hangs) is Verdict.OK
-    assert verdict(row.name, row.hangs, failing=True) is Verdict.FAIL
-    assert verdict(row.name, flying(), failing=True) is Verdict.OK
 
 
 def raised(state: VehicleState, now_s: float) -> tuple[list[str], VehicleState]:
@@ -268,6 +185,46 @@ def later(state: VehicleState, by_s: float) -> VehicleState:
     item_s = None if state.telemetry.item_s is None else state.telemetry.item_s + by_s
     fresh = with_facts(fresh, heartbeat_s=beat_s, item_s=item_s)
     return with_facts(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
+
+
+def landing(state: VehicleState) -> VehicleState:
+    """Return a vehicle whose mission has come to its landing."""
+    assert state.assignment.board is not None
+    last = next(n for n, way in enumerate(state.assignment.board.path.waypoints) if way.phase is Phase.LAND)
+    return with_facts(state, waypoint=last)
+
+
+def off_pad(state: VehicleState) -> Finding:
+    return point("off-pad").judge(View(CONTEXT, SETUP, state, False, NOW_S))
+
+
+WAITS_S = {
+    "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
+    "battery-plunge": 0.4, "battery-drain": 2.5, "reserve": 5.0, "mode": 1.0,
+}  # fmt: skip
+
+
+def test_every_watchpoint_has_its_row() -> None:
+    assert names(ROWS) == [watchpoint.name for watchpoint in TABLE]
+
+
+@pytest.mark.parametrize("watchpoint", TABLE, ids=lambda one: str(one.name))
+def test_a_healthy_vehicle_is_fine(watchpoint: Watchpoint) -> None:
+    assert verdict(watchpoint.name, flying()) is Verdict.OK
+
+
+@pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
+def test_it_fails_with_its_evidence(row: Row) -> None:
+    finding = point(row.name).judge(View(CONTEXT, SETUP, row.fails, False, NOW_S))
+    assert (finding.verdict, finding.evidence) == (Verdict.FAIL, row.evidence)
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.hangs], ids=lambda row: str(row.name))
+def test_it_clears_by_a_threshold_of_its_own(row: Row) -> None:
+    assert row.hangs is not None
+    assert verdict(row.name, row.hangs) is Verdict.OK
+    assert verdict(row.name, row.hangs, failing=True) is Verdict.FAIL
+    assert verdict(row.name, flying(), failing=True) is Verdict.OK
 
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
@@ -329,20 +286,6 @@ def test_a_kill_switch_over_the_pad_is_no_landing() -> None:
     """A disarm at 2.5 m in the take-off: the mission was not over."""
     killed = flying(heartbeat=DISARMED, fix=at(east_m=5.0, up_m=2.5), waypoint=0)
     assert off_pad(killed).evidence == "disarmed over its pad in mid-mission"
-
-
-def landing(state: VehicleState) -> VehicleState:
-    """Return a vehicle whose mission has come to its landing."""
-    assert state.assignment.board is not None
-    last = next(n for n, way in enumerate(state.assignment.board.path.waypoints) if way.phase is Phase.LAND)
-    return with_facts(state, waypoint=last)
-
-
-DISARMED = Heartbeat(3, AUTO, False, 3)
-
-
-def off_pad(state: VehicleState) -> Finding:
-    return point("off-pad").judge(View(CONTEXT, SETUP, state, False, NOW_S))
 
 
 def test_a_vehicle_that_disarms_high_above_its_pad_falls() -> None:
@@ -432,9 +375,6 @@ def test_the_modes_words() -> None:
     assert finding.evidence == "number 77 by its own failsafe"
 
 
-LOW_TEXT = ("Battery Failsafe", NOW_S)
-
-
 @pytest.mark.parametrize(
     ("state", "shows"),
     [
@@ -452,222 +392,6 @@ LOW_TEXT = ("Battery Failsafe", NOW_S)
 def test_a_text_of_the_battery_alone_is_nobodys_fault(state: VehicleState, shows: bool) -> None:
     """Anybody can send a text; a failsafe shows in the mode, the state or the battery as well."""
     assert verdict("battery-failsafe", state) is (Verdict.FAIL if shows else Verdict.OK)
-
-
-def parted(**changes: object) -> VehicleState:
-    """Return a vehicle that has disarmed on its way home."""
-    healthy: dict[str, object] = {"stage": Stage.RETURNING, "heartbeat": DISARMED, "fix": at(east_m=5.0, up_m=0.5)}
-    return flying(**(healthy | changes))
-
-
-def sinking(up_m: float, climbs_m_s: float) -> Fix:
-    return at(east_m=5.0, up_m=up_m, climbs_m_s=climbs_m_s)
-
-
-EDGES: list[tuple[str, VehicleState, VehicleState]] = [
-    # The vehicle is fine at the last figure before the threshold, and fails from there on.
-    ("link", flying(heard_s=NOW_S - 9.9), flying(heard_s=NOW_S - 10.0)),
-    ("falling", flying(fix=at(climbs_m_s=-5.0)), flying(fix=at(climbs_m_s=-5.1))),
-    ("off-pad", parted(fix=at(east_m=15.0, up_m=0.0)), parted(fix=at(east_m=15.1, up_m=0.0))),
-    ("off-pad", parted(fix=sinking(5.0, 0.0)), parted(fix=sinking(5.1, 0.0))),
-    ("off-pad", parted(fix=sinking(2.0, -0.3)), parted(fix=sinking(2.0, -0.4))),
-    ("off-pad", parted(fix=sinking(1.0, -0.4)), parted(fix=sinking(1.1, -0.4))),
-    ("off-pad", parted(), parted(rebooted_s=NOW_S - 30.0)),
-    (
-        "off-pad",
-        parted(alarm=("RC: Motors Emergency Stopped", NOW_S - 25.1), disarmed_s=NOW_S - 10.0),
-        parted(alarm=("RC: Motors Emergency Stopped", NOW_S - 25.0), disarmed_s=NOW_S - 10.0),
-    ),
-    (
-        "off-pad",
-        parted(alarm=("Kill engaged", NOW_S), disarmed_s=NOW_S - 15.1),
-        parted(alarm=("Kill engaged", NOW_S), disarmed_s=NOW_S - 15.0),
-    ),
-    ("terminated", flying(heartbeat=Heartbeat(3, AUTO, True, 5)), flying(heartbeat=Heartbeat(3, AUTO, True, 6))),
-    ("terminated", flying(heartbeat=Heartbeat(3, AUTO, False, 8)), flying(heartbeat=Heartbeat(3, AUTO, True, 8))),
-    ("heartbeat", flying(heartbeat_s=NOW_S - 19.9), flying(heartbeat_s=NOW_S - 20.0)),
-    ("positions", flying(fix=at(age_s=19.9)), flying(fix=at(age_s=20.0))),
-    ("items", flying(item_s=NOW_S - 19.9), flying(item_s=NOW_S - 20.0)),
-    ("items", flying(item_s=NOW_S - 20.0, excused_s=NOW_S - 9.0), flying(item_s=NOW_S - 20.0, excused_s=NOW_S - 20.0)),
-    ("battery-reports", flying(battery=pack(90.0, age_s=59.9)), flying(battery=pack(90.0, age_s=60.0))),
-    ("position", flying(jump=(99.9, NOW_S)), flying(jump=(100.0, NOW_S))),
-    ("position", flying(jump=(120.0, NOW_S - 3.1)), flying(jump=(120.0, NOW_S - 3.0))),
-    ("stall", flying(anchor=at(age_s=89.9)), flying(anchor=at(age_s=90.0))),
-    ("stall", flying(anchor=at(age_s=90.0), held_s=NOW_S - 1.0), flying(anchor=at(age_s=90.0))),
-    (
-        "voltage-step",
-        flying(volts=volts(drop=0.0499, dropped_s=NOW_S)),
-        flying(volts=volts(drop=0.05, dropped_s=NOW_S)),
-    ),
-    (
-        "voltage-step",
-        flying(volts=volts(drop=0.0649, dropped_s=NOW_S, known_load=False)),
-        flying(volts=volts(drop=0.065, dropped_s=NOW_S, known_load=False)),
-    ),
-    ("cells", flying(volts=volts(low_since_s=NOW_S - 9.9)), flying(volts=volts(low_since_s=NOW_S - 10.0))),
-    (
-        "cells",
-        flying(volts=volts(cells_v=(3.8, 3.8, 3.4), spread_since_s=NOW_S - 9.9)),
-        flying(volts=volts(cells_v=(3.8, 3.8, 3.4), spread_since_s=NOW_S - 10.0)),
-    ),
-    ("battery-critical", flying(battery=pack(20.0, charge_state=2)), flying(battery=pack(20.0, charge_state=4))),
-    ("battery-critical", flying(battery=pack(20.0, charge_state=7)), flying(battery=pack(20.0, charge_state=6))),
-    ("battery-critical", flying(battery_faults=2 | 32 | 128), flying(battery_faults=2 | 32 | 128 | 16)),
-    (
-        "battery-failsafe",
-        flying(alarm=(LOW_TEXT[0], NOW_S - 15.1), heartbeat=Heartbeat(3, AUTO, True, 5)),
-        flying(alarm=(LOW_TEXT[0], NOW_S - 15.0), heartbeat=Heartbeat(3, AUTO, True, 5)),
-    ),
-    (
-        "battery-failsafe",
-        flying(alarm=LOW_TEXT, battery=pack(30.1, 30.1)),
-        flying(alarm=LOW_TEXT, battery=pack(30.0, 30.0)),
-    ),
-]
-
-
-@pytest.mark.parametrize(("name", "fine", "fails"), EDGES, ids=[f"{n}-{one[0]}" for n, one in enumerate(EDGES)])
-def test_it_fails_from_its_threshold_on(name: str, fine: VehicleState, fails: VehicleState) -> None:
-    assert verdict(name, fine) is Verdict.OK
-    assert verdict(name, fails) is Verdict.FAIL
-
-
-OLD: list[tuple[str, VehicleState, VehicleState]] = [
-    # What was said so long ago still counts, and a moment longer ago it says nothing.
-    ("falling", flying(fix=at(climbs_m_s=-6.0, age_s=3.0)), flying(fix=at(climbs_m_s=-6.0, age_s=3.1))),
-    (
-        "stall",
-        flying(anchor=at(age_s=99.0), fix=at(age_s=3.0)),
-        flying(anchor=at(age_s=99.0), fix=at(age_s=3.1)),
-    ),
-    ("voltage-step", flying(volts=volts(13.5, age_s=7.0)), flying(volts=volts(13.5, age_s=7.1))),
-    (
-        "cells",
-        flying(volts=volts(low_since_s=NOW_S - 20.0, age_s=7.0)),
-        flying(volts=volts(low_since_s=NOW_S - 20.0, age_s=7.1)),
-    ),
-    (
-        "battery-critical",
-        flying(battery=pack(20.0, charge_state=3, age_s=7.0)),
-        flying(battery=pack(20.0, charge_state=3, age_s=7.1)),
-    ),
-    (
-        "battery-critical",
-        flying(battery=pack(20.0, charge_state=3), fix=at(age_s=3.0)),
-        flying(battery=pack(20.0, charge_state=3), fix=at(age_s=3.1)),
-    ),
-    (
-        "heartbeat",
-        flying(heartbeat_s=NOW_S - 23.0, heard_s=NOW_S - 2.9),
-        flying(heartbeat_s=NOW_S - 23.0, heard_s=NOW_S - 3.0),
-    ),
-    # Due since then, and nothing at all came since: that may be the link.
-    (
-        "heartbeat",
-        flying(heartbeat_s=NOW_S - 21.0, heard_s=NOW_S - 1.0),
-        flying(heartbeat_s=NOW_S - 21.0, heard_s=NOW_S - 1.1),
-    ),
-    # Disarmed 20 m from its pad: its place is seen for 1.5 s, and after 6 s it is taken for where it was last.
-    (
-        "off-pad",
-        parted(fix=at(east_m=20.0, age_s=1.5), disarmed_s=NOW_S),
-        parted(fix=at(east_m=20.0, age_s=1.6), disarmed_s=NOW_S),
-    ),
-    (
-        "off-pad",
-        parted(fix=at(east_m=20.0, age_s=9.0), disarmed_s=NOW_S - 6.0),
-        parted(fix=at(east_m=20.0, age_s=9.0), disarmed_s=NOW_S - 5.9),
-    ),
-]
-
-
-@pytest.mark.parametrize(("name", "fails", "unknown"), OLD, ids=[f"{n}-{one[0]}" for n, one in enumerate(OLD)])
-def test_what_is_too_old_says_nothing(name: str, fails: VehicleState, unknown: VehicleState) -> None:
-    assert verdict(name, fails) is Verdict.FAIL
-    assert verdict(name, unknown) is Verdict.STALE
-
-
-def test_neither_heartbeat_nor_position_for_a_minute_is_a_lost_link() -> None:
-    def unseen(heartbeat_s: float, position_s: float, excused_s: float = -math.inf) -> Verdict:
-        state = flying(heartbeat_s=NOW_S - heartbeat_s, fix=at(age_s=position_s), excused_s=excused_s)
-        return verdict("link", state)
-
-    assert unseen(60.0, 60.0) is unseen(60.0, 90.0) is unseen(90.0, 60.0) is Verdict.FAIL
-    assert unseen(59.9, 90.0) is unseen(90.0, 59.9) is Verdict.OK
-    assert unseen(90.0, 90.0, excused_s=NOW_S - 30.0) is Verdict.OK
-    assert verdict("link", flying(heartbeat_s=None, fix=at(age_s=90.0))) is Verdict.OK
-
-
-FAULTS = [(1, "deep discharge"), (4, "a failed cell"), (8, "over-current"), (16, "over-temperature"),
-          (64, "a voltage that does not fit"), (256, "cells that are not the set ones"),
-          (4 | 16, "a failed cell, over-temperature")]  # fmt: skip
-
-
-@pytest.mark.parametrize(("bits", "words"), FAULTS)
-def test_the_faults_of_a_battery_in_words(bits: int, words: str) -> None:
-    finding = point("battery-critical").judge(View(CONTEXT, SETUP, flying(battery_faults=bits), False, NOW_S))
-    assert finding.evidence == f"its battery reports {words}"
-    states = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-    for number, name in states.items():
-        view = View(CONTEXT, SETUP, flying(battery=pack(20.0, charge_state=number)), False, NOW_S)
-        assert point("battery-critical").judge(view).evidence == f"the autopilot reports its battery {name}"
-
-
-UNPLANNED = replace(SETUP, planned=False)
-LOITER, LAND = 5, 9
-
-
-def unplanned(name: str, **changes: object) -> Verdict:
-    """Look at a vehicle of which nobody knows the plan, as a recorded one."""
-    state = flying(**({"flew_mission": True, "mode_since_s": NOW_S - 60.0} | changes))
-    return point(name).judge(View(CONTEXT, UNPLANNED, state, False, NOW_S)).verdict
-
-
-def rtl(**changes: object) -> dict[str, object]:
-    return {"heartbeat": Heartbeat(3, RTL, True, 4), **changes}
-
-
-UNPLANNED_ROWS: list[tuple[str, dict[str, object], Verdict]] = [
-    ("mode", rtl(), Verdict.FAIL),
-    ("mode", rtl(flew_mission=False), Verdict.OK),
-    ("mode", rtl(heartbeat=Heartbeat(3, RTL, False, 4)), Verdict.OK),
-    ("mode", rtl(ordered_mode_s=NOW_S - 2.9), Verdict.OK),
-    ("mode", rtl(ordered_mode_s=NOW_S - 3.0), Verdict.FAIL),
-    ("mode", rtl(ordered_mode_s=NOW_S - 62.9), Verdict.OK),
-    ("mode", rtl(ordered_mode_s=NOW_S - 63.0), Verdict.FAIL),
-    # ArduPilot counts its home: of 10 items the last is 10, and a return there begins with the last but one.
-    ("mode", rtl(item=(9, 10)), Verdict.OK),
-    ("mode", rtl(item=(8, 10)), Verdict.FAIL),
-    ("mode", rtl(item=(9, 65535)), Verdict.FAIL),
-    ("mode", rtl(item=(65535, 65535)), Verdict.FAIL),
-    ("mode", rtl(item=(9, None)), Verdict.FAIL),
-    ("mode", {"heartbeat": Heartbeat(3, LOITER, True, 4), "item": (9, 10)}, Verdict.FAIL),
-    ("stall", {"anchor": at(age_s=239.9)}, Verdict.OK),
-    ("stall", {"anchor": at(age_s=240.0)}, Verdict.FAIL),
-    ("stall", {"anchor": at(age_s=240.0), "heartbeat": Heartbeat(3, LOITER, True, 4)}, Verdict.OK),
-    ("off-pad", {"heartbeat": DISARMED, "fix": at(up_m=5.1, climbs_m_s=-1.5)}, Verdict.FAIL),
-    ("off-pad", {"heartbeat": DISARMED, "fix": at(up_m=5.0, climbs_m_s=-1.5)}, Verdict.OK),
-    ("off-pad", {"heartbeat": DISARMED, "fix": at(up_m=5.1, age_s=3.0)}, Verdict.FAIL),
-    ("off-pad", {"heartbeat": DISARMED, "fix": at(up_m=5.1, age_s=3.1)}, Verdict.OK),
-    ("off-pad", {"heartbeat": DISARMED, "fix": at(up_m=5.1), "on_ground": True}, Verdict.OK),
-    ("off-pad", {"heartbeat": DISARMED, "fix": replace(at(up_m=9.0), velocity_m_s=(1.0, 0.0, 0.0))}, Verdict.OK),
-    ("off-pad", {"heartbeat": DISARMED, "fix": replace(at(up_m=9.0), velocity_m_s=(0.0, 1.1, 0.0))}, Verdict.FAIL),
-    ("battery-failsafe", {"alarm": LOW_TEXT}, Verdict.FAIL),
-    ("heartbeat", {"heartbeat_s": NOW_S - 99.0}, Verdict.STALE),
-    ("battery-critical", {"battery": pack(20.0, charge_state=3), "fix": at(age_s=99.0)}, Verdict.FAIL),
-    ("link", {"heartbeat_s": NOW_S - 99.0, "fix": at(age_s=99.0)}, Verdict.OK),
-]
-
-
-@pytest.mark.parametrize(("name", "changes", "expected"), UNPLANNED_ROWS)
-def test_where_no_plan_is_known(name: str, changes: dict[str, object], expected: Verdict) -> None:
-    assert unplanned(name, **changes) is expected
-
-
-WAITS_S = {
-    "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
-    "battery-plunge": 0.4, "battery-drain": 2.5, "reserve": 5.0, "mode": 1.0,
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))

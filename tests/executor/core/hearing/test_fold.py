@@ -29,7 +29,7 @@ from executor.core.messages import (
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from tests.executor.builders import with_facts
-from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, NOW_S, RTL, SETUP, at, flying, volts
+from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, SETUP, at, flying, volts
 
 ARMED, OFF = Heartbeat(3, AUTO, True, 4), Heartbeat(3, AUTO, False, 4)
 QUIET_S = NOW_S - 4.0

@@ -15,7 +15,7 @@ from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import Phase
 from tests.executor.builders import vehicle, with_facts
-from tests.executor.core.faults.test_watchpoints import (
+from tests.executor.core.vehicles import (
     AUTO,
     CONTEXT,
     DISARMED,

@@ -14,7 +14,7 @@ from executor.core.parts import Before, Fix
 from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
 from executor.core.vehicle import VehicleState
 from missions import Phase
-from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, RTL, SETUP, at, flying, mission, pack
+from tests.executor.core.vehicles import AUTO, CONTEXT, RTL, SETUP, at, flying, mission, pack
 
 BOARD = mission()
 WAYPOINTS, LEGS, PLACES_M = BOARD.path.waypoints, BOARD.legs, BOARD.places_m

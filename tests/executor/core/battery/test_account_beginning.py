@@ -1,0 +1,44 @@
+"""What is taken to be so of a battery before anything was heard."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from executor.core.battery.account import BatteryState, Charge
+from executor.core.battery.cusum import Drift
+from tests.executor.builders import flat
+from tests.executor.core.steps import rounded
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "a battery",
+        lambda: flat(BatteryState()),
+        {
+            "first_pct": None,
+            "remaining_pct": None,
+            "least_pct": None,
+            "reported_s": -math.inf,
+            "modelled_pct": 0.0,
+            "charge_state": 0,
+            "history": (),
+            "lowest_pct": None,
+            "earlier_pct": 0.0,
+            "estimate": None,
+            "usual": None,
+            "began_s": None,
+            "roughness_pct": 0.0,
+            "drift": Drift(),
+            "usual_long": 1.0,
+            "slow": Drift(),
+            "charge": Charge(),
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,36 @@
+"""Vehicles that somebody else flies, and what is found of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from executor.core.faults.passive import Finding, Watched
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
+from tests.executor.core.steps import (
+    changes,
+    differences,
+    flight_of,
+)
+from tests.executor.core.vehicles import NOW_S, flying
+
+
+def watched(*vehicles: VehicleState, **given: Any) -> Watched:
+    told = {name: given.pop(name) for name in ("open", "warned_s") if name in given}
+    state = flight_of(*vehicles, **given)
+    there = {one.name: one for one in vehicles}
+    return replace(Watched(replace(state, vehicles=there)), **told)
+
+
+def seen(before: Watched, of: tuple[Watched, tuple[Finding, ...]]) -> tuple[object, ...]:
+    """Return what was found, what changed of each vehicle and of the flight, and what is open."""
+    after, found = of
+    return (found, *differences(before.fleet, after.fleet), changes(before, replace(after, fleet=before.fleet)))
+
+
+LOST = flying(
+    stage=Stage.LOST,
+    fault=Fault(FaultKind.LINK, "why", 5.0, FaultCode.LINK_LOST),
+    heard_s=NOW_S - 50.0,
+    spoke_s=NOW_S - 50.0,
+)

@@ -1,0 +1,295 @@
+"""A report of a battery, and everything that it changes of what is known of a vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from executor.core.battery.account import BatterySample, Charge
+from executor.core.battery.cusum import Drift
+from executor.core.battery.kalman import BatteryEstimate
+from executor.core.battery.roundings import Roundings
+from executor.core.messages import (
+    Battery,
+    SystemStatus,
+)
+from executor.core.vehicle import Stage
+from tests.executor.builders import fleet_of
+from tests.executor.core.hearing.folded import folded
+from tests.executor.core.steps import landed, rounded
+from tests.executor.core.vehicles import (
+    NOW_S,
+    flying,
+    pack,
+    volts,
+)
+
+PX4_FLEET = fleet_of(autopilot="px4")
+PX4_CONTEXT = PX4_FLEET.context
+RESTS = landed(stage=Stage.LANDED)
+BLIND = replace(pack(90.0, 90.0), charge=Charge())
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "a battery",
+        lambda: folded(flying(), Battery(0, 89.0, 15.0, 20.0, None, 1, 0, (3.75,) * 4)),
+        (
+            {
+                "battery": {
+                    "remaining_pct": 89.0,
+                    "least_pct": 89.0,
+                    "history": (
+                        BatterySample(at_s=NOW_S - 1.0, remaining_pct=90.0, modelled_pct=0.036),
+                        BatterySample(at_s=NOW_S, remaining_pct=90.0, modelled_pct=0.072),
+                        BatterySample(at_s=NOW_S, remaining_pct=89.0, modelled_pct=0.072),
+                    ),
+                    "lowest_pct": 89.0,
+                    "estimate": BatteryEstimate(
+                        remaining_pct=89.9634,
+                        factor=1.00001,
+                        var_remaining=0.0830928,
+                        covariance=-0.000800447,
+                        var_factor=0.0225749,
+                    ),
+                    "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                },
+                "packs": ((0, 89.0),),
+                "volts": {"began_s": NOW_S, "cells_v": (3.75, 3.75, 3.75, 3.75)},
+            },
+        ),
+    ),
+    (
+        "a battery of which more is known",
+        lambda: folded(flying(), Battery(0, 89.0, 15.0, 20.0, 1.5, 2, 4)),
+        (
+            {
+                "battery": {
+                    "remaining_pct": 89.0,
+                    "least_pct": 89.0,
+                    "charge_state": 2,
+                    "history": (
+                        BatterySample(at_s=NOW_S - 1.0, remaining_pct=90.0, modelled_pct=0.036),
+                        BatterySample(at_s=NOW_S, remaining_pct=90.0, modelled_pct=0.072),
+                        BatterySample(at_s=NOW_S, remaining_pct=89.0, modelled_pct=0.072),
+                    ),
+                    "lowest_pct": 89.0,
+                    "estimate": BatteryEstimate(
+                        remaining_pct=89.9634,
+                        factor=1.00001,
+                        var_remaining=0.0830928,
+                        covariance=-0.000800447,
+                        var_factor=0.0225749,
+                    ),
+                    "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "charge": Charge(consumed_ah=1.5, at_s=NOW_S, modelled_pct=0.072, began_ah=1.5, began_pct=90.0),
+                },
+                "packs": ((0, 89.0),),
+                "volts": {"began_s": NOW_S},
+                "battery_faults": 4,
+            },
+        ),
+    ),
+    (
+        "a battery on the ground",
+        lambda: folded(RESTS, Battery(0, 89.0, 15.0, 20.0, 1.5, 1, 0)),
+        (
+            {
+                "battery": {
+                    "remaining_pct": 89.0,
+                    "least_pct": 89.0,
+                    "history": (
+                        BatterySample(at_s=NOW_S - 1.0, remaining_pct=90.0, modelled_pct=0.036),
+                        BatterySample(at_s=NOW_S, remaining_pct=90.0, modelled_pct=0.072),
+                        BatterySample(at_s=NOW_S, remaining_pct=89.0, modelled_pct=0.072),
+                    ),
+                    "lowest_pct": 89.0,
+                    "estimate": BatteryEstimate(
+                        remaining_pct=89.9634,
+                        factor=1.00001,
+                        var_remaining=0.0830928,
+                        covariance=-0.000800447,
+                        var_factor=0.0225749,
+                    ),
+                    "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                },
+                "packs": ((0, 89.0),),
+                "volts": {"usual_v": None, "drop": 0.0},
+            },
+        ),
+    ),
+    (
+        "a battery without a percentage",
+        lambda: folded(flying(), Battery(0, None, 15.0, None, None, 0, 0)),
+        ({"volts": {"began_s": NOW_S, "known_load": False}},),
+    ),
+    (
+        "a second battery",
+        lambda: folded(flying(packs=((0, 80.0),)), Battery(1, 89.0, 15.0, 20.0, 1.5, 1, 0)),
+        (
+            {
+                "battery": {
+                    "remaining_pct": 80.0,
+                    "least_pct": 80.0,
+                    "history": (
+                        BatterySample(at_s=NOW_S - 1.0, remaining_pct=90.0, modelled_pct=0.036),
+                        BatterySample(at_s=NOW_S, remaining_pct=90.0, modelled_pct=0.072),
+                        BatterySample(at_s=NOW_S, remaining_pct=80.0, modelled_pct=0.072),
+                    ),
+                    "lowest_pct": 80.0,
+                    "estimate": BatteryEstimate(
+                        remaining_pct=80.0,
+                        factor=0.999996,
+                        var_remaining=0.0833333,
+                        covariance=0.0,
+                        var_factor=0.0225749,
+                    ),
+                    "drift": Drift(jumped_s=NOW_S, jumped_pct=10.0),
+                    "slow": Drift(jumped_s=NOW_S, jumped_pct=10.0),
+                },
+                "packs": ((0, 80.0), (1, 89.0)),
+            },
+        ),
+    ),
+    (
+        "a battery that is full again",
+        lambda: [
+            folded(flying(battery=pack(70.0)), Battery(0, percent, None, None, None, 1, 0))[0]["battery"][
+                "remaining_pct"
+            ]
+            for percent in (90.0, 90.1)
+        ],
+        [90.0, 90.1],
+    ),
+    (
+        "a battery that is full again began anew",
+        lambda: [
+            folded(flying(battery=pack(90.0, 70.0)), Battery(0, percent, None, None, None, 1, 0))[0]["battery"].get(
+                "first_pct"
+            )
+            for percent in (90.0, 90.1)
+        ],
+        [None, 90.1],
+    ),
+    (
+        "a battery of PX4's",
+        lambda: folded(
+            flying(battery=BLIND, roundings=Roundings(ceiled=90.0, ceiled_s=NOW_S - 1.0)),
+            Battery(0, 89.0, None, None, None, 1, 0),
+            PX4_CONTEXT,
+        ),
+        (
+            {
+                "battery": {
+                    "remaining_pct": 89.25,
+                    "least_pct": 89.25,
+                    "history": (
+                        BatterySample(at_s=NOW_S - 1.0, remaining_pct=90.0, modelled_pct=0.036),
+                        BatterySample(at_s=NOW_S, remaining_pct=90.0, modelled_pct=0.072),
+                        BatterySample(at_s=NOW_S, remaining_pct=89.25, modelled_pct=0.072),
+                    ),
+                    "lowest_pct": 89.25,
+                    "estimate": BatteryEstimate(
+                        remaining_pct=89.9636,
+                        factor=1.0,
+                        var_remaining=0.0830928,
+                        covariance=-0.000800447,
+                        var_factor=0.0225749,
+                    ),
+                    "drift": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
+                    "slow": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
+                },
+                "packs": ((0, 89.0),),
+                "roundings": {"rounded": 89.0, "rounded_s": NOW_S},
+            },
+        ),
+    ),
+    (
+        "a status of PX4's",
+        lambda: folded(
+            flying(battery=BLIND, packs=((0, 89.0),), roundings=Roundings(rounded=89.0, rounded_s=NOW_S - 1.0)),
+            SystemStatus(90.0, None, 0, None),
+            PX4_CONTEXT,
+        ),
+        (
+            {
+                "battery": {
+                    "remaining_pct": 89.25,
+                    "least_pct": 89.25,
+                    "history": (
+                        BatterySample(at_s=NOW_S - 1.0, remaining_pct=90.0, modelled_pct=0.036),
+                        BatterySample(at_s=NOW_S, remaining_pct=90.0, modelled_pct=0.072),
+                        BatterySample(at_s=NOW_S, remaining_pct=89.25, modelled_pct=0.072),
+                    ),
+                    "lowest_pct": 89.25,
+                    "estimate": BatteryEstimate(
+                        remaining_pct=89.9636,
+                        factor=1.0,
+                        var_remaining=0.0830928,
+                        covariance=-0.000800447,
+                        var_factor=0.0225749,
+                    ),
+                    "drift": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
+                    "slow": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
+                },
+                "roundings": {"ceiled": 90.0, "ceiled_s": NOW_S},
+            },
+        ),
+    ),
+    (
+        "a status of PX4's of several packs",
+        lambda: folded(
+            flying(battery=BLIND, packs=((0, 89.0), (1, 90.0))), SystemStatus(90.0, None, 0, None), PX4_CONTEXT
+        ),
+        ({},),
+    ),
+    (
+        "a status",
+        lambda: [
+            folded(
+                flying(battery=pack(90.0, age_s=age_s), volts=volts(age_s=age_s)), SystemStatus(85.0, 14.0, 32, None)
+            )
+            for age_s in (7.0, 7.1)
+        ],
+        [
+            ({"unhealthy": 32},),
+            (
+                {
+                    "battery": {
+                        "remaining_pct": 85.0,
+                        "least_pct": 85.0,
+                        "reported_s": NOW_S,
+                        "charge_state": 0,
+                        "history": (
+                            BatterySample(at_s=NOW_S - 7.1, remaining_pct=90.0, modelled_pct=0.036),
+                            BatterySample(at_s=NOW_S, remaining_pct=85.0, modelled_pct=0.036),
+                        ),
+                        "lowest_pct": 85.0,
+                        "estimate": BatteryEstimate(
+                            remaining_pct=85.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0225
+                        ),
+                        "began_s": NOW_S,
+                        "drift": Drift(excess_pct=4.574, used_pct=5.0, since_s=NOW_S - 7.1, reports=1, biggest_pct=5.0),
+                        "slow": Drift(excess_pct=5.0, used_pct=5.0, since_s=NOW_S - 7.1, reports=1, biggest_pct=5.0),
+                    },
+                    "volts": {"reported_s": NOW_S, "voltage_v": 14.0, "began_s": NOW_S, "known_load": False},
+                    "unhealthy": 32,
+                },
+            ),
+        ],
+    ),
+    (
+        "a status without a percentage",
+        lambda: folded(flying(battery=pack(90.0, age_s=9.0)), SystemStatus(None, None, 0, None)),
+        ({},),
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,56 @@
+"""Which component speaks for a system of several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from executor.core.hearing import speaker
+from executor.core.hearing.speaker import Speaker
+from executor.core.messages import (
+    Heartbeat,
+)
+from tests.executor.core.steps import rounded
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "who speaks for a system",
+        lambda: [
+            speaker.speaker_after(known, component, Heartbeat(autopilot, 0, False, 4, kind))
+            for known in (Speaker(), Speaker(1, heard=True), Speaker(5), Speaker(5, heard=True))
+            for component, autopilot, kind in ((1, 3, 2), (5, 3, 2), (7, 12, 13), (7, 8, 26), (7, 3, 26), (7, 0, 2))
+        ],
+        [
+            Speaker(heard=True),
+            Speaker(component=5, heard=True),
+            Speaker(component=7, heard=True),
+            Speaker(),
+            Speaker(),
+            Speaker(),
+            Speaker(heard=True),
+            Speaker(heard=True),
+            Speaker(heard=True),
+            Speaker(heard=True),
+            Speaker(heard=True),
+            Speaker(heard=True),
+            Speaker(heard=True),
+            Speaker(component=5, heard=True),
+            Speaker(component=7, heard=True),
+            Speaker(component=5),
+            Speaker(component=5),
+            Speaker(component=5),
+            Speaker(heard=True),
+            Speaker(component=5, heard=True),
+            Speaker(component=5, heard=True),
+            Speaker(component=5, heard=True),
+            Speaker(component=5, heard=True),
+            Speaker(component=5, heard=True),
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,49 @@
+"""Strangers on a link: who is named, and until how many are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from executor.core.hearing import strangers
+from executor.core.messages import (
+    DoubleHeard,
+    StationHeard,
+)
+from tests.executor.core.steps import rounded
+
+STATIONS = frozenset(StationHeard(number, 190) for number in range(1, 8))
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "strangers are named until they are many",
+        lambda: [
+            len(strangers.noted(STATIONS, one))
+            for one in (StationHeard(1, 190), StationHeard(9, 190), DoubleHeard(3, ("a", "b")))
+        ],
+        [7, 8, 8],
+    ),
+    (
+        "the last stranger that is named",
+        lambda: [
+            sorted(strangers.stranger_lines(known, strangers.noted(known, StationHeard(9, 190))))
+            for known in (STATIONS, STATIONS - {StationHeard(1, 190)}, STATIONS | {StationHeard(8, 190)})
+        ],
+        [
+            [("another ground station is on its link, system 9 component 190; further ones are not named")],
+            ["another ground station is on its link, system 9 component 190"],
+            [],
+        ],
+    ),
+    (
+        "two with one number",
+        lambda: list(strangers.stranger_lines(frozenset(), frozenset({DoubleHeard(3, ("a", "b"))}))),
+        ["system 3 speaks from a and b: two vehicles have the same sysid"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,123 @@
+"""What is right for a vehicle that should come home."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from executor.core.homing import homeward
+from executor.core.parts import Cause, Errand
+from tests.executor.builders import with_facts
+from tests.executor.core.steps import HOLD, HOMEWARD, LAND, TAKEN, beat, over_pad, rounded
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
+
+CONTEXT = FLEET.context
+COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=Errand(NOW_S))
+
+
+def advice(**given: Any) -> str:
+    """Return what is to be done, and why."""
+    found = homeward.advice(CONTEXT, with_facts(COMES, **given), NOW_S)
+    return f"{found.answer.value}: {found.words}"
+
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    ("the way home", lambda: advice(waypoint=2), "return: "),
+    (
+        "a pilot's",
+        lambda: [advice(taken=TAKEN), advice(cause=Cause.PERSON), advice(cause=Cause.PERSON, heartbeat=DISARMED)],
+        [
+            "leave: with its pilot, not commanded",
+            "leave: with its pilot, not commanded",
+            "return: ",
+        ],
+    ),
+    (
+        "an order to land",
+        lambda: [advice(errand=Errand(NOW_S, land=True)), advice(errand=Errand(NOW_S, land=True), heartbeat=beat(RTL))],
+        ["land: ", "land: "],
+    ),
+    (
+        "who comes home by itself",
+        lambda: [advice(heartbeat=beat(mode)) for mode in (RTL, LAND, 21, HOLD)],
+        [
+            "leave: returning or landing by itself, not commanded",
+            "leave: returning or landing by itself, not commanded",
+            "leave: returning or landing by itself, not commanded",
+            "return: ",
+        ],
+    ),
+    (
+        "who comes home by itself, and the order is to be forced",
+        lambda: advice(heartbeat=beat(RTL), errand=Errand(NOW_S, force=True)),
+        "return: ",
+    ),
+    (
+        "whose failsafe acts",
+        lambda: [
+            advice(
+                cause=Cause.FAILSAFE,
+                heartbeat=beat(mode),
+                mode_since_s=NOW_S - since_s,
+                errand=Errand(NOW_S, force=force),
+            )
+            for mode, since_s, force in ((4, 0.0, False), (HOLD, 14.9, False), (HOLD, 15.0, False), (HOLD, 14.9, True))
+        ],
+        [
+            "leave: left to its own failsafe",
+            "wait: held by its own failsafe, which is waited for",
+            "return: ",
+            "return: ",
+        ],
+    ),
+    (
+        "where nobody knows it to be",
+        lambda: [
+            advice(fix=fix, errand=Errand(NOW_S - since_s))
+            for fix, since_s in ((None, 1.4), (None, 1.5), (at(age_s=3.0), 0.0), (at(age_s=3.1), 0.0))
+        ],
+        ["wait: ", "return: ", "return: ", "wait: "],
+    ),
+    (
+        "over its pad",
+        lambda: [advice(fix=over_pad(20.0, north_m=-north_m), waypoint=2, heartbeat=beat(4)) for north_m in (6.0, 6.1)],
+        ["land: ", "return: "],
+    ),
+    (
+        "over its pad on its mission",
+        lambda: [
+            advice(fix=fix, waypoint=waypoint, anchor=None)
+            for fix in (over_pad(20.0), over_pad(20.0, climbs_m_s=-0.3), over_pad(20.0, climbs_m_s=-0.4))
+            for waypoint in (1, 4, 5)
+        ],
+        [
+            "land: ",
+            "leave: landing on its pad, not commanded",
+            "leave: landing on its pad, not commanded",
+            "land: ",
+            "leave: landing on its pad, not commanded",
+            "leave: landing on its pad, not commanded",
+            "leave: landing on its pad, not commanded",
+            "leave: landing on its pad, not commanded",
+            "leave: landing on its pad, not commanded",
+        ],
+    ),
+    (
+        "over its pad for longer",
+        lambda: [advice(fix=over_pad(20.0), waypoint=5, anchor=over_pad(20.0, age_s=age_s)) for age_s in (9.9, 10.0)],
+        ["leave: landing on its pad, not commanded", "land: "],
+    ),
+    (
+        "landing on its mission away from its pad",
+        lambda: [advice(waypoint=5, heartbeat=beat(mode)) for mode in (AUTO, 4)],
+        ["leave: landing, not commanded", "return: "],
+    ),
+    ("beyond its mission", lambda: advice(waypoint=6), "return: "),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

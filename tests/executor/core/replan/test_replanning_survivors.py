@@ -1,0 +1,251 @@
+"""What a vehicle can offer to a re-plan, and what it keeps for itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from executor.core.battery import kalman
+from executor.core.battery.account import BatteryState
+from executor.core.battery.kalman import Prior
+from executor.core.commands import Survivor
+from executor.core.context import Context
+from executor.core.parts import Fix
+from executor.core.replan import replanning
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
+from tests.executor.core.steps import (
+    BATTERY_FAULT,
+    CREW,
+    HOLD,
+    LOW,
+    TAKEN,
+    beat,
+    flight_of,
+    landed,
+    offer_of,
+    over_pad,
+    rounded,
+)
+from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
+
+CONTEXT = FLEET.context
+ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3)
+STANDS = landed(stage=Stage.LANDED, fix=LOW)
+ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
+
+
+def offered(one: VehicleState, context: Context = CONTEXT) -> Survivor | None:
+    return replanning.survivor(context, one, NOW_S)
+
+
+def far(seconds: float) -> Fix:
+    """Return where the end of the first inspection is so far away, at its speed."""
+    return replace(at(), place_m=(200.0 - 3.0 * seconds, -5.0))
+
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "who stands on its pad offers all",
+        lambda: offered(STANDS),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    (
+        "who stands there before its start",
+        lambda: offered(replace(STANDS, stage=Stage.GROUND)),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    (
+        "who stands there without a mission",
+        lambda: offered(with_facts(STANDS, board=None)),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    ("who stands there and was not cleared", lambda: offered(STANDS, CREW), None),
+    (
+        "who was cleared a minute ago",
+        lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.0), CREW),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    ("who was cleared longer ago", lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
+    ("who is at fault", lambda: offered(replace(STANDS, fault=BATTERY_FAULT)), None),
+    ("who took no mission", lambda: offered(with_facts(STANDS, stubborn=True)), None),
+    ("who is out of the plan", lambda: offered(with_facts(STANDS, excluded=True)), None),
+    ("who holds by order", lambda: offered(flying(held_s=NOW_S)), None),
+    ("who is silent", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 3.0)), None),
+    ("who was just heard", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 2.9)) is not None, True),
+    ("who was never heard", lambda: offered(with_facts(STANDS, heard_s=None)), None),
+    ("who is stale", lambda: offered(with_facts(STANDS, stale=True)), None),
+    ("who has not reported its battery", lambda: offered(with_facts(STANDS, battery=BatteryState())), None),
+    ("who lies somewhere", lambda: offered(flying(stage=Stage.DOWN)), None),
+    ("who returns", lambda: offered(flying(stage=Stage.RETURNING)), None),
+    ("who has no mission in the air", lambda: offered(flying(board=None)), None),
+    ("who has no position in the air", lambda: offered(flying(fix=None)), None),
+    ("who inspects keeps that", lambda: offered(flying()), replace(ITS_OFFER, budget_pct=72.1886)),
+    (
+        "who is on its way to an inspection keeps that",
+        lambda: offered(ON_ITS_WAY),
+        replace(ITS_OFFER, budget_pct=71.3069),
+    ),
+    (
+        "who climbs keeps its first inspection",
+        lambda: offered(flying(waypoint=0, fix=over_pad(5.0))),
+        replace(ITS_OFFER, budget_pct=70.7416),
+    ),
+    (
+        "who starts keeps its first inspection, whatever its mode",
+        lambda: offered(flying(stage=Stage.STARTING, waypoint=0, fix=over_pad(5.0), heartbeat=beat(4))),
+        replace(ITS_OFFER, budget_pct=70.7416),
+    ),
+    ("who flies in another mode", lambda: offered(flying(heartbeat=beat(HOLD))), None),
+    ("whose mode is old", lambda: offered(flying(heartbeat_s=NOW_S - 3.5)), None),
+    ("whose mode is fresh", lambda: offered(flying(heartbeat_s=NOW_S - 3.4)) is not None, True),
+    ("whose mode is not known", lambda: offered(flying(heartbeat=None)), None),
+    ("whose mode was not heard", lambda: offered(flying(heartbeat_s=None)), None),
+    ("who ends its inspection in time", lambda: offered(flying(fix=far(3.6))), replace(ITS_OFFER, budget_pct=72.8778)),
+    (
+        "who ends its inspection before an upload is over keeps the next one",
+        lambda: offered(flying(fix=far(2.4))),
+        replace(ITS_OFFER, budget_pct=72.9238),
+    ),
+    (
+        "who inspects the last one",
+        lambda: offered(flying(waypoint=3, fix=replace(at(), place_m=(250.0, -5.0)))),
+        Survivor(
+            vehicle="uav1",
+            start_m=(300.0, -5.0),
+            budget_pct=72.3774,
+            consumption=1.12826,
+            airborne=True,
+            tail=(),
+            kept=4,
+        ),
+    ),
+    (
+        "who ends its last inspection in a moment",
+        lambda: offered(flying(waypoint=3, fix=replace(at(), place_m=(299.0, -5.0)))),
+        Survivor(
+            vehicle="uav1",
+            start_m=(300.0, -5.0),
+            budget_pct=73.0029,
+            consumption=1.12826,
+            airborne=True,
+            tail=(),
+            kept=4,
+        ),
+    ),
+    (
+        "who is on its way home far out",
+        lambda: offered(flying(waypoint=4, fix=at())),
+        Survivor(
+            vehicle="uav1",
+            start_m=(261.5, 15.4),
+            budget_pct=73.0157,
+            consumption=1.12826,
+            airborne=True,
+            tail=(),
+            kept=4,
+        ),
+    ),
+    ("who is on its way home and nearly there", lambda: offered(flying(waypoint=4, fix=over_pad(15.0))), None),
+    ("who lands", lambda: offered(flying(waypoint=5, fix=over_pad(5.0))), None),
+    ("who has passed everything", lambda: offered(flying(waypoint=6, fix=over_pad(5.0))), None),
+    (
+        "who has used much of the site's budget",
+        lambda: offered(with_facts(STANDS, battery=pack(100.0, 30.0))),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=12.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    (
+        "whose battery is at its reserve",
+        lambda: offered(with_facts(STANDS, battery=pack(15.0))),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=0.0, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    (
+        "whose battery is over its reserve by a little",
+        lambda: offered(with_facts(STANDS, battery=pack(20.0))),
+        Survivor(
+            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=2.59176, consumption=1.12826, airborne=False, tail=(), kept=0
+        ),
+    ),
+    (
+        "who uses more than the model",
+        lambda: offered(
+            flying(battery=replace(pack(90.0, 90.0), estimate=kalman.first_estimate(90.0, Prior(1.5, 0.1))))
+        ),
+        Survivor(
+            vehicle="uav1",
+            start_m=(200.0, -5.0),
+            budget_pct=71.775,
+            consumption=1.69239,
+            airborne=True,
+            tail=(2,),
+            kept=3,
+        ),
+    ),
+    (
+        "an offer of the ground fits on the ground",
+        lambda: [stage for stage in Stage if replanning.still_fits(flying(stage=stage), offer_of(airborne=False))],
+        [Stage.GROUND, Stage.LANDED],
+    ),
+    (
+        "an offer of the air fits in the air",
+        lambda: [stage for stage in Stage if replanning.still_fits(flying(stage=stage), offer_of())],
+        [Stage.STARTING, Stage.FLYING],
+    ),
+    (
+        "an offer fits until it is flown past",
+        lambda: [
+            waypoint for waypoint in range(6) if replanning.still_fits(flying(waypoint=waypoint), offer_of(kept=3))
+        ],
+        [0, 1, 2, 3],
+    ),
+    (
+        "an offer of who is at fault does not fit",
+        lambda: replanning.still_fits(flying(fault=BATTERY_FAULT), offer_of()),
+        False,
+    ),
+    (
+        "an offer of who is out of the plan does not fit",
+        lambda: replanning.still_fits(flying(excluded=True), offer_of()),
+        False,
+    ),
+    ("an offer of who holds does not fit", lambda: replanning.still_fits(flying(held_s=NOW_S), offer_of()), False),
+    (
+        "segments without names in words",
+        lambda: [replanning.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
+        ["", "segment 3", "segments 1, 3", "segments 0, 2, 5"],
+    ),
+    (
+        "what is nobody's",
+        lambda: [
+            sorted(replanning.orphans(CONTEXT, flight))
+            for flight in (
+                flight_of(),
+                flight_of(flying()),
+                flight_of(flying(waypoint=3), inspected={0: "uav1"}, given_up=frozenset({4})),
+                flight_of(flying(fault=BATTERY_FAULT)),
+                flight_of(flying(stage=Stage.PILOT, taken=TAKEN)),
+                flight_of(flying(stage=Stage.PILOT, taken=replace(TAKEN, given_away=True))),
+            )
+        ],
+        [[0, 1, 2, 3, 4, 5], [2, 3, 4, 5], [2, 3, 5], [0, 1, 2, 3, 4, 5], [2, 3, 4, 5], [0, 1, 2, 3, 4, 5]],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,98 @@
+"""Whether a vehicle fell, sank or rests, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from executor.core import places
+from executor.core.vehicle import Stage
+from tests.executor.core.steps import STILL, beat, landed, over_pad, rounded
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, flying
+
+CONTEXT = FLEET.context
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "who fell",
+        lambda: [
+            places.fell(CONTEXT, landed(**given))
+            for given in (
+                {},
+                {"alarm": ("Kill engaged", NOW_S - 17.0)},
+                {"alarm": ("Kill engaged", NOW_S - 17.1)},
+                {"alarm": ("RC: Motors Emergency Stopped", NOW_S + 13.0)},
+                {"fix": over_pad(5.0)},
+                {"fix": over_pad(5.1)},
+                {"fix": None},
+            )
+        ],
+        [False, True, False, True, False, True, False],
+    ),
+    (
+        "who sank",
+        lambda: [
+            places.sank(landed(fix=over_pad(up_m, climbs_m_s=climbs_m_s)))
+            for up_m, climbs_m_s in ((1.0, -1.2), (1.0, -1.3), (1.1, -0.3), (1.1, -0.4))
+        ],
+        [False, True, False, True],
+    ),
+    (
+        "who rests",
+        lambda: [
+            places.at_rest(
+                flying(
+                    fix=replace(STILL, at_s=NOW_S - age_s, velocity_m_s=(0.0, speed_m_s, 0.0)),
+                    disarmed_s=NOW_S - since_s,
+                ),
+                NOW_S,
+            )
+            for age_s, speed_m_s, since_s in ((1.5, 0.4, 3.0), (1.6, 0.4, 3.0), (1.5, 0.5, 3.0), (1.5, 0.4, 2.9))
+        ],
+        [True, False, False, False],
+    ),
+    (
+        "whose mission is over",
+        lambda: [
+            places.mission_over(CONTEXT, flying(**{"heartbeat": DISARMED, **given}))
+            for given in (
+                {},
+                {"rebooted_s": 5.0, "waypoint": 5},
+                {"away_once": True},
+                {"stage": Stage.RETURNING},
+                {"waypoint": 4},
+                {"waypoint": 5},
+                {"waypoint": 6},
+                {"unseen_until_s": NOW_S},
+                {"unseen_until_s": NOW_S - 1.0},
+                {"heartbeat": beat(RTL, armed=False)},
+                {"heartbeat": None},
+            )
+        ],
+        [False, False, True, True, True, True, True, True, False, True, False],
+    ),
+    (
+        "a place in words",
+        lambda: [
+            places.last_heard(CONTEXT, flying()),
+            places.last_heard(CONTEXT, flying(fix=None)),
+            places.where(CONTEXT, flying(fix=None)),
+            places.place_words(CONTEXT, flying()),
+            places.place_words(CONTEXT, landed()),
+        ],
+        [
+            "last position 49.600138, 15.603617, 20 m over its home",
+            "its position is not known",
+            "an unknown place",
+            "down at 49.600138, 15.603617, armed: keep away",
+            "down at 49.600138, 15.599467, disarmed",
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

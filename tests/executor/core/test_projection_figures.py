@@ -1,0 +1,104 @@
+"""What is left to fly and to spend, in figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from executor.core import projection
+from executor.core.battery.account import BatteryState
+from executor.core.battery.kalman import Projection
+from executor.core.parts import Fix
+from executor.core.vehicle import Stage
+from tests.executor.core.steps import (
+    rounded,
+)
+from tests.executor.core.vehicles import FLEET, at, flying
+
+CONTEXT = FLEET.context
+
+
+def far(seconds: float) -> Fix:
+    """Return where the end of the first inspection is so far away, at its speed."""
+    return replace(at(), place_m=(200.0 - 3.0 * seconds, -5.0))
+
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "the time to the end of a leg",
+        lambda: [projection.time_to_reach_s(flying(waypoint=2, fix=far(10.0)), waypoint) for waypoint in (1, 2, 3)],
+        [0.0, 10.66, 46.1933],
+    ),
+    (
+        "the energy to the end of a leg",
+        lambda: [
+            projection.modelled_to_reach_pct(flying(waypoint=2, fix=far(10.0)), waypoint) for waypoint in (1, 2, 3)
+        ],
+        [0.0, 0.382955, 1.65947],
+    ),
+    (
+        "no leg is longer than it is",
+        lambda: [
+            projection.time_to_reach_s(flying(waypoint=waypoint, fix=at(east_m=9000.0)), waypoint)
+            for waypoint in (0, 1)
+        ],
+        [7.0, 21.6993],
+    ),
+    ("nobody knows where it is on its leg", lambda: projection.time_to_reach_s(flying(fix=None), 2), 35.5333),
+    (
+        "without a mission there is no way to go",
+        lambda: [
+            projection.time_to_reach_s(flying(board=None), 2),
+            projection.modelled_to_reach_pct(flying(board=None), 2),
+            projection.to_finish_pct(flying(board=None)),
+        ],
+        [0.0, 0.0, 0.0],
+    ),
+    (
+        "the energy to finish",
+        lambda: [projection.to_finish_pct(flying()), projection.to_finish_pct(flying(waypoint=5))],
+        [4.22104, 0.553235],
+    ),
+    (
+        "the energy to return",
+        lambda: [
+            projection.modelled_to_return_pct(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
+            projection.modelled_to_return_pct(CONTEXT, flying(fix=None), CONTEXT.vehicles["uav1"]),
+        ],
+        [2.03801, None],
+    ),
+    (
+        "what is left at the landing",
+        lambda: projection.at_landing(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
+        Projection(mean_pct=85.7434, sd_pct=1.68125),
+    ),
+    (
+        "what is left at the landing of who returns",
+        lambda: projection.at_landing(CONTEXT, flying(stage=Stage.RETURNING), CONTEXT.vehicles["uav1"]),
+        Projection(mean_pct=87.9264, sd_pct=1.57193),
+    ),
+    (
+        "what is left at the landing is not known without a place",
+        lambda: [
+            projection.at_landing(CONTEXT, flying(stage=Stage.RETURNING, fix=None), CONTEXT.vehicles["uav1"]),
+            projection.at_landing(CONTEXT, flying(battery=BatteryState()), CONTEXT.vehicles["uav1"]),
+        ],
+        [None, None],
+    ),
+    (
+        "how likely the reserve is broken",
+        lambda: [
+            projection.landing_chance_below(CONTEXT, flying(**given), CONTEXT.vehicles["uav1"], floor_pct)
+            for given in ({}, {"board": None}, {"battery": BatteryState()}, {"stage": Stage.RETURNING})
+            for floor_pct in (60.0, 83.0, 86.0)
+        ],
+        [0.0, 0.0513676, 0.560665, 0.0, 0.000862301, 0.110196, None, None, None, 0.0, 0.000862301, 0.110196],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

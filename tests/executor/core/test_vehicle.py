@@ -1,0 +1,102 @@
+"""What is taken to be so of a vehicle before anything was heard."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from executor.core.battery.account import BatteryState
+from executor.core.battery.roundings import Roundings
+from executor.core.battery.voltage import VoltageState
+from executor.core.carried import Carried
+from executor.core.link_quality import LinkQuality
+from executor.core.parts import Cause, TextFlow
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import flat
+from tests.executor.core.steps import rounded
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "a vehicle",
+        lambda: flat(VehicleState("uav1")),
+        {
+            "name": "uav1",
+            "stage": Stage.GROUND,
+            "heard_s": None,
+            "spoke_s": None,
+            "heartbeat": None,
+            "mode_since_s": 0.0,
+            "ordered_mode_s": -math.inf,
+            "armed_once": False,
+            "disarmed_s": -math.inf,
+            "fix": None,
+            "anchor": None,
+            "on_ground": None,
+            "battery": BatteryState(),
+            "packs": (),
+            "roundings": Roundings(),
+            "board": None,
+            "waypoint": 0,
+            "run": None,
+            "run_visit": None,
+            "runs_broken": (),
+            "watches": (),
+            "stale": False,
+            "fault": None,
+            "pending": None,
+            "stubborn": False,
+            "failures": 0,
+            "texts": TextFlow(),
+            "took_off": False,
+            "alarm": ("", -math.inf),
+            "heartbeat_s": None,
+            "quality": LinkQuality(),
+            "volts": VoltageState(),
+            "battery_faults": 0,
+            "unhealthy": 0,
+            "item": None,
+            "item_s": None,
+            "streams_asked_s": -math.inf,
+            "excused_s": -math.inf,
+            "flew_mission": False,
+            "jump": (0.0, -math.inf),
+            "strangers": frozenset(),
+            "before": None,
+            "held_s": None,
+            "hold_asked_s": -math.inf,
+            "excluded": False,
+            "lands": False,
+            "began_pct": None,
+            "gps": None,
+            "wind": None,
+            "attitude": None,
+            "tilted_since_s": None,
+            "fence_breached": False,
+            "ordered_modes": frozenset(),
+            "cause": Cause.OURS,
+            "certain": False,
+            "regained_s": None,
+            "unseen_until_s": None,
+            "unseen_from_boot_s": None,
+            "beat_boot_s": None,
+            "taken": None,
+            "errand": None,
+            "cleared_s": None,
+            "rebooted_s": None,
+            "away_once": False,
+            "place_told": False,
+            "left_s": None,
+            "falls_s": -math.inf,
+            "doubted": None,
+            "carried": Carried(),
+            "owed": None,
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

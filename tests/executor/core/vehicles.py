@@ -1,0 +1,77 @@
+"""A vehicle of a fleet at one moment, made by hand: on its mission, and well, unless it is said otherwise."""
+
+from __future__ import annotations
+
+from executor.core.battery import account
+from executor.core.battery.account import BatteryState
+from executor.core.battery.voltage import VoltageState
+from executor.core.messages import Heartbeat
+from executor.core.parts import Fix, OnBoard
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import fleet_of, vehicle
+
+FLEET = fleet_of()
+CONTEXT, SETUP = FLEET.context, FLEET.context.vehicles["uav1"]
+LIMITS = CONTEXT.limits
+NOW_S = 1000.0
+AUTO, RTL = 3, 6
+PAD_E, PAD_N = SETUP.pad_m
+
+
+def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> Fix:
+    heard_s = NOW_S - age_s
+    return Fix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
+
+
+def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_state: int = 1) -> BatteryState:
+    """Return a battery with these reports, the last one `age_s` ago; the model expects hardly anything."""
+    state = BatteryState()
+    for index, percent in enumerate(percents):
+        reported_s = NOW_S - age_s - (len(percents) - 1 - index) * apart_s
+        state = account.with_remaining(account.drawn(state, 0.036 * apart_s), percent, charge_state, reported_s)
+    return state
+
+
+def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **changes: object) -> VoltageState:
+    """Return a pack of four cells whose current is known."""
+    drop = 1.0 - voltage_v / usual_v
+    told: dict[str, object] = {
+        "reported_s": NOW_S - age_s,
+        "voltage_v": voltage_v,
+        "highest_v": 16.8,
+        "usual_v": usual_v,
+        "known_load": True,
+        "drop": drop,
+        "dropped_s": NOW_S - age_s if drop > LIMITS.voltage_step / 2 else None,
+    }
+    return VoltageState(**(told | changes))  # type: ignore[arg-type]
+
+
+def flying(**changes: object) -> VehicleState:
+    """Return a vehicle in the midst of its mission, with nothing wrong."""
+    healthy: dict[str, object] = {
+        "stage": Stage.FLYING,
+        "heard_s": NOW_S,
+        "heartbeat": Heartbeat(3, AUTO, True, 4),
+        "heartbeat_s": NOW_S,
+        "item_s": NOW_S,
+        "armed_once": True,
+        "took_off": True,
+        "fix": at(),
+        "anchor": at(),
+        "battery": pack(90.0, 90.0),
+        "volts": volts(),
+        "waypoint": 2,
+    }
+    return vehicle(FLEET, "uav1", **(healthy | changes))
+
+
+def mission() -> OnBoard:
+    """Return what it carries."""
+    board = flying().assignment.board
+    assert board is not None
+    return board
+
+
+DISARMED = Heartbeat(3, AUTO, False, 3)
+LOW_TEXT = ("Battery Failsafe", NOW_S)

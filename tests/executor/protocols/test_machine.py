@@ -1,0 +1,59 @@
+"""What every dialogue is before it begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import pytest
+
+from executor.protocols import orders, upload
+from executor.protocols.command import CommandDialogue
+from executor.protocols.download import DownloadDialogue
+from executor.protocols.params import Parameter
+from missions import ARDUPILOT, encode
+from tests.executor.core.steps import rounded
+from tests.executor.core.vehicles import flying
+
+BOARD = flying().assignment.board
+assert BOARD is not None
+ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
+UPLOAD = upload.UploadDialogue(ITEMS, 8.0, frozenset({13}))
+ARM = orders.arm()
+COMMAND = CommandDialogue(ARM, "arm")
+
+
+def told(machine: object) -> dict[str, object]:
+    return {one.name: getattr(machine, one.name) for one in fields(machine)}  # type: ignore[arg-type]
+
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "dialogues before they begin",
+        lambda: [told(one) for one in (replace(UPLOAD, items=()), DownloadDialogue(), COMMAND, Parameter("RTL_ALT"))],
+        [
+            {
+                "items": (),
+                "silence_s": 8.0,
+                "warnings": frozenset({13}),
+                "outcome": None,
+                "deadline_s": 0.0,
+                "counts_sent": 0,
+                "furthest": -1,
+                "answered": -1,
+                "answered_s": -math.inf,
+                "heard_s": 0.0,
+                "refusal": None,
+            },
+            {"outcome": None, "deadline_s": 0.0, "count": None, "items": (), "tries": 0, "refusal": None},
+            {"command": ARM, "what": "arm", "outcome": None, "deadline_s": 0.0, "tries": 0, "refusal": ""},
+            {"name": "RTL_ALT", "wanted": None, "outcome": None, "deadline_s": 0.0, "tries": 0, "value": None},
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

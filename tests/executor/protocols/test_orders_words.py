@@ -1,0 +1,73 @@
+"""Every order, and every message that is asked for, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from executor.core.messages import (
+    SendCommand,
+)
+from executor.protocols import orders
+from missions import ARDUPILOT, PX4
+from tests.executor.core.steps import rounded
+
+ARM = orders.arm()
+
+ROWS: list[tuple[str, Callable[[], object], object]] = [
+    (
+        "the orders",
+        lambda: [
+            orders.arm(),
+            orders.disarm(force=False),
+            orders.disarm(force=True),
+            orders.start_mission(),
+            orders.change_speed(4.5),
+            orders.message_interval(33, 4.0),
+            orders.request_message(148),
+            orders.run_prearm_checks(),
+            orders.send_banner(),
+            orders.set_mode(ARDUPILOT.modes.hold),
+            orders.set_mode(PX4.modes.land),
+            orders._command(1, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
+        ],
+        [
+            ARM,
+            SendCommand(command=400),
+            SendCommand(command=400, params=(0.0, 21196.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            SendCommand(command=300),
+            SendCommand(command=178, params=(1.0, 4.5, -1.0, 0.0, 0.0, 0.0, 0.0)),
+            SendCommand(command=511, params=(33.0, 250000.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            SendCommand(command=512, params=(148.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            SendCommand(command=401),
+            SendCommand(command=42428),
+            SendCommand(command=176, params=(1.0, 17.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            SendCommand(command=176, params=(1.0, 4.0, 6.0, 0.0, 0.0, 0.0, 0.0)),
+            SendCommand(command=1, params=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)),
+        ],
+    ),
+    (
+        "the messages that are asked for",
+        lambda: [
+            orders.GPS_RAW_INT,
+            orders.ATTITUDE,
+            orders.HEARTBEAT,
+            orders.GLOBAL_POSITION_INT,
+            orders.SYS_STATUS,
+            orders.MISSION_CURRENT,
+            orders.BATTERY_STATUS,
+            orders.AUTOPILOT_VERSION,
+            orders.FENCE_STATUS,
+            orders.WIND,
+            orders.WIND_COV,
+            orders.EXTENDED_SYS_STATE,
+        ],
+        [24, 30, 0, 33, 1, 42, 147, 148, 162, 168, 231, 245],
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
+def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
+    assert rounded(found()) == expected

@@ -1,0 +1,78 @@
+"""When an upload asks again, how often, and when it gives up: second by second."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.messages import (
+    MissionAck,
+    MissionRequest,
+    SendMissionItem,
+)
+from executor.protocols.machine import Accepted, Rejected, TimedOut
+from executor.protocols.upload import UploadDialogue
+from missions import MissionItem
+from tests.executor.protocols.silences import unanswered
+
+ITEMS = tuple(MissionItem(seq, 3, 16, x=seq) for seq in range(3))
+SILENCE_S = 5.0
+
+
+def uploading() -> UploadDialogue:
+    return UploadDialogue(ITEMS, SILENCE_S, frozenset({13}))
+
+
+def test_a_mission_is_announced_five_times() -> None:
+    spoken_s, ended = unanswered(uploading())
+    assert spoken_s == [100.0, 101.5, 103.0, 104.5, 106.0]
+    assert ended.outcome == TimedOut("the vehicle did not ask for the first item")
+
+
+def test_a_request_that_is_repeated_at_once_crossed_our_answer() -> None:
+    state, _ = uploading().begin(100.0)
+    state, sent = state.on_message(MissionRequest(0), 100.5)
+    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 101.5)
+    assert state.on_message(MissionRequest(0), 100.59)[1] == ()
+    assert state.on_message(MissionRequest(0), 100.61)[1] == (SendMissionItem(ITEMS[0]),)
+    assert state.on_message(MissionRequest(1), 100.51)[1] == (SendMissionItem(ITEMS[1]),)
+    assert state.on_message(MissionRequest(3), 100.51) == (state, ())
+    assert state.on_message(MissionRequest(-1), 100.51) == (state, ())
+
+
+@pytest.mark.parametrize(("asked", "repeats"), [(0, False), (1, False), (2, True)])
+def test_only_the_last_item_is_repeated_until_the_silence_is_too_long(asked: int, *, repeats: bool) -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(asked), 100.0)
+    for second in range(1, 5):
+        state, sent = state.on_deadline(100.0 + second)
+        assert sent == ((SendMissionItem(ITEMS[2]),) if repeats else ())
+        assert state.deadline_s == 101.0 + second
+    state, _ = state.on_deadline(105.0)
+    assert state.outcome == TimedOut(f"no answer after item {asked} of 3")
+
+
+def test_a_vehicle_that_waits_less_than_a_second_is_given_up_sooner() -> None:
+    state, _ = UploadDialogue(ITEMS, 0.4, frozenset()).begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.0)
+    assert state.deadline_s == 100.4
+    assert state.on_deadline(100.4)[0].outcome is not None
+
+
+def test_which_acknowledgement_ends_an_upload() -> None:
+    begun, _ = uploading().begin(100.0)
+    assert begun.on_message(MissionAck(0), 100.1)[0].outcome is None, "nothing was asked for yet"
+    assert begun.on_message(MissionAck(15), 100.1)[0].outcome is None, "of an earlier transfer"
+    first, _ = begun.on_message(MissionRequest(0), 100.2)
+    assert first.on_message(MissionAck(0), 100.3)[0].outcome is None
+    assert first.on_message(MissionAck(13), 100.3)[0].outcome is None, "this autopilot goes on after it"
+    assert first.on_message(MissionAck(15), 100.3)[0].outcome == Rejected("mission refused: cancelled by the vehicle")
+    assert first.on_message(MissionAck(4), 100.3)[0].outcome == Rejected("mission refused: no space")
+    doubted, _ = first.on_message(MissionAck(1), 100.3)
+    assert doubted.outcome is None
+    assert doubted.on_deadline(105.2)[0].outcome == Rejected("mission refused: error, or busy with another transfer")
+    assert doubted.on_message(MissionRequest(1), 100.4)[0].on_deadline(105.4)[0].outcome == TimedOut(
+        "no answer after item 1 of 3"
+    )
+    last, _ = first.on_message(MissionRequest(2), 100.4)
+    assert last.on_message(MissionAck(0), 100.5)[0].outcome == Accepted()
+    assert last.on_message(MissionAck(1), 100.5)[0].outcome is not None

@@ -1,0 +1,293 @@
+"""A module's tests are found by its name: beside it in the mirrored folder, or in the list that says where they are."""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+from tests.test_architecture import PACKAGES, ROOT, modules
+
+SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "tests/e2e/test_fleet.py": (
+        "executor/flight/flight_order.py",
+        "executor/flight/fly.py",
+        "executor/flight/linking.py",
+        "executor/flight/preparing.py",
+        "executor/flight/recorder.py",
+        "executor/simulated/injected.py",
+    ),
+    "tests/e2e/test_given_back.py": (
+        "executor/cli/restore.py",
+        "executor/flight/restore.py",
+    ),
+    "tests/e2e/test_told_to_end.py": ("executor/flight/leaving.py",),
+    "tests/executor/adapters/logs/test_damaged_logs.py": (
+        "executor/adapters/logs/dataflash.py",
+        "executor/adapters/logs/ulog.py",
+    ),
+    "tests/executor/adapters/mavlink/test_codec.py": (
+        "executor/adapters/mavlink/integers.py",
+        "executor/adapters/mavlink/texts.py",
+    ),
+    "tests/executor/adapters/mavsdk/test_link.py": ("executor/adapters/mavsdk/library.py",),
+    "tests/executor/adapters/mqtt/test_client.py": (
+        "executor/adapters/mqtt/broker.py",
+        "executor/adapters/mqtt/outbox.py",
+    ),
+    "tests/executor/adapters/web/test_server.py": (
+        "executor/adapters/web/guard.py",
+        "executor/adapters/web/present.py",
+        "executor/adapters/web/stream.py",
+    ),
+    "tests/executor/analysis/pictures/test_pictures.py": (
+        "executor/analysis/pictures/battery.py",
+        "executor/analysis/pictures/front.py",
+        "executor/analysis/pictures/maps.py",
+        "executor/analysis/pictures/placing.py",
+        "executor/analysis/pictures/sheet.py",
+        "executor/analysis/pictures/style.py",
+        "executor/analysis/pictures/window.py",
+    ),
+    "tests/executor/analysis/test_report.py": ("executor/analysis/documents.py",),
+    "tests/executor/bench/table/test_cells.py": (
+        "executor/bench/machine.py",
+        "executor/bench/markdown.py",
+        "executor/bench/table/report.py",
+        "executor/bench/table/settings.py",
+    ),
+    "tests/executor/bench/table/test_make.py": (
+        "executor/bench/table/command.py",
+        "executor/bench/table/picture.py",
+        "executor/bench/table/tasks.py",
+    ),
+    "tests/executor/bench/test_detection.py": (
+        "executor/bench/detectionpage.py",
+        "executor/bench/flightmodel.py",
+    ),
+    "tests/executor/bench/test_fleet.py": (
+        "executor/adapters/mavlink/bare.py",
+        "executor/bench/browser.py",
+        "executor/bench/fleetsite.py",
+        "executor/bench/garbage.py",
+    ),
+    "tests/executor/bench/test_parts.py": (
+        "executor/bench/all_parts.py",
+        "executor/bench/parts/csum.py",
+        "executor/bench/parts/exact.py",
+        "executor/bench/parts/mtsp.py",
+        "executor/bench/parts/replan.py",
+        "executor/bench/parts/scale.py",
+        "executor/bench/parts/setting.py",
+        "executor/bench/parts/start.py",
+        "executor/bench/peer.py",
+        "executor/bench/progress.py",
+    ),
+    "tests/executor/bench/test_single.py": (
+        "executor/bench/data.py",
+        "executor/bench/problems.py",
+        "executor/bench/solvers.py",
+    ),
+    "tests/executor/bench/test_upload.py": (
+        "executor/adapters/mavsdk/upload.py",
+        "executor/cli/bench.py",
+    ),
+    "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
+    "tests/executor/cli/test_main.py": (
+        "executor/cli/flights.py",
+        "executor/cli/options.py",
+        "executor/cli/planning.py",
+        "executor/cli/plans.py",
+    ),
+    "tests/executor/core/hearing/test_fold.py": ("executor/core/hearing/charge.py",),
+    "tests/executor/core/operator/test_handling_out_of_the_plan.py": ("executor/core/roster/withdraw.py",),
+    "tests/executor/core/replan/test_what_if.py": ("executor/runtime/outlook.py",),
+    "tests/executor/core/test_fleet.py": ("executor/core/custody/reading.py",),
+    "tests/executor/core/test_fleet_disarmed.py": ("executor/core/homing/landing.py",),
+    "tests/executor/core/test_fleet_heard.py": ("executor/core/separation.py",),
+    "tests/executor/core/test_parts.py": (
+        "executor/core/ports.py",
+        "executor/core/recording.py",
+    ),
+    "tests/executor/core/test_places.py": ("executor/core/messages.py",),
+    "tests/executor/flight/test_checkpoints.py": ("executor/flight/checkpointing.py",),
+    "tests/executor/flight/test_parameter_changes.py": (
+        "executor/flight/changed_parameters.py",
+        "executor/runtime/parameters.py",
+    ),
+    "tests/executor/flight/test_resume.py": (
+        "executor/adapters/clock.py",
+        "executor/adapters/run_directory.py",
+        "executor/flight/run_start.py",
+    ),
+    "tests/executor/replay/test_logs.py": (
+        "executor/cli/replay.py",
+        "executor/replay/page.py",
+        "executor/replay/pictures.py",
+    ),
+    "tests/executor/replay/test_logs_of_real_flights.py": (
+        "executor/replay/ground_truth.py",
+        "executor/replay/open_log.py",
+    ),
+    "tests/executor/replay/test_tuning.py": (
+        "executor/replay/baseline_detector.py",
+        "executor/replay/pictures_tuning.py",
+    ),
+    "tests/executor/runtime/test_flight.py": ("executor/runtime/reunion.py",),
+    "tests/executor/runtime/test_preflight.py": ("executor/runtime/streams.py",),
+    "tests/executor/simulated/test_demo_site.py": ("executor/simulated/fleet.py",),
+    "tests/executor/simulator/test_ardupilot.py": ("executor/simulator/mission_ardupilot.py",),
+    "tests/executor/simulator/test_physics.py": ("executor/simulator/guidance.py",),
+    "tests/executor/simulator/test_px4.py": (
+        "executor/simulator/mission_px4.py",
+        "executor/simulator/modes_px4.py",
+    ),
+    "tests/executor/simulator/test_vehicle.py": (
+        "executor/simulator/airframe.py",
+        "executor/simulator/messages.py",
+        "executor/simulator/mission_store.py",
+        "executor/simulator/route.py",
+        "executor/simulator/telemetry.py",
+        "executor/simulator/voice.py",
+    ),
+    "tests/executor/simulator/test_wire.py": ("executor/simulator/streams.py",),
+    "tests/executor/site/test_heights.py": (
+        "executor/core/preflight/heights.py",
+        "executor/site/assembly.py",
+    ),
+    "tests/executor/site/test_planning_asked.py": (
+        "executor/flight/checklist.py",
+        "executor/flight/examination.py",
+        "executor/site/plan_words.py",
+    ),
+    "tests/executor/site/test_risk.py": (
+        "executor/analysis/pictures/risk.py",
+        "executor/cli/risk.py",
+    ),
+    "tests/missions/autopilots/test_dialect.py": ("missions/autopilots/registry.py",),
+    "tests/missions/test_encode.py": (
+        "missions/autopilots/ardupilot.py",
+        "missions/autopilots/px4.py",
+    ),
+    "tests/missions/test_planfile.py": (
+        "missions/files.py",
+        "missions/planjson.py",
+    ),
+    "tests/missions/test_routes.py": ("missions/setup.py",),
+    "tests/planner/test_exact.py": ("planner/partition.py",),
+    "tests/planner/test_grasp.py": ("planner/kernels/grasp.py",),
+    "tests/planner/test_large.py": (
+        "planner/parts.py",
+        "planner/synthetic.py",
+    ),
+    "tests/planner/test_risk.py": ("planner/aftermath.py",),
+    "tests/planner/test_robust.py": (
+        "planner/kernels/change.py",
+        "planner/kernels/robust.py",
+    ),
+    "tests/planner/test_search.py": (
+        "planner/construct.py",
+        "planner/cost.py",
+        "planner/kernels/ruin.py",
+        "planner/model.py",
+        "planner/result.py",
+        "planner/solve.py",
+        "planner/starts.py",
+    ),
+    "tests/planner/test_window.py": (
+        "planner/kernels/loss.py",
+        "planner/kernels/repair.py",
+        "planner/kernels/window.py",
+        "planner/losses.py",
+    ),
+    "tests/properties/test_geometry.py": ("missions/geometry.py",),
+    "tests/properties/test_planner_bounds.py": (
+        "planner/bounds.py",
+        "planner/kernels/bounds.py",
+    ),
+    "tests/properties/test_planner_kernels.py": (
+        "planner/kernels/anneal.py",
+        "planner/kernels/chance.py",
+        "planner/kernels/compiled.py",
+        "planner/kernels/insertion.py",
+        "planner/kernels/tours.py",
+    ),
+    "tests/properties/test_planner_subsets.py": (
+        "planner/kernels/subsets.py",
+        "planner/subsets.py",
+    ),
+    "tests/test_docs.py": (
+        "executor/cli/reference.py",
+        "executor/cli/states_page.py",
+    ),
+    "tests/test_extras.py": ("executor/adapters/extras.py",),
+}
+"""By a test file, the modules that it shows beside what it is called after."""
+
+
+def does(path: Path) -> bool:
+    """Tell whether a module does anything: what only defines data and constants is shown by who uses it."""
+    return any(isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) for node in ast.walk(parsed(path)))
+
+
+def own(module: str) -> list[Path]:
+    """Return the test files that are called after a module."""
+    path = ROOT / "tests" / module
+    return [*path.parent.glob(f"test_{path.stem}.py"), *path.parent.glob(f"test_{path.stem}_*.py")]
+
+
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def imported(path: Path) -> frozenset[Path]:
+    """Return the files of ours that a file imports, at its top or later."""
+    names: set[str] = set()
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    places = [ROOT.joinpath(*name.split(".")) for name in names]
+    files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
+    found = frozenset(file for file in files if file.is_file())
+    # The flights' tests start the program itself.
+    return found | {ROOT / "executor" / "__main__.py"} if path.parent == ROOT / "tests" / "e2e" else found
+
+
+@cache
+def reached(path: Path) -> frozenset[Path]:
+    """Return the files that a file imports, directly or through what it imports."""
+    found: set[Path] = set()
+    waiting = [path]
+    while waiting:
+        new = imported(waiting.pop()) - found
+        found |= new
+        waiting += new
+    return frozenset(found)
+
+
+ALL = {str(path.relative_to(ROOT)) for path in modules(*PACKAGES) if path.name not in ("__init__.py", "__main__.py")}
+LISTED = [(test, module) for test, listed in SHOWN_ELSEWHERE.items() for module in listed]
+
+
+def test_every_module_that_does_something_has_its_tests_or_says_where_they_are() -> None:
+    listed = {module for _, module in LISTED}
+    assert {module for module in ALL - listed if does(ROOT / module) and not own(module)} == set()
+
+
+def test_what_is_listed_is_there_once_and_does_something() -> None:
+    names = [module for _, module in LISTED]
+    assert [module for module in names if names.count(module) > 1 or module not in ALL] == []
+    assert [module for module in names if not does(ROOT / module)] == []
+    assert [test for test in SHOWN_ELSEWHERE if not (ROOT / test).is_file()] == []
+
+
+def test_nothing_is_listed_that_has_tests_of_its_own_name() -> None:
+    assert [module for _, module in LISTED if own(module)] == []
+
+
+def test_whoever_shows_a_module_uses_it() -> None:
+    assert [(test, module) for test, module in LISTED if ROOT / module not in reached(ROOT / test)] == []
