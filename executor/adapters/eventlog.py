@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from executor.adapters.logend import LogPlace, digest_of, ends, is_time, whole_bytes
 from executor.core import events, intents, messages
@@ -46,11 +46,20 @@ _KINDS: dict[str, type] = {
     if isinstance(item, type) and dataclasses.is_dataclass(item)
 }
 
-_ENUMS: dict[str, dict[str, type[Enum]]] = {
-    name: {key: hint for key, hint in get_type_hints(kind).items() if isinstance(hint, type) and issubclass(hint, Enum)}
+
+def _enum_of(hint: object) -> Callable[[Any], Enum | None] | None:
+    """Return what reads a field of such a type, if it holds a member of an enum, or may hold one."""
+    kind = next((one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)), None)
+    if kind is None or kind is hint:
+        return kind
+    return lambda value: None if value is None else kind(value)
+
+
+_ENUMS = {
+    name: {key: read for key, hint in get_type_hints(kind).items() if (read := _enum_of(hint)) is not None}
     for name, kind in _KINDS.items()
 }
-"""Fields that hold a member of an enum, which stands in the log by its value."""
+"""How fields are read that hold a member of an enum, which stands in the log by its value."""
 
 
 _FIELDS: dict[type, tuple[str, ...] | None] = {}
@@ -87,8 +96,9 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
     if isinstance(value, dict):
         fields = {key: from_plain(item) for key, item in value.items() if key != "kind"}
         try:
-            for key, enum in _ENUMS[value["kind"]].items():
-                fields[key] = enum(fields[key])
+            for key, read in _ENUMS[value["kind"]].items():
+                if key in fields:  # an older log may lack it
+                    fields[key] = read(fields[key])
             return _KINDS[value["kind"]](**fields)
         except (KeyError, TypeError, ValueError) as error:
             raise LogError(f"unknown event {value.get('kind')!r}: {error}") from error

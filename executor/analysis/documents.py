@@ -11,8 +11,9 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executor.adapters.run_directory import RunDirectory, write_json
+from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Severity
-from executor.core.vehicle import FaultKind
+from executor.core.vehicle import FaultCode, FaultKind
 from executor.errors import LogError
 from missions import first_reason
 
@@ -62,6 +63,8 @@ class FaultRow(Document):
 
     vehicle: str
     kind: FaultKind
+    code: FaultCode | None = None
+    """None in what was written before there were codes."""
     reason: str
     happened_s: Number | None
     """Where a simulator knows it."""
@@ -127,6 +130,8 @@ class CheckRow(Document):
     """A line of the checklist before the take-off."""
 
     severity: Severity
+    code: CheckCode | None = None
+    """None in what was written before there were codes."""
     subject: str
     """A vehicle, or what else it is about."""
     text: str

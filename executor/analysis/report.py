@@ -97,7 +97,7 @@ def _pad(context: Context, name: str) -> PadPart:
 
 def checked(check: Check) -> CheckRow:
     """Return a line of the checklist as a document has it."""
-    return CheckRow(severity=check.severity, subject=check.subject, text=check.text)
+    return CheckRow(severity=check.severity, code=check.code, subject=check.subject, text=check.text)
 
 
 def _firmware(facts: Facts | None) -> dict[str, str | None]:
@@ -211,6 +211,7 @@ def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening])
     return FaultRow(
         vehicle=name,
         kind=fault.kind,
+        code=fault.code,
         reason=fault.reason,
         happened_s=round(max(before) - began_s, 2) if before else None,
         detected_s=round(fault.detected_s - began_s, 2),

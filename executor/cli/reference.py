@@ -6,6 +6,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -16,12 +17,26 @@ from pydantic_core import PydanticUndefined
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli.commandline import cli
 from executor.cli.schemas import docstrings, schemas
+from executor.core.check_codes import CheckCode
+from executor.core.endings import Ending
+from executor.core.intents import IntentReason
+from executor.core.vehicle import FaultCode
 from executor.site import config
 
 COMMANDS = "reference/command-line.md"
 SITE_FILE = "reference/site-file.md"
+REASONS = "reference/reason-codes.md"
+DOMAINS: tuple[tuple[str, type[StrEnum]], ...] = (
+    ("Faults", FaultCode),
+    ("Intents", IntentReason),
+    ("Answers of a vehicle", Ending),
+    ("Messages from the broker", IntakeReason),
+    ("The checklist", CheckCode),
+)
+"""Each domain of codes, by its heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
 UNITS = (
     ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"), ("_m2", "m²"),
@@ -32,7 +47,7 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page, and each schema, by its place below `docs`."""
-    return {COMMANDS: commands_page(), SITE_FILE: site_page(), **schemas()}
+    return {COMMANDS: commands_page(), SITE_FILE: site_page(), REASONS: reasons_page(), **schemas()}
 
 
 def write_pages(folder: Path) -> None:
@@ -128,6 +143,33 @@ def site_page() -> str:
             if (model.__name__, name) not in words:
                 raise LookupError(f"{model.__name__}.{name}: expected a docstring below it, for {SITE_FILE}")
             lines.append(_key(name, field, words[model.__name__, name]))
+    return "\n".join(lines) + "\n"
+
+
+def reasons_page() -> str:
+    """Return the page of the reason codes: each domain, and each code with its meaning."""
+    lines = [
+        MADE.format(what="enums of reasons"),
+        "",
+        "# Reason codes",
+        "",
+        "Beside a sentence for people stands a `code` for programs: in MQTT messages, in the answer to",
+        "`POST /intents`, on the page's stream and in `report.json`. Sentences may be worded anew at any time, codes",
+        "keep their meaning.",
+    ]
+    for heading, kind in DOMAINS:
+        lines += [
+            "",
+            f"## {heading}",
+            "",
+            inspect.cleandoc(kind.__doc__ or ""),
+            "",
+            "| code | meaning |",
+            "| --- | --- |",
+        ]
+        known = docstrings(sys.modules[kind.__module__])
+        words = {key: text for name, key, text in known if name == kind.__name__}
+        lines += [f"| `{one.value}` | {_cell(words[one.name])} |" for one in kind]
     return "\n".join(lines) + "\n"
 
 

@@ -66,7 +66,6 @@ def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
         if not isinstance(node, ast.ClassDef):
             continue
         for field, below in zip(node.body, node.body[1:], strict=False):
-            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-                continue
-            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, field.target.id, " ".join(str(below.value.value).split())
+            key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
+            if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                yield node.name, key.id, " ".join(str(below.value.value).split())

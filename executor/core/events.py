@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from executor.core.endings import Ending
 from executor.core.intents import Action, Intent
 from executor.core.messages import FlightMessage
 
@@ -39,6 +40,8 @@ class UploadEnded:
     mixed: bool
     """Whether a part of the new mission may be on board (ArduPilot replaces items one by one)."""
     reason: str
+    code: Ending | None = None
+    """Why it was not accepted; None where it was, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,8 @@ class StartEnded:
     reason: str
     armed: bool = False
     """Whether the vehicle had acknowledged that it arms."""
+    code: Ending | None = None
+    """Why it was not accepted; None where it was, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,8 @@ class ReturnEnded:
     """Whether nothing came back: the order, or its answer, got lost."""
     refused: bool = False
     """Whether the vehicle said no."""
+    code: Ending | None = None
+    """Why it was not accepted; None where it was, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +181,8 @@ class OrderEnded:
     """Whether nothing came back: the order, or its answer, got lost."""
     refused: bool = False
     """Whether the vehicle said no."""
+    code: Ending | None = None
+    """Why it was not accepted; None where it was, and in a log from before there were codes."""
 
 
 @dataclass(frozen=True, slots=True)

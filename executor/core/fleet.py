@@ -60,7 +60,7 @@ from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
 from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
-from executor.core.vehicle import Cause, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.vehicle import Cause, Fault, FaultCode, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
 from executor.core.words import count_of
 from missions import StartStep
 from planner import segment_of
@@ -130,7 +130,8 @@ def _found(context: Context, state: FleetState, event: Resumed | MissionRead, no
         state, more = _step(context, state, ended, now_s)
         commands.extend(more)
     for name, why in taken.strange:
-        state, more = declare(context, state, state.vehicles[name], FaultKind.INTERRUPTION, why, now_s)
+        fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_FOREIGN)
+        state, more = declare(context, state, state.vehicles[name], fault)
         commands.extend(more)
     return state, tuple(commands)
 
@@ -200,7 +201,7 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}" + (", and it has disarmed" if stopped else "")
-    return declare(context, state, vehicle, FaultKind.INTERRUPTION, why, now_s)
+    return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
 
 
 def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
@@ -384,14 +385,18 @@ def _decided(
         return takeover.taken(context, state, vehicle)
     if vehicle.stage is Stage.FLYING and vehicle.carried.sure(now_s) and not lost:
         return takeover.taken(context, state, vehicle)
-    if raised and raised[0][0].name == "mode" and causes.missed_us(context, state.absences, vehicle, now_s):
+    if (
+        raised
+        and raised[0][0].code is FaultCode.MODE_CHANGED
+        and causes.missed_us(context, state.absences, vehicle, now_s)
+    ):
         return _missed_us(context, state, vehicle, now_s)
     if vehicle.fault is not None:
         # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
         raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK or _lies(context, vehicle)]
     if raised:
         point, why = raised[0]
-        return _fault(context, state, vehicle, point.kind, why, now_s)
+        return _fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
     if why := down.found_down(context, vehicle, now_s):
         return _down(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
@@ -430,7 +435,7 @@ def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_
 def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
-        return declare(context, state, vehicle, FaultKind.DOWN, why, now_s)
+        return declare(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
     lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, anchor=vehicle.fix, place_told=True)
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
@@ -507,13 +512,11 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
 
 
-def _fault(
-    context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
-) -> Stepped:
+def _fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
-        return declare(context, state, vehicle, kind, why, now_s)
-    text = f"{vehicle.name}: {why}; {last_heard(context, vehicle)}"
-    if kind is FaultKind.LINK:
+        return declare(context, state, vehicle, fault)
+    text = f"{vehicle.name}: {fault.reason}; {last_heard(context, vehicle)}"
+    if fault.kind is FaultKind.LINK:
         return state.put(replace(moved_to(vehicle, Stage.LOST), errand=None)), (Say(Level.WARNING, text),)
     lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)
     return state.put(lies), (Say(Level.FAULT, text),)
@@ -560,14 +563,9 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         commands.extend(more)
     state = replace(state, replan=plan)
     if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
-        state, more = declare(
-            context,
-            state,
-            state.vehicles[vehicle.name],
-            FaultKind.INTERRUPTION,
-            "its mission on board is a mix of two",
-            now_s,
-        )
+        why = "its mission on board is a mix of two"
+        fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
+        state, more = declare(context, state, state.vehicles[vehicle.name], fault)
         commands.extend(more)
     state, more = replanning.ended_if_done(state, now_s)
     return state, (*commands, *more)

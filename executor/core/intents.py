@@ -6,7 +6,9 @@ An intent is taken once: the same id again is answered with what became of it th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
+
+from executor.core.endings import Ending
 
 
 class Action(Enum):
@@ -55,6 +57,89 @@ class Outcome(Enum):
     """It was tried."""
 
 
+class IntentReason(StrEnum):
+    """Why an intent was refused, or failed without a vehicle's answer."""
+
+    NOT_BEGUN = "not_begun"
+    """The flight has not begun."""
+    BEGUN = "begun"
+    """The flight has begun, and what was asked before is answered."""
+    OVER = "over"
+    """The flight is over."""
+    NOT_ASKED = "not_asked"
+    """The question that it answers is not open."""
+    VEHICLE_UNEXPECTED = "vehicle_unexpected"
+    """It is for the whole fleet and names a vehicle."""
+    VEHICLE_MISSING = "vehicle_missing"
+    """It names no vehicle."""
+    VEHICLE_UNKNOWN = "vehicle_unknown"
+    """It names a vehicle that does not exist."""
+    UNCONFIRMED = "unconfirmed"
+    """It has to be confirmed: the same again with `confirmed`."""
+    ABORTED = "aborted"
+    """The flight was aborted."""
+    NEVER_HEARD = "never_heard"
+    """Nothing was ever received from the vehicle."""
+    LINK_STALE = "link_stale"
+    """Nothing was received from the vehicle for a while."""
+    LINK_LOST = "link_lost"
+    """The vehicle is declared lost."""
+    NOT_ON_MISSION = "not_on_mission"
+    """The vehicle is not on its mission."""
+    ON_HOLD = "on_hold"
+    """It is on hold already."""
+    NOT_ON_HOLD = "not_on_hold"
+    """It is not on hold."""
+    UPLOADING = "uploading"
+    """Its new mission is being uploaded."""
+    CLIMBING = "climbing"
+    """It climbs from its pad, below its layer."""
+    LANDING = "landing"
+    """It is landing already."""
+    RETURNING = "returning"
+    """It returns already."""
+    WITH_PILOT = "with_pilot"
+    """It is with its pilot, who has not set mission mode."""
+    ON_GROUND = "on_ground"
+    """It is on the ground."""
+    NOT_FLYING = "not_flying"
+    """It does not fly."""
+    NOT_AT_REST = "not_at_rest"
+    """It is not on the ground with its motors off."""
+    NOT_DOWN = "not_down"
+    """It is not down."""
+    DISARMED = "disarmed"
+    """Its motors are off already."""
+    POSITION_UNKNOWN = "position_unknown"
+    """Its position is not known."""
+    NEAR_LINE = "near_line"
+    """It is too near to the line to land."""
+    OTHER_PAD = "other_pad"
+    """It would land on another vehicle's pad."""
+    OUT_OF_PLAN = "out_of_plan"
+    """It is out of the plan."""
+    IN_PLAN = "in_plan"
+    """It is in the plan, and no segment is left over."""
+    CLEARED = "cleared"
+    """It is cleared for take-off already."""
+    TILTED = "tilted"
+    """It is tilted on the ground."""
+    OFF_PAD = "off_pad"
+    """It is not on its pad."""
+    BATTERY_LOW = "battery_low"
+    """Its battery is not above its reserve."""
+    REPLANNING = "replanning"
+    """A re-plan is under way."""
+    NO_VEHICLE = "no_vehicle"
+    """No vehicle is on a mission, or can take a new route."""
+    NOTHING_TO_PLAN = "nothing_to_plan"
+    """No segment is open."""
+    OVERTAKEN = "overtaken"
+    """The vehicle did something else before it answered."""
+    UNANSWERED = "unanswered"
+    """The vehicle did not answer in time."""
+
+
 @dataclass(frozen=True, slots=True)
 class Intent:
     """One wish of an operator."""
@@ -84,5 +169,7 @@ class IntentRecord:
     """Vehicles whose own answer is still to come."""
     ended_s: float | None = None
     """When it came to its end; None while it is under way."""
+    code: IntentReason | Ending | None = None
+    """Why it was refused or failed; None where it was not."""
     question: str = ""
     """What has to be confirmed first, where that is why it is refused: asked again with `confirmed` it is done."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from executor.core.changed import changed
+from executor.core.check_codes import CheckCode
 from executor.core.commands import Level, Solve
 from executor.core.coverage import SegmentPass
 from executor.core.events import NewRoute
@@ -113,6 +114,7 @@ class CheckLine:
     """ok, warning or stop."""
     subject: str
     text: str
+    code: CheckCode
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, StrEnum
 
 from executor.core.battery.account import BatteryState
 from executor.core.battery.roundings import Roundings
@@ -103,6 +103,61 @@ class FaultKind(Enum):
     """On the ground where, when or how it should not be."""
 
 
+class FaultCode(StrEnum):
+    """What was found, beside the words: within its kind, and finer."""
+
+    LINK_LOST = "link_lost"
+    """Nothing was received for the link time-out."""
+    HEARTBEAT_LOST = "heartbeat_lost"
+    """No HEARTBEAT while other messages come."""
+    POSITION_LOST = "position_lost"
+    """No position while other messages come."""
+    ITEM_LOST = "item_lost"
+    """No current waypoint while other messages come."""
+    BATTERY_REPORT_LOST = "battery_report_lost"
+    """No battery report while other messages come."""
+    BATTERY_STEP = "battery_step"
+    """Much charge was lost at once."""
+    VOLTAGE_STEP = "voltage_step"
+    """The voltage fell at once by more than the load explains."""
+    CELL_WEAK = "cell_weak"
+    """A cell is near its end, or far below the others."""
+    BATTERY_CRITICAL = "battery_critical"
+    """The autopilot reports its battery critical, failed or unhealthy."""
+    BATTERY_FAILSAFE = "battery_failsafe"
+    """The autopilot says that its battery failsafe acts."""
+    BATTERY_PLUNGE = "battery_plunge"
+    """Far more is used than is usual."""
+    BATTERY_DRIFT = "battery_drift"
+    """More is used than is usual, for a while."""
+    BATTERY_LOW = "battery_low"
+    """It would land below its reserve."""
+    DISARMED = "disarmed"
+    """It disarmed where, or when, it should not have."""
+    FALLING = "falling"
+    """It falls."""
+    TERMINATED = "terminated"
+    """Its HEARTBEAT reports an emergency or flight termination."""
+    POSITION_JUMP = "position_jump"
+    """Its position jumped."""
+    MODE_CHANGED = "mode_changed"
+    """It left its mission by its own failsafe."""
+    STALL = "stall"
+    """It does not move on its mission."""
+    DOWN = "down"
+    """It is on the ground where, or as, it should not be."""
+    NOT_STARTED = "not_started"
+    """It could not be started."""
+    MISSION_FOREIGN = "mission_foreign"
+    """After an absence it cannot be left on the mission that it carries."""
+    MISSION_MIXED = "mission_mixed"
+    """Its mission on board is a mix of two."""
+    OPERATOR_LAND = "operator_land"
+    """An operator's intent had it land."""
+    OPERATOR_EXCLUDE = "operator_exclude"
+    """An operator's intent took it out of the plan."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """The judgement that a vehicle will not finish its route."""
@@ -110,6 +165,7 @@ class Fault:
     kind: FaultKind
     reason: str
     detected_s: float
+    code: FaultCode
 
 
 IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})

@@ -14,7 +14,7 @@ from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.roster.offers import offer_words
 from executor.core.state import CheckLine, FleetState, Question
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import FaultCode, Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import mode_name
 
@@ -129,6 +129,7 @@ class VehicleView:
     progress: ProgressView
     fault: str | None
     fault_kind: str | None
+    fault_code: FaultCode | None
     excluded: bool
     loss: LossView | None
     """None while it is not known, or where there is nothing to lose."""
@@ -279,6 +280,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         progress=replace(_progress(context, vehicle), inspected=inspected),
         fault=None if vehicle.fault is None else vehicle.fault.reason,
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
+        fault_code=None if vehicle.fault is None else vehicle.fault.code,
         excluded=vehicle.excluded,
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
         if known and outlook is not None

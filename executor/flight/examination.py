@@ -6,6 +6,7 @@ import asyncio
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
+from executor.core.check_codes import CheckCode
 from executor.core.commands import Level
 from executor.core.ports import OpenLink
 from executor.core.preflight import checks
@@ -38,7 +39,7 @@ async def _examined(order: Order, console: Console, clock: SystemClock) -> list[
         try:
             return await preparing.interview_at_link(order.site, table, link, clock, console)
         except ExecutorError as error:
-            return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "))
+            return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "), CheckCode.NOT_READY)
 
     async with linking.open_links(order, clock, recorded=False) as links:
         answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))

@@ -107,7 +107,9 @@ async def _fly(
     proposal = await parameter_changes.read_changes(context, links, clock)
     console.checks(proposal.checks)
     found += proposal.checks
-    state = fleet.initial(boards, tuple(CheckLine(one.severity.value, one.subject, one.text) for one in found))
+    state = fleet.initial(
+        boards, tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found)
+    )
     log = EventLog(
         RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
+from executor.core.endings import Ending
 from executor.core.messages import CommandAck, Message, Outgoing, SendCommand
 from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
 
@@ -14,6 +15,9 @@ IN_PROGRESS_S = 10.0
 """How long a vehicle may work on a command that it has acknowledged as in progress."""
 RESULT_NAMES = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
 """MAV_RESULT in words."""
+_CODES = {
+    1: Ending.TEMPORARILY_REJECTED, 2: Ending.DENIED, 3: Ending.UNSUPPORTED, 4: Ending.FAILED, 6: Ending.CANCELLED,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +52,8 @@ class CommandDialogue:
                         return replace(self, deadline_s=now_s + IN_PROGRESS_S), ()
                     case _:
                         reason = RESULT_NAMES.get(result, f"result {result}")
-                        return self._ended(Rejected(f"{self.what}: {reason}")), ()
+                        code = _CODES.get(result, Ending.UNKNOWN_RESULT)
+                        return self._ended(Rejected(f"{self.what}: {reason}", code)), ()
             case _:
                 return self, ()
 
@@ -58,7 +63,7 @@ class CommandDialogue:
             return self, ()
         if self.tries >= TRIES:
             if self.refusal:
-                return self._ended(Rejected(f"{self.what}: {self.refusal}")), ()
+                return self._ended(Rejected(f"{self.what}: {self.refusal}", Ending.TEMPORARILY_REJECTED)), ()
             return self._ended(TimedOut(f"{self.what}: no acknowledgement")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
         return state, (replace(self.command, confirmation=self.tries),)

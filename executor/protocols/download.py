@@ -19,8 +19,8 @@ from executor.core.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
-from executor.protocols.upload import RESULT_NAMES
+from executor.protocols.machine import Accepted, BrokenOff, Outcome, TimedOut
+from executor.protocols.upload import rejected
 from missions.items import MissionItem
 
 PERIOD_S = 1.0
@@ -64,8 +64,7 @@ class DownloadDialogue:
             return self, ()
         if self.tries >= TRIES:
             if self.refusal is not None:
-                words = RESULT_NAMES.get(self.refusal, f"result {self.refusal}")
-                return self._ended(Rejected(f"download refused: {words}")), ()
+                return self._ended(rejected("download", self.refusal)), ()
             what = "the count" if self.count is None else f"item {len(self.items)} of {self.count}"
             return self._ended(TimedOut(f"no answer when asked for {what}")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)

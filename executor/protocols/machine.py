@@ -6,9 +6,10 @@ send. A state with an outcome is final: whatever comes later leaves it as it is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, Self
 
+from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing
 
 
@@ -22,6 +23,7 @@ class Rejected:
     """The vehicle said no."""
 
     reason: str
+    code: Ending = field(default=Ending.UNKNOWN_RESULT, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,7 @@ class TimedOut:
     """The vehicle did not answer any more."""
 
     reason: str
+    code: Ending = field(default=Ending.NO_ANSWER, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Self
 
+from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing, ParamValue, SendParamRequest, SendParamSet
 from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
 
@@ -47,7 +48,7 @@ class Parameter:
             return self, ()
         if self.tries >= TRIES:
             if self.wanted is not None and self.value is not None:
-                return self._ended(Rejected(f"{self.name} stays {self.value.value:g}")), ()
+                return self._ended(Rejected(f"{self.name} stays {self.value.value:g}", Ending.VALUE_STAYS)), ()
             return self._ended(TimedOut(f"{self.name}: no answer")), ()
         return replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S), (self._question(),)
 

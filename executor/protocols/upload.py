@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
+from executor.core.endings import Ending
 from executor.core.messages import (
     Message,
     MissionAck,
@@ -39,6 +40,11 @@ RESULT_NAMES = {
     14: "denied: another ground station is uploading", 15: "cancelled by the vehicle",
 }  # fmt: skip
 """MAV_MISSION_RESULT in words."""
+_CODES = {
+    1: Ending.ERROR, 2: Ending.UNSUPPORTED, 3: Ending.UNSUPPORTED, 4: Ending.NO_SPACE,
+    **dict.fromkeys(range(5, 13), Ending.INVALID_ITEM), 13: Ending.INVALID_SEQUENCE, 14: Ending.OTHER_STATION,
+    15: Ending.CANCELLED,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +102,7 @@ class UploadDialogue:
             return state, (SendMissionCount(len(self.items)),)
         if now_s - self.heard_s >= self.silence_s:
             if self.refusal is not None:
-                return self._ended(_rejected(self.refusal)), ()
+                return self._ended(rejected("mission", self.refusal)), ()
             return self._ended(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
         if self.furthest == len(self.items) - 1:
@@ -131,11 +137,13 @@ class UploadDialogue:
         if result == RESULT_ERROR and self.begun and not all_asked:
             # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
             return replace(self, refusal=result)
-        return self._ended(_rejected(result))
+        return self._ended(rejected("mission", result))
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))
 
 
-def _rejected(result: int) -> Rejected:
-    return Rejected(f"mission refused: {RESULT_NAMES.get(result, f'result {result}')}")
+def rejected(what: str, result: int) -> Rejected:
+    """Return the outcome that a MAV_MISSION_RESULT means."""
+    words = RESULT_NAMES.get(result, f"result {result}")
+    return Rejected(f"{what} refused: {words}", _CODES.get(result, Ending.UNKNOWN_RESULT))

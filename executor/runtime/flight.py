@@ -12,6 +12,7 @@ from executor import supervised
 from executor.core import commands, events, fleet
 from executor.core.commands import Command
 from executor.core.context import Context
+from executor.core.endings import Ending
 from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
@@ -284,26 +285,28 @@ class Flight:
         try:
             mission = encode(command.path, dialect)
         except EncodeError as error:
-            why = str(error)
-            return events.UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason=why)
+            name, revision = command.vehicle, command.revision
+            return events.UploadEnded(
+                name, revision, accepted=False, mixed=False, reason=str(error), code=Ending.INVALID_ITEM
+            )
         if command.airborne:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
         wanted = partial(self._may_be_given, name)
         done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted)
-        return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason)
+        return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason, done.code)
 
     def _may_be_given(self, vehicle: str, mixed: bool) -> bool:
         return replanning.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)
 
     async def _start(self, vehicle: str) -> Event:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        return events.StartEnded(vehicle, done.accepted, done.reason, done.armed)
+        return events.StartEnded(vehicle, done.accepted, done.reason, done.armed, done.code)
 
     async def _send_home(self, vehicle: str) -> Event:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused)
+        return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused, done.code)
 
     async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
@@ -315,11 +318,15 @@ class Flight:
             case commands.LandNow():
                 done = await procedures.land(link, self._clock, dialect)
         action = ORDERS[type(command)]
-        return events.OrderEnded(command.vehicle, action, done.accepted, done.reason, done.lost, done.refused)
+        return events.OrderEnded(
+            command.vehicle, action, done.accepted, done.reason, done.lost, done.refused, done.code
+        )
 
     async def _disarm(self, command: commands.Disarm) -> Event:
         done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
-        return events.OrderEnded(command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused)
+        return events.OrderEnded(
+            command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused, done.code
+        )
 
     async def _read(self, vehicle: str) -> None:
         unread = events.MissionRead(events.Found(vehicle, heard=True, seq=None, items=None, matches=()))

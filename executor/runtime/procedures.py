@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from executor.core.endings import Ending
 from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
 from executor.core.ports import Clock, Link
 from executor.protocols import orders
@@ -53,6 +54,8 @@ class Done:
     """Whether the answer was no."""
     armed: bool = False
     """Whether the vehicle had acknowledged that it arms."""
+    code: Ending | None = field(default=None, compare=False)
+    """Why it was not accepted."""
 
 
 def reason_of(outcome: Outcome | None) -> str:
@@ -64,6 +67,17 @@ def reason_of(outcome: Outcome | None) -> str:
             return ""
         case _:
             return "cancelled"
+
+
+def code_of(outcome: Outcome | None) -> Ending | None:
+    """Return the same as a code."""
+    match outcome:
+        case Rejected(_, code) | TimedOut(_, code):
+            return code
+        case Accepted() | None:
+            return None
+        case _:
+            return Ending.BROKEN_OFF
 
 
 async def put_on_board(
@@ -83,6 +97,7 @@ async def put_on_board(
         wanted: Asked before it is begun again, with whether a part of it may be on board.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
+    code: Ending | None = None
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
@@ -92,26 +107,26 @@ async def put_on_board(
         if attempt:
             await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
         if attempt and not wanted(mixed):
-            return Done(accepted=False, reason="it has left its mission", mixed=mixed)
+            return Done(accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION)
         upload = await upload_once(link, clock, dialect, items)
         if upload.begun:
             mixed = not dialect.upload_is_atomic
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.begun or not isinstance(upload.outcome, Rejected)
         if not isinstance(upload.outcome, Accepted):
-            reason = reason_of(upload.outcome)
+            reason, code = reason_of(upload.outcome), code_of(upload.outcome)
             if not upload.begun or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
         download = await converse(DownloadDialogue(), link, clock)
         if not isinstance(download.outcome, Accepted):
-            reason = reason_of(download.outcome)
+            reason, code = reason_of(download.outcome), code_of(download.outcome)
             continue
         different = differences(items, download.items, dialect)
         if not different:
             return Done(accepted=True)
-        reason = f"read-back differs: {different[0]}"
-    return Done(accepted=False, reason=reason, mixed=mixed)
+        reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
+    return Done(accepted=False, reason=reason, mixed=mixed, code=code)
 
 
 async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | None:
@@ -134,6 +149,7 @@ async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
         reason_of(ended.outcome),
         lost=isinstance(ended.outcome, TimedOut),
         refused=isinstance(ended.outcome, Rejected),
+        code=code_of(ended.outcome),
     )
 
 
@@ -153,7 +169,7 @@ async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
             armed = armed or done.armed
             if not done.accepted:
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
-                return Done(accepted=False, reason=why, armed=armed)
+                return Done(accepted=False, reason=why, armed=armed, code=done.code)
     finally:
         stop_listening()
     return Done(accepted=True)
@@ -254,7 +270,7 @@ async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: 
 async def _confirmed(link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str) -> Done:
     patience_s = max(MODE_TIMEOUT_S, PATIENCE_REAL_S * clock.speedup)
     seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), patience_s)
-    return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise)
+    return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise, code=Ending.NOT_CONFIRMED)
 
 
 async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
@@ -279,7 +295,7 @@ async def read_parameter(link: Link, clock: Clock, name: str) -> Parameter:
 async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> Done:
     """Set a parameter and see the new value."""
     ended = await _patiently(Parameter(name, SendParamSet(name, value, kind)), link, clock)
-    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome))
+    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
 
 
 async def _patiently(question: M, link: Link, clock: Clock) -> M:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Check, Severity
 from missions import PlanFile
 
@@ -98,9 +99,11 @@ def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
         plan: What is to be flown.
         segments: Of the whole site.
     """
-    found = [Check(Severity.OK, "plan", line) for line in (*route_words(plan), summary(plan))]
-    found += [Check(Severity.WARNING, "plan", line) for line in left_words(plan, NAMED_IN_CHECKLIST)]
+    found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in (*route_words(plan), summary(plan))]
+    found += [
+        Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER) for line in left_words(plan, NAMED_IN_CHECKLIST)
+    ]
     if len(plan.segments) < segments:
         text = f"it is about {len(plan.segments)} of the site's {segments} segments; the others are not flown"
-        found.append(Check(Severity.WARNING, "plan", text))
+        found.append(Check(Severity.WARNING, "plan", text, CheckCode.LEFT_OVER))
     return found

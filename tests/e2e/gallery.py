@@ -21,6 +21,7 @@ from playwright.async_api import Page, async_playwright
 
 from executor.adapters.web import WebServer, WebSettings
 from executor.core.changed import changed
+from executor.core.check_codes import CheckCode
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
@@ -47,18 +48,23 @@ LAYOUTS = {"desk": (1440, 900), "phone": (390, 844)}
 SECOND = "uav2 is with its pilot, who would lose it to a landing where it is. Land it all the same?"
 
 CHECKS = (
-    CheckLine("ok", "heights", "over the ground of the network file"),
-    CheckLine("ok", "disk", "41.2 GB free, the record of a flight like this takes about 6 MB"),
-    CheckLine("ok", "separation", "any two vehicles stay at least 5 m apart"),
-    CheckLine("ok", "uav1", "quadrotor, ArduPilot 4.6.1"),
-    CheckLine("ok", "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %"),
+    CheckLine("ok", "heights", "over the ground of the network file", CheckCode.HEIGHTS),
+    CheckLine("ok", "disk", "41.2 GB free, the record of a flight like this takes about 6 MB", CheckCode.DISK),
+    CheckLine("ok", "separation", "any two vehicles stay at least 5 m apart", CheckCode.SEPARATION),
+    CheckLine("ok", "uav1", "quadrotor, ArduPilot 4.6.1", CheckCode.FIRMWARE),
+    CheckLine("ok", "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %", CheckCode.ENERGY),
     CheckLine(
-        "warning", "uav2", "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it flies on until it falls"
+        "warning",
+        "uav2",
+        "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it flies on until it falls",
+        CheckCode.BATTERY_FAILSAFE,
     ),
-    CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %"),
-    CheckLine("ok", "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %"),
+    CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
+    CheckLine("ok", "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %", CheckCode.ENERGY),
 )
-STOPPED = CheckLine("stop", "uav3", "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high")
+STOPPED = CheckLine(
+    "stop", "uav3", "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high", CheckCode.GEOFENCE
+)
 
 
 @dataclass(frozen=True, slots=True)

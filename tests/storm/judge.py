@@ -34,6 +34,8 @@ NEARER_M = 1.5
 BELOW_PCT = 2.0
 ASKS_S = 12.0
 """A ground station that runs again asks everybody first."""
+BEAT_S = 1.0
+"""A silence is over for the ground with the next HEARTBEAT."""
 ON_ITS_WAY_S = 2.5
 """What was true so long ago may still be said."""
 AIRBORNE_M = 1.0
@@ -66,7 +68,7 @@ class StormJudge(Judge):
 
     def silences(self, name: str) -> list[Span]:
         spans = [
-            Span(one.from_s, one.to_s + BEARS_S, one.what) if one.what == "reboot" else one
+            replace(one, to_s=one.to_s + (BEARS_S if one.what == "reboot" else BEAT_S))
             for one in super().silences(name)
         ]
         # Who was frozen lives in its own time from then on: its silences end later by as much.
@@ -177,12 +179,17 @@ class StormJudge(Judge):
         stops = [one for one in self.happened(found["name"], "kill") if one.t_s <= at_s]
         if stops and (stops[-1].up_m or 0.0) <= FALLS_FROM_M and super()._silent(found["name"], stops[-1].t_s):
             return ""  # it stands where it would have landed, and nobody saw how that came
-        thrustless = self.happened(found["name"], f"fault {found['name']}:crash")
-        if thrustless and self._came_down(found["name"], at_s)[-1:] == ["on_pad"]:
-            return ""  # it fell, and was on its pad before anybody looked: no story of this world
+        if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
+            return ""  # it stands where it would have landed
         why = super()._landed(found, at_s, line)
         emptied = any(one.t_s <= at_s for one in self.happened(found["name"], f"fault {found['name']}:battery-step"))
         return "" if why.startswith("its battery holds") and emptied and not self.armed(found["name"], at_s) else why
+
+    def _put_unseen(self, name: str, at_s: float) -> bool:
+        """Return whether it was put on its pad while it fell or nobody saw it: no story of this world."""
+        put_s = max(one.t_s for one in self.happened(name, "on_pad") if one.t_s <= at_s)
+        fell = any(one.t_s <= put_s for one in self.happened(name, f"fault {name}:crash"))
+        return fell or super()._silent(name, put_s + 1.0, 0.0)
 
     def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
@@ -211,6 +218,9 @@ class StormJudge(Judge):
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
         spans = [span for span in super().silences(name) if span.from_s + 1.0 < at_s < span.to_s]
+        late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up"}))]
+        if any(0.0 <= at_s - came_s < 2.0 for came_s in late):
+            return ""  # it is heard with what was said before
         return (
             "it cannot be heard"
             if any(span.what != "reboot" for span in spans) and not self._forged(name, at_s)

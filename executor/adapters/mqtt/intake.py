@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executor.adapters.mqtt.broker import IntakeRules
+from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
 from executor.core.intents import FOR_ALL, Action, Intent
 from missions import first_reason
@@ -40,7 +41,7 @@ class IntentMessage(BaseModel):
     """Counted by the sender; not looked at."""
     timestamp: AwareDatetime
     """When it was written, ISO 8601 with its offset from UTC. An old one is refused."""
-    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.1.0"
+    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.2.0"
     """Of these topics and payloads."""
     id: Annotated[str, Field(pattern=ID)]
     """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
@@ -78,6 +79,7 @@ class RefusedMessage:
     id: str | None
     """The intent's, where it could be read."""
     reason: str
+    code: IntakeReason
 
 
 def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> Intent | RefusedMessage:
@@ -90,29 +92,34 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
         retained: Whether the broker had kept it for later subscribers.
     """
     if len(payload) > MOST_BYTES:
-        return RefusedMessage(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}")
+        return RefusedMessage(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}", IntakeReason.INVALID)
     try:
         message = IntentMessage.model_validate_json(payload)
     except ValidationError as error:
-        return RefusedMessage(_id_of(payload), first_reason(error, page="docs/mqtt.md", shown=False)[:MOST_REASON])
-    why = _objection(message, rules, now_unix_s, retained=retained)
-    if why:
-        return RefusedMessage(message.id, why)
+        reason = first_reason(error, page="docs/mqtt.md", shown=False)[:MOST_REASON]
+        return RefusedMessage(_id_of(payload), reason, IntakeReason.INVALID)
+    objection = _objection(message, rules, now_unix_s, retained=retained)
+    if objection is not None:
+        code, why = objection
+        return RefusedMessage(message.id, why, code)
     return Intent(message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed)
 
 
-def _objection(message: IntentMessage, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> str:
+def _objection(
+    message: IntentMessage, rules: IntakeRules, now_unix_s: float, *, retained: bool
+) -> tuple[IntakeReason, str] | None:
     if rules.closed:
-        return rules.closed
+        return IntakeReason.CLOSED, rules.closed
     if rules.token is not None and not hmac.compare_digest((message.token or "").encode(), rules.token.encode()):
-        return "token: expected the one that the site names, got another or none"
+        return IntakeReason.UNAUTHORIZED, "token: expected the one that the site names, got another or none"
     if retained:
-        return "retained: expected a message for now, got one that the broker had kept"
+        return IntakeReason.RETAINED, "retained: expected a message for now, got one that the broker had kept"
     age_s = now_unix_s - message.timestamp.timestamp()
     if abs(age_s) > rules.max_age_s:
         when = f"{age_s:.0f} s old" if age_s > 0 else f"{-age_s:.0f} s ahead"
-        return f"timestamp: expected at most {rules.max_age_s:g} s from this computer's clock, got one {when}"
-    return ""
+        text = f"timestamp: expected at most {rules.max_age_s:g} s from this computer's clock, got one {when}"
+        return IntakeReason.TIMESTAMP, text
+    return None
 
 
 def _id_of(payload: bytes) -> str | None:
@@ -182,7 +189,9 @@ class Intake:
         found = read_intent(payload, self._rules, self._clock(), retained=retained)
         now_s = self._monotonic_s()
         if isinstance(found, Intent) and not self._accepting.passes(now_s):
-            found = RefusedMessage(found.id, f"expected at most {MOST_A_SECOND:g} intents a second")
+            found = RefusedMessage(
+                found.id, f"expected at most {MOST_A_SECOND:g} intents a second", IntakeReason.TOO_MANY
+            )
         if isinstance(found, Intent):
             self._accept(found)
             return

@@ -10,11 +10,15 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from executor.adapters.mqtt.reasons import IntakeReason
+from executor.core.endings import Ending
+from executor.core.intents import IntentReason
 from executor.core.state import CheckLine, Question
+from executor.core.vehicle import FaultCode
 from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
 from missions.planjson import PlanDocument
 
-VERSION = "1.1.0"
+VERSION = "1.2.0"
 
 
 class Payload(BaseModel):
@@ -111,6 +115,8 @@ class FaultMessage(Payload):
     """The judgement that a vehicle will not finish its route."""
 
     vehicle: str
+    code: FaultCode
+    """What was found."""
     kind: str
     """link, battery, interruption, operator, or another of the core's words."""
     reason: str
@@ -135,6 +141,8 @@ class AcknowledgementMessage(Payload):
     vehicle: str | None = None
     outcome: Literal["accepted", "done", "refused", "failed"]
     """accepted: under way."""
+    code: IntentReason | Ending | IntakeReason | None = None
+    """Why it is refused, or failed: a word for programs; none where it was not."""
     text: str
     """Why, in words."""
     question: str = ""

@@ -99,12 +99,20 @@ class Publisher:
 
     def refused(self, refusal: RefusedMessage) -> None:
         """Say that a message is not carried out."""
-        self._acknowledge({"id": refusal.id, "outcome": "refused", "text": refusal.reason})
+        self._acknowledge({"id": refusal.id, "outcome": "refused", "code": refusal.code, "text": refusal.reason})
 
     def _answer(self, record: IntentRecord) -> None:
         asked = record.intent
         answer = {"id": asked.id, "action": asked.action.value, "vehicle": asked.vehicle}
-        self._acknowledge(answer | {"outcome": record.outcome.value, "text": record.text, "question": record.question})
+        self._acknowledge(
+            answer
+            | {
+                "outcome": record.outcome.value,
+                "code": record.code,
+                "text": record.text,
+                "question": record.question,
+            }
+        )
 
     def _acknowledge(self, content: Content) -> None:
         self._outbox.keep(self._letter(self._topics.acknowledgement, AcknowledgementMessage, content))
@@ -115,7 +123,8 @@ class Publisher:
             if fault is None or (name, fault.detected_s) in self._faults:
                 continue
             self._faults.add((name, fault.detected_s))
-            what = {"vehicle": name, "kind": fault.kind.value, "reason": fault.reason, "detected_s": fault.detected_s}
+            what: Content = {"vehicle": name, "kind": fault.kind.value, "code": fault.code, "reason": fault.reason}
+            what = {**what, "detected_s": fault.detected_s}
             self._outbox.keep(self._letter(self._topics.fleet("fault"), FaultMessage, what))
 
     def _telemetry(self, vehicle: VehicleView) -> None:

@@ -305,5 +305,5 @@ def _read(name: str) -> bytes:
 
 def _plain(record: IntentRecord) -> dict[str, object]:
     intent = asdict(record.intent) | {"action": record.intent.action.value}
-    rest = {"text": record.text, "question": record.question, "at_s": round(record.at_s, 2)}
+    rest = {"code": record.code, "text": record.text, "question": record.question, "at_s": round(record.at_s, 2)}
     return intent | {"outcome": record.outcome.value} | rest

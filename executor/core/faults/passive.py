@@ -182,7 +182,7 @@ def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -
         return moved_to(vehicle, stage), [declared] if vehicle.fault.kind is FaultKind.LINK else []
     if stage is Stage.RETURNING and not vehicle.armed:
         stage = Stage.LANDED
-    return changed(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s)), [declared]
+    return changed(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s, point.code)), [declared]
 
 
 def warned(view: View, open_: dict[tuple[str, str], Degraded]) -> list[Finding]:

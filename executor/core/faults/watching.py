@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.vehicle import FaultKind, Stage, VehicleState
+from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 
 
 class Verdict(Enum):
@@ -52,3 +52,4 @@ class Watchpoint:
     raise_after_s: float
     stages: frozenset[Stage]
     """The stages in which it is looked at."""
+    code: FaultCode

@@ -19,7 +19,7 @@ from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Wat
 from executor.core.limits import Limits
 from executor.core.messages import CRITICAL, NO_ITEM
 from executor.core.places import fell, mission_over, seen_at_rest
-from executor.core.vehicle import Cause, FaultKind, Stage, VehicleState, Watch
+from executor.core.vehicle import Cause, FaultCode, FaultKind, Stage, VehicleState, Watch
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode, mode_name
 
@@ -345,25 +345,27 @@ _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})
 
 TABLE: tuple[Watchpoint, ...] = (
-    Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR),
-    Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR),
-    Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR),
-    Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE),
-    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION),
-    Watchpoint("positions", FaultKind.INTERRUPTION, streams.position_gone, 0.0, _ON_MISSION),
-    Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION),
-    Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION),
-    Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION),
-    Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION),
-    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery_failsafe, 1.0, _ON_MISSION),
-    Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION),
-    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION),
-    Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION),
-    Watchpoint("battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION),
-    Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION),
-    Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION),
-    Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION),
-    Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION),
+    Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
+    Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR, FaultCode.FALLING),
+    Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
+    Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
+    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION, FaultCode.HEARTBEAT_LOST),
+    Watchpoint("positions", FaultKind.INTERRUPTION, streams.position_gone, 0.0, _ON_MISSION, FaultCode.POSITION_LOST),
+    Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION, FaultCode.BATTERY_STEP),
+    Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION, FaultCode.VOLTAGE_STEP),
+    Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION, FaultCode.CELL_WEAK),
+    Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION, FaultCode.BATTERY_CRITICAL),
+    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery_failsafe, 1.0, _ON_MISSION, FaultCode.BATTERY_FAILSAFE),
+    Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE),
+    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT),
+    Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
+    Watchpoint(
+        "battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION, FaultCode.BATTERY_REPORT_LOST
+    ),
+    Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION, FaultCode.ITEM_LOST),
+    Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION, FaultCode.POSITION_JUMP),
+    Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION, FaultCode.MODE_CHANGED),
+    Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION, FaultCode.STALL),
 )
 
 

@@ -13,14 +13,14 @@ from executor.core.custody.causes import in_other_hands
 from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
 from executor.core.homing import homeward
 from executor.core.homing.homeward import on_mission, sent_home
-from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.intents import Action, Intent, IntentReason, IntentRecord, Outcome
 from executor.core.operator import refusals
 from executor.core.places import place_words
 from executor.core.replan import replanning
 from executor.core.roster import takeover
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import Cause, Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -74,14 +74,16 @@ def _received(context: Context, state: FleetState, intent: Intent, now_s: float)
     """Take an intent; one that was taken before changes nothing."""
     if intent.id in state.intents:
         return state, ()
-    reason = refusals.reason(context, state, intent, now_s)
+    refused = refusals.reason(context, state, intent, now_s)
     wish = f"{intent.source} asks: {intent.action.value}" + (f" {intent.vehicle}" if intent.vehicle else "")
-    if reason:
-        state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s))
+    if refused is not None:
+        code, reason = refused
+        state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s, code=code))
         return state, (Say(Level.WARNING, f"{wish}; refused: {reason}"),)
     question = refusals.question(context, state, intent)
     if question:
         record = IntentRecord(intent, Outcome.REFUSED, "has to be confirmed", now_s, ended_s=now_s, question=question)
+        record = replace(record, code=IntentReason.UNCONFIRMED)
         return _kept(state, record), ()
     ordered = _HANDLERS[intent.action](context, state, intent, now_s)
     under_way = bool(ordered.waiting) or ordered.open
@@ -154,7 +156,9 @@ def _sent_home(
 def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
     planned = vehicle.stage in _ON_MISSION
-    fault = vehicle.fault or Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s)
+    fault = vehicle.fault or Fault(
+        FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s, FaultCode.OPERATOR_LAND
+    )
     left = replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault)
     left = replace(left, taken=None, cause=Cause.OURS) if intent.confirmed else left
     state, told = sent_home(context, state, left, now_s, land=True, force=intent.confirmed)
@@ -176,9 +180,8 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
         state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
         return _Ordered(state, "it stays with its pilot; its segments are to be reassigned", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
-    state, commands = declare(
-        context, state, state.vehicles[vehicle.name], FaultKind.OPERATOR, "excluded by the operator's word", now_s
-    )
+    fault = Fault(FaultKind.OPERATOR, "excluded by the operator's word", now_s, FaultCode.OPERATOR_EXCLUDE)
+    state, commands = declare(context, state, state.vehicles[vehicle.name], fault)
     if starting:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
@@ -284,7 +287,7 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
     state, more = homeward.answered(state, event, now_s) if event.action is Action.LAND else (state, ())
     vehicle = state.vehicles[event.vehicle]
     actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
-    state = _closed(state, event.vehicle, actions, event.reason, now_s, accepted=event.accepted)
+    state = _closed(state, event.vehicle, actions, event, now_s)
     if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
         # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
         state = state.put(replace(vehicle, ordered_mode_s=now_s))
@@ -308,7 +311,7 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
 
 def _return_answered(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to the order to come home."""
-    state = _closed(state, event.vehicle, _RETURNS, event.reason, now_s, accepted=event.accepted)
+    state = _closed(state, event.vehicle, _RETURNS, event, now_s)
     state, more = homeward.answered(state, event, now_s)
     if event.accepted:
         return state, (Say(Level.INFO, f"{event.vehicle}: returns"), *more)
@@ -328,7 +331,7 @@ _DONE = {
 
 
 def _closed(
-    state: FleetState, vehicle: str, actions: frozenset[Action], reason: str, now_s: float, *, accepted: bool
+    state: FleetState, vehicle: str, actions: frozenset[Action], event: OrderEnded | ReturnEnded, now_s: float
 ) -> FleetState:
     """Note an answer in every intent that waits for it."""
     intents = dict(state.intents)
@@ -336,12 +339,13 @@ def _closed(
         if record.intent.action not in actions or vehicle not in record.waiting:
             continue
         waiting = record.waiting - {vehicle}
-        if not accepted:
+        if not event.accepted:
+            text = f"{vehicle}: {event.reason}"
             intents[name] = replace(
-                record, outcome=Outcome.FAILED, text=f"{vehicle}: {reason}", waiting=waiting, ended_s=now_s
+                record, outcome=Outcome.FAILED, text=text, waiting=waiting, ended_s=now_s, code=event.code
             )
         elif not waiting and record.outcome is Outcome.ACCEPTED:
-            text = _DONE[record.intent.action] + (f"; {reason}" if reason else "")
+            text = _DONE[record.intent.action] + (f"; {event.reason}" if event.reason else "")
             intents[name] = replace(record, outcome=Outcome.DONE, text=text, waiting=waiting, ended_s=now_s)
         else:
             intents[name] = replace(record, waiting=waiting)
@@ -356,10 +360,10 @@ def settle_intents(context: Context, state: FleetState, now_s: float) -> FleetSt
         elif vehicle.held_s is None and _holds_late(context, vehicle, now_s):
             state = state.put(replace(vehicle, held_s=now_s))
     ended = {
-        name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s)
+        name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s, code=code)
         for name, record in state.intents.items()
         if record.outcome is Outcome.ACCEPTED
-        for outcome, text in (_settlement(state, record, now_s),)
+        for outcome, text, code in (_settlement(state, record, now_s),)
         if outcome is not None
     }
     return changed(state, intents=MappingProxyType({**state.intents, **ended})) if ended else state
@@ -376,28 +380,32 @@ def _holds_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     return vehicle.heartbeat.custom_mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
-def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> tuple[Outcome | None, str]:
+_Settled = tuple[Outcome | None, str, IntentReason | None]
+"""How an intent ends, in words and as a code; None while it is under way."""
+
+
+def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> _Settled:
     if record.intent.action is Action.REPLAN:
         return _replan_settled(state, record)
     for name in sorted(record.waiting):
         vehicle = state.vehicles[name]
         if vehicle.stage is Stage.LOST:
-            return Outcome.FAILED, f"link to {name} lost"
+            return Outcome.FAILED, f"link to {name} lost", IntentReason.LINK_LOST
         if record.intent.action in {Action.HOLD, Action.RESUME} and vehicle.stage is not Stage.FLYING:
             why = f": {vehicle.fault.reason}" if vehicle.fault is not None else ""
-            return Outcome.FAILED, f"overtaken, {name} is {vehicle.stage.value}{why}"
+            return Outcome.FAILED, f"overtaken, {name} is {vehicle.stage.value}{why}", IntentReason.OVERTAKEN
         if now_s - record.at_s > ANSWER_S:
-            return Outcome.FAILED, f"{name} did not answer"
-    return None, ""
+            return Outcome.FAILED, f"{name} did not answer", IntentReason.UNANSWERED
+    return None, "", None
 
 
-def _replan_settled(state: FleetState, record: IntentRecord) -> tuple[Outcome | None, str]:
+def _replan_settled(state: FleetState, record: IntentRecord) -> _Settled:
     last = state.records[-1] if state.records else None
     if last is not None and last.ended_s > record.at_s and state.replan is None:
         left = f", {len(last.uncovered)} segments are left over" if last.uncovered else ""
-        return Outcome.DONE, f"re-plan {last.revision} is on board{left}"
+        return Outcome.DONE, f"re-plan {last.revision} is on board{left}", None
     if state.recalled:
-        return Outcome.FAILED, "the flight was aborted"
+        return Outcome.FAILED, "the flight was aborted", IntentReason.ABORTED
     if state.replan is None and not state.ordered and not state.urgent:
-        return Outcome.FAILED, "there was nothing to plan, or no vehicle to fly it"
-    return None, ""
+        return Outcome.FAILED, "there was nothing to plan, or no vehicle to fly it", IntentReason.NOTHING_TO_PLAN
+    return None, "", None

@@ -10,7 +10,7 @@ import numpy as np
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
-from executor.core.intents import BEFORE, FOR_ALL, Action, Intent
+from executor.core.intents import BEFORE, FOR_ALL, Action, Intent, IntentReason
 from executor.core.places import where
 from executor.core.replan import replanning
 from executor.core.roster.offers import open_segments
@@ -30,24 +30,33 @@ NOT_BEGUN = "the flight has not begun"
 _ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
 _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND})
 
+Why = tuple[IntentReason, str] | None
+"""The code of a refusal with its words; None where nothing is refused."""
 
-def reason(context: Context, state: FleetState, intent: Intent, now_s: float) -> str:
-    """Return why an intent is refused; empty if it is not."""
+
+def reason(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:
+    """Return why an intent is refused, as code and words; None if it is not."""
     if state.finished:
-        return "the flight is over"
+        return IntentReason.OVER, "the flight is over"
     if intent.action in BEFORE:
         return _before(state, intent)
     if state.launched_s is None:
-        return NOT_BEGUN
+        return IntentReason.NOT_BEGUN, NOT_BEGUN
     if intent.action in FOR_ALL:
         if intent.vehicle is not None:
-            return f"{intent.action.value} is for the whole fleet; expected no vehicle"
+            return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
         return _FLEET[intent.action](context, state, now_s)
     if intent.vehicle is None:
-        return f"{intent.action.value} needs a vehicle: one of {', '.join(state.vehicles)}"
+        return (
+            IntentReason.VEHICLE_MISSING,
+            f"{intent.action.value} needs a vehicle: one of {', '.join(state.vehicles)}",
+        )
     vehicle = state.vehicles.get(intent.vehicle)
     if vehicle is None:
-        return f"there is no vehicle {intent.vehicle!r}: expected one of {', '.join(state.vehicles)}"
+        return (
+            IntentReason.VEHICLE_UNKNOWN,
+            f"there is no vehicle {intent.vehicle!r}: expected one of {', '.join(state.vehicles)}",
+        )
     return _VEHICLE[intent.action](context, state, vehicle, now_s)
 
 
@@ -66,77 +75,78 @@ def question(context: Context, state: FleetState, intent: Intent) -> str:
     return ""
 
 
-def _before(state: FleetState, intent: Intent) -> str:
+def _before(state: FleetState, intent: Intent) -> Why:
     asked = state.briefing.question
     if state.launched_s is not None:
-        return "the flight has begun"
+        return IntentReason.BEGUN, "the flight has begun"
     if intent.vehicle is not None:
-        return f"{intent.action.value} is for the whole fleet; expected no vehicle"
-    return "" if asked is not None and asked.id == intent.action.value else "that question is not open now"
+        return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
+    open_ = asked is not None and asked.id == intent.action.value
+    return None if open_ else (IntentReason.NOT_ASKED, "that question is not open now")
 
 
-def _silent(vehicle: VehicleState, context: Context, now_s: float) -> str:
+def _silent(vehicle: VehicleState, context: Context, now_s: float) -> Why:
     heard_s = vehicle.heard_s
     if heard_s is None:
-        return "no message was ever received from it"
+        return IntentReason.NEVER_HEARD, "no message was ever received from it"
     if now_s - heard_s >= context.limits.link_stale_s:
-        return f"no message from it for {now_s - heard_s:.0f} s"
-    return ""
+        return IntentReason.LINK_STALE, f"no message from it for {now_s - heard_s:.0f} s"
+    return None
 
 
-def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
+def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
     if vehicle.stage is not Stage.FLYING and vehicle.stage is not Stage.PILOT:
-        return f"it is not on its mission, it is {vehicle.stage.value}"
+        return IntentReason.NOT_ON_MISSION, f"it is not on its mission, it is {vehicle.stage.value}"
     if vehicle.held_s is not None:
-        return "it holds already"
+        return IntentReason.ON_HOLD, "it holds already"
     if vehicle.pending is not None:
-        return "its new mission is being put on board; ask again in a moment"
+        return IntentReason.UPLOADING, "its new mission is being put on board; ask again in a moment"
     phase = None if vehicle.leg is None else vehicle.leg.phase
     if phase is Phase.TAKEOFF:
-        return "it climbs from its pad; below its layer it would be in the way of others"
+        return IntentReason.CLIMBING, "it climbs from its pad; below its layer it would be in the way of others"
     if phase is Phase.LAND:
-        return "it is landing"
+        return IntentReason.LANDING, "it is landing"
     return _silent(vehicle, context, now_s)
 
 
-def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:
     if vehicle.stage is Stage.PILOT:
-        return "it is with its pilot, who must set mission mode; then include it"
+        return IntentReason.WITH_PILOT, "it is with its pilot, who must set mission mode; then include it"
     if vehicle.stage is not Stage.FLYING or vehicle.held_s is None:
-        return f"it is not on hold, it is {vehicle.stage.value}"
+        return IntentReason.NOT_ON_HOLD, f"it is not on hold, it is {vehicle.stage.value}"
     if state.recalled:
-        return "the flight was aborted"
+        return IntentReason.ABORTED, "the flight was aborted"
     return _silent(vehicle, context, now_s)
 
 
-def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
+def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
     match vehicle.stage:
         case Stage.RETURNING if homeward.comes_home(context, vehicle):
-            return "it is on its way home already"
+            return IntentReason.RETURNING, "it is on its way home already"
         case Stage.GROUND | Stage.LANDED | Stage.DOWN:
-            return "it is on the ground"
+            return IntentReason.ON_GROUND, "it is on the ground"
         case Stage.LOST:
-            return "no link; RTL will be commanded as soon as the link is back"
+            return IntentReason.LINK_LOST, "no link; RTL will be commanded as soon as the link is back"
         case _:
-            return ""
+            return None
 
 
-def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:
     fix = vehicle.fix
     if vehicle.stage not in IN_THE_AIR or not vehicle.armed:
-        return f"it does not fly, it is {vehicle.stage.value}"
+        return IntentReason.NOT_FLYING, f"it does not fly, it is {vehicle.stage.value}"
     if vehicle.lands:
-        return "it is landing already"
+        return IntentReason.LANDING, "it is landing already"
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
-        return "its position is not known"
+        return IntentReason.POSITION_UNKNOWN, "its position is not known"
     line_m = _from_line_m(context, fix.place_m)
     if line_m < LINE_M:
-        return f"it is {line_m:.0f} m from the line, too near to land safely; use return"
+        return IntentReason.NEAR_LINE, f"it is {line_m:.0f} m from the line, too near to land safely; use return"
     for other in state.vehicles:
         pad_m = context.vehicles[other].pad_m
         if other != vehicle.name and math.dist(fix.place_m, pad_m) < PAD_M:
-            return f"it would land on the pad of {other}"
-    return ""
+            return IntentReason.OTHER_PAD, f"it would land on the pad of {other}"
+    return None
 
 
 def _from_line_m(context: Context, place_m: tuple[float, float]) -> float:
@@ -144,78 +154,81 @@ def _from_line_m(context: Context, place_m: tuple[float, float]) -> float:
     return float(place_distances_m(context.setup.network.ends_m, np.array([place_m])).min(initial=math.inf))
 
 
-def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
+def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
     if vehicle.fault is not None:
-        return f"it is out of the plan already: {vehicle.fault.reason}"
+        return IntentReason.OUT_OF_PLAN, f"it is out of the plan already: {vehicle.fault.reason}"
     if vehicle.excluded:
-        return "it is out of the plan already"
-    return ""
+        return IntentReason.OUT_OF_PLAN, "it is out of the plan already"
+    return None
 
 
 def _include(  # noqa: PLR0911 - one return for each reason
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float
-) -> str:
+) -> Why:
     setup, remaining = context.vehicles[vehicle.name], vehicle.battery.remaining_pct
     if vehicle.stage is Stage.PILOT:
         return _from_its_pilot(state, vehicle)
     if vehicle.stage not in _ON_GROUND or vehicle.armed:
-        return f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
+        return IntentReason.NOT_AT_REST, f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
     if state.recalled:
-        return "the flight was aborted"
+        return IntentReason.ABORTED, "the flight was aborted"
     if silent := _silent(vehicle, context, now_s):
         return silent
     if vehicle.tilted_since_s is not None:
-        return "it is tilted, it may have tipped over"
+        return IntentReason.TILTED, "it is tilted, it may have tipped over"
     if vehicle.cleared_s is not None:
-        return "it is cleared for take-off already"
+        return IntentReason.CLEARED, "it is cleared for take-off already"
     if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not open_segments(context, state):
-        return "it is in the plan already, and no segment is left over"
+        return IntentReason.IN_PLAN, "it is in the plan already, and no segment is left over"
     if vehicle.fix is None or math.dist(vehicle.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return "it is not on its pad, where its climb and landing are planned"
+        return IntentReason.OFF_PAD, "it is not on its pad, where its climb and landing are planned"
     if remaining is None or remaining < setup.reserve_pct + LEAST_SPARE_PCT:
         shown = "unknown" if remaining is None else f"{remaining:.0f} %"
-        return f"its battery is {shown}; expected more than its reserve of {setup.reserve_pct:g} %"
-    return ""
+        return (
+            IntentReason.BATTERY_LOW,
+            f"its battery is {shown}; expected more than its reserve of {setup.reserve_pct:g} %",
+        )
+    return None
 
 
-def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> str:
+def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> Why:
     if vehicle.taken is None or vehicle.taken.returned_s is None:
-        return "it is with its pilot, who must set mission mode first"
+        return IntentReason.WITH_PILOT, "it is with its pilot, who must set mission mode first"
     if vehicle.fault is not None:
-        return f"it is out of the plan: {vehicle.fault.reason}"
-    return "the flight was aborted" if state.recalled else ""
+        return IntentReason.OUT_OF_PLAN, f"it is out of the plan: {vehicle.fault.reason}"
+    return (IntentReason.ABORTED, "the flight was aborted") if state.recalled else None
 
 
-def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:  # noqa: ARG001
+def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
     if vehicle.stage is not Stage.DOWN:
-        return f"it is not down, it is {vehicle.stage.value}"
+        return IntentReason.NOT_DOWN, f"it is not down, it is {vehicle.stage.value}"
     if not vehicle.armed:
-        return "its motors are off already"
+        return IntentReason.DISARMED, "its motors are off already"
     return _silent(vehicle, context, now_s)
 
 
-def _replan(context: Context, state: FleetState, now_s: float) -> str:
+def _replan(context: Context, state: FleetState, now_s: float) -> Why:
     if state.recalled:
-        return "the flight was aborted"
+        return IntentReason.ABORTED, "the flight was aborted"
     if state.replan is not None or state.ordered:
-        return "a re-plan is under way"
+        return IntentReason.REPLANNING, "a re-plan is under way"
     offers = [offer for vehicle in state.vehicles.values() if (offer := replanning.survivor(context, vehicle, now_s))]
     if not offers:
-        return "no vehicle can take a new route now"
+        return IntentReason.NO_VEHICLE, "no vehicle can take a new route now"
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     if not freed and not state.given_up and not replanning.orphans(context, state):
-        return "nothing is left to re-plan"
-    return ""
+        return IntentReason.NOTHING_TO_PLAN, "nothing is left to re-plan"
+    return None
 
 
-def _abort(context: Context, state: FleetState, now_s: float) -> str:  # noqa: ARG001
+def _abort(context: Context, state: FleetState, now_s: float) -> Why:  # noqa: ARG001
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
     if not flies and state.offer is None:
-        return "no vehicle is on a mission"
-    return ""
+        return IntentReason.NO_VEHICLE, "no vehicle is on a mission"
+    return None
 
 
-_VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], str]] = {
+_VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], Why]] = {
     Action.HOLD: _hold,
     Action.RESUME: _resume,
     Action.RETURN: _return,
@@ -224,4 +237,4 @@ _VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], s
     Action.INCLUDE: _include,
     Action.DISARM: _disarm,
 }
-_FLEET: Mapping[Action, Callable[[Context, FleetState, float], str]] = {Action.REPLAN: _replan, Action.ABORT: _abort}
+_FLEET: Mapping[Action, Callable[[Context, FleetState, float], Why]] = {Action.REPLAN: _replan, Action.ABORT: _abort}

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from executor.core.check_codes import CheckCode
 from executor.core.connection import Connection, Scheme
 from executor.core.context import Context
 from executor.core.hearing import firmware
@@ -44,6 +45,7 @@ class Check:
     severity: Severity
     subject: str
     text: str
+    code: CheckCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,17 +85,21 @@ def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> li
     kind = facts.heartbeat.vehicle_type
     if kind not in firmware.MULTICOPTERS:
         text = f"its heartbeat says that it is a {firmware.vehicle_words(kind)}, expected a multicopter"
-        found.append(Check(Severity.STOP, facts.name, text))
+        found.append(Check(Severity.STOP, facts.name, text, CheckCode.VEHICLE_TYPE))
     if facts.heartbeat.autopilot != dialect.number:
         text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
-        found.append(Check(Severity.STOP, facts.name, text))
-    found += [Check(Severity.STOP, facts.name, stranger_words(double)) for double in facts.doubles]
+        found.append(Check(Severity.STOP, facts.name, text, CheckCode.AUTOPILOT))
+    found += [
+        Check(Severity.STOP, facts.name, stranger_words(double), CheckCode.DOUBLE_SYSID) for double in facts.doubles
+    ]
     if facts.heartbeat.armed:
-        found.append(Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad"))
+        found.append(
+            Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad", CheckCode.ARMED)
+        )
     away_m = math.hypot(*place_m)
     if away_m > FARTHEST_PAD_M:
         text = f"stands {away_m:.0f} m from the depot, expected at most {FARTHEST_PAD_M:.0f} m"
-        found.append(Check(Severity.STOP, facts.name, text))
+        found.append(Check(Severity.STOP, facts.name, text, CheckCode.FAR_FROM_DEPOT))
     return found
 
 
@@ -103,11 +109,18 @@ def pad_height(context: Context, facts: Facts) -> list[Check]:
     off_m = pad.alt_m - context.frame.alt_m
     text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
     if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
-        return [Check(Severity.STOP, facts.name, f"{text}: expected depot.alt_m and GPS to agree")]
+        return [
+            Check(Severity.STOP, facts.name, f"{text}: expected depot.alt_m and GPS to agree", CheckCode.PAD_HEIGHT)
+        ]
     inspection = context.setup.inspection
     if abs(off_m) > inspection.height_m - margin_m(context.setup):
         return [
-            Check(Severity.WARNING, facts.name, f"{text}: its flight is {abs(off_m):.0f} m off if they do not agree")
+            Check(
+                Severity.WARNING,
+                facts.name,
+                f"{text}: its flight is {abs(off_m):.0f} m off if they do not agree",
+                CheckCode.PAD_HEIGHT,
+            )
         ]
     return []
 
@@ -115,12 +128,12 @@ def pad_height(context: Context, facts: Facts) -> list[Check]:
 def _who(facts: Facts, dialect: Dialect) -> Check:
     tested = f"tested with {dialect.tested_version}"
     if facts.version is None:
-        return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}")
+        return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}", CheckCode.FIRMWARE)
     if (facts.version.major, facts.version.minor) < dialect.oldest_version:
         oldest = ".".join(map(str, dialect.oldest_version))
         text = f"{facts.words}, which is older than {oldest}; faultline is {tested}"
-        return Check(Severity.WARNING, facts.name, text)
-    return Check(Severity.OK, facts.name, facts.words)
+        return Check(Severity.WARNING, facts.name, text, CheckCode.FIRMWARE)
+    return Check(Severity.OK, facts.name, facts.words, CheckCode.FIRMWARE)
 
 
 def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
@@ -138,8 +151,10 @@ def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | 
             f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter, and its segments would be reassigned while "
             f"it still flies them: {declared} instead"
         )
-        return Check(Severity.WARNING, facts.name, text)
-    return Check(Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {declared}")
+        return Check(Severity.WARNING, facts.name, text, CheckCode.LINK_FAILSAFE)
+    return Check(
+        Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE
+    )
 
 
 def stations(facts: Facts, dialect: Dialect) -> list[Check]:
@@ -150,12 +165,12 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
     if counted is not None and counted[1] != ours:
         name, value = counted
         text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not notice our loss"
-        found.append(Check(Severity.WARNING, facts.name, text))
+        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
         then = "its HEARTBEATs would hide the loss of ours" if hides else "it may command the vehicle too"
         text = f"another ground station is on its link, system {station.system} component {station.component}: {then}"
-        found.append(Check(Severity.WARNING, facts.name, text))
+        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.OTHER_STATION))
     return found
 
 
@@ -172,14 +187,21 @@ def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) ->
         text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
         if not rule.said:
             text = f"battery failsafe not known ({settings})"
-        return [Check(Severity.WARNING, facts.name, text)]
-    found = [Check(Severity.OK, facts.name, "battery failsafe: " + ", ".join(action.words for action in rule.actions))]
+        return [Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE)]
+    found = [
+        Check(
+            Severity.OK,
+            facts.name,
+            "battery failsafe: " + ", ".join(action.words for action in rule.actions),
+            CheckCode.BATTERY_FAILSAFE,
+        )
+    ]
     for action in rule.actions:
         if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
             text = (
                 f"battery failsafe: {action.words}, but its flight ends with {left_pct:.0f} %: it would act in flight"
             )
-            found.append(Check(Severity.WARNING, facts.name, text))
+            found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
     return found
 
 
@@ -200,8 +222,10 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
     ):
         if limit_m is not None and needed_m > limit_m:
             text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
-            found.append(Check(Severity.WARNING, facts.name, text))
-    return found or [Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence")]
+            found.append(Check(Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
+    return found or [
+        Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence", CheckCode.GEOFENCE)
+    ]
 
 
 def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
@@ -215,7 +239,9 @@ def energy_for_flight(context: Context, name: str, path: FlightPath | None, rema
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:
-        return Check(Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %")
+        return Check(
+            Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %", CheckCode.ENERGY
+        )
     needed = estimate(path, context.travel, context.setup.motion)
     left = remaining_pct - needed.energy_pct
     text = (
@@ -223,8 +249,10 @@ def energy_for_flight(context: Context, name: str, path: FlightPath | None, rema
         f"lands with {left:.0f} %"
     )
     if left < setup.reserve_pct:
-        return Check(Severity.STOP, name, f"{text}, expected at least the reserve of {setup.reserve_pct:g} %")
-    return Check(Severity.OK, name, text)
+        return Check(
+            Severity.STOP, name, f"{text}, expected at least the reserve of {setup.reserve_pct:g} %", CheckCode.ENERGY
+        )
+    return Check(Severity.OK, name, text, CheckCode.ENERGY)
 
 
 def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
@@ -235,14 +263,18 @@ def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
         signed: Whether frames must be signed.
     """
     if signed:
-        return Check(Severity.OK, "signing", "frames are signed; what is not signed with our key is refused")
+        return Check(
+            Severity.OK, "signing", "frames are signed; what is not signed with our key is refused", CheckCode.SIGNING
+        )
     open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
     if not open_:
         radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
         beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
-        return Check(Severity.OK, "signing", f"frames are not signed; {beyond}")
+        return Check(Severity.OK, "signing", f"frames are not signed; {beyond}", CheckCode.SIGNING)
     text = f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network"
-    return Check(Severity.WARNING, "signing", f"{text}: any sender there can command and imitate the vehicles")
+    return Check(
+        Severity.WARNING, "signing", f"{text}: any sender there can command and imitate the vehicles", CheckCode.SIGNING
+    )
 
 
 def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
@@ -251,13 +283,16 @@ def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> 
     needed = RECORD_BYTES_S * flown_s
     text = f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about {needed / 1e6:.0f} MB"
     if free_bytes < SPARE_ROOM * needed:
-        return Check(Severity.WARNING, "disk", f"{text}: it may not fit")
-    return Check(Severity.OK, "disk", text)
+        return Check(Severity.WARNING, "disk", f"{text}: it may not fit", CheckCode.DISK)
+    return Check(Severity.OK, "disk", text, CheckCode.DISK)
 
 
 def separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
     found = [
-        Check(Severity.STOP, "separation", text) for text in check_separation(paths, layer_m, home_alt_m=home_alt_m)
+        Check(Severity.STOP, "separation", text, CheckCode.SEPARATION)
+        for text in check_separation(paths, layer_m, home_alt_m=home_alt_m)
     ]
-    return found or [Check(Severity.OK, "separation", f"any two vehicles stay at least {layer_m:g} m apart")]
+    return found or [
+        Check(Severity.OK, "separation", f"any two vehicles stay at least {layer_m:g} m apart", CheckCode.SEPARATION)
+    ]

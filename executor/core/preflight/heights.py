@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Check, Severity
 from missions import (
     FlightPath,
@@ -29,10 +30,10 @@ def checks(setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequen
         paths: The missions.
         worth_a_look: What was found about the network's heights when it was read.
     """
-    found = [Check(Severity.OK, SUBJECT, height_words(setup, paths))]
-    found += [Check(Severity.WARNING, SUBJECT, text) for text in worth_a_look]
-    found += [Check(Severity.STOP, SUBJECT, text) for text in too_low(setup, paths)]
-    found += [Check(Severity.STOP, SUBJECT, text) for text in check_ceiling(setup, paths)]
+    found = [Check(Severity.OK, SUBJECT, height_words(setup, paths), CheckCode.HEIGHTS)]
+    found += [Check(Severity.WARNING, SUBJECT, text, CheckCode.HEIGHTS) for text in worth_a_look]
+    found += [Check(Severity.STOP, SUBJECT, text, CheckCode.CLEARANCE) for text in too_low(setup, paths)]
+    found += [Check(Severity.STOP, SUBJECT, text, CheckCode.CEILING) for text in check_ceiling(setup, paths)]
     return found
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from executor.core.check_codes import CheckCode
 from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight.checks import Check, Severity
@@ -104,7 +105,13 @@ def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: floa
         allowed_m = highest_return_m(context.setup, name) if ceiling_m is None else ceiling_m
         own, check = _of_vehicle(context, name, said, allowed_m if name == highest else 0.0)
         changes += own
-        checks += [check, *(Check(Severity.OK, name, f"to be set for the flight: {change.words}") for change in own)]
+        checks += [
+            check,
+            *(
+                Check(Severity.OK, name, f"to be set for the flight: {change.words}", CheckCode.PARAMETER_CHANGE)
+                for change in own
+            ),
+        ]
     return Proposal(present, tuple(changes), tuple(checks))
 
 
@@ -119,7 +126,7 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
     known = said.get(name)
     if known is None:
         text = f"RTL altitude not known: {name} does not answer; nothing is set"
-        return [], Check(Severity.WARNING, vehicle, text)
+        return [], Check(Severity.WARNING, vehicle, text, CheckCode.RTL_ALTITUDE)
     is_m = known.value * unit_m
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
     changes, height_m = [], is_m
@@ -130,7 +137,9 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
         changes.append(Change(vehicle, name, known.value, value, known.kind, unit, _why_so_high(context)))
     changes += _beside(vehicle, rule, said, height_m)
     stays = "is" if height_m == is_m else "will be"
-    return changes, Check(Severity.OK, vehicle, f"RTL altitude {stays} {round(height_m, 1):g} m ({name})")
+    return changes, Check(
+        Severity.OK, vehicle, f"RTL altitude {stays} {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE
+    )
 
 
 def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Mapping[str, str]) -> Check:
@@ -152,10 +161,15 @@ def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Map
             f"RTL altitude stays {round(height_m, 1):g} m ({name}), not the {wanted_m:.0f} m that keep it clear of the "
             f"others: {problems}"
         )
-        return Check(Severity.WARNING, vehicle, text)
+        return Check(Severity.WARNING, vehicle, text, CheckCode.RTL_ALTITUDE)
     if problems:
-        return Check(Severity.WARNING, vehicle, f"RTL altitude set to {round(height_m, 1):g} m, but {problems}")
-    return Check(Severity.OK, vehicle, f"RTL altitude set to {round(height_m, 1):g} m ({name})")
+        return Check(
+            Severity.WARNING,
+            vehicle,
+            f"RTL altitude set to {round(height_m, 1):g} m, but {problems}",
+            CheckCode.RTL_ALTITUDE,
+        )
+    return Check(Severity.OK, vehicle, f"RTL altitude set to {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE)
 
 
 def height_name(rule: ReturnParameters, said: Present) -> tuple[str, float]:

@@ -7,7 +7,7 @@ from executor.core.commands import Solve
 from executor.core.context import Context
 from executor.core.replan import replanning
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultKind, Stage
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from planner import segment_of
 
 
@@ -29,7 +29,9 @@ def if_lost(context: Context, state: FleetState, name: str, now_s: float) -> Sol
 
     A held vehicle is taken to go on: the operator can let it.
     """
-    lost = changed(state.vehicles[name], stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s))
+    lost = changed(
+        state.vehicles[name], stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST)
+    )
     state = state.put(lost)
     alone = replanning.orphans(context, state)
     if not alone:

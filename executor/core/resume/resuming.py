@@ -13,6 +13,7 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say, Start, Upload
 from executor.core.context import Context, FlyAgain
+from executor.core.endings import Ending
 from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.homing.homeward import on_mission, sent_home
 from executor.core.link_quality import LinkQuality
@@ -189,7 +190,13 @@ def _half_uploaded(
         return _stranded(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         why = "its mission on board is a mix of two, and it is past the new part"
-        return state, _Taken(ended=(UploadEnded(found.vehicle, revision, accepted=False, mixed=True, reason=why),))
+        return state, _Taken(
+            ended=(
+                UploadEnded(
+                    found.vehicle, revision, accepted=False, mixed=True, reason=why, code=Ending.READ_BACK_DIFFERS
+                ),
+            )
+        )
     state = state.put(changed(state.vehicles[found.vehicle], before=None))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
     again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)

@@ -19,11 +19,9 @@ from planner import segment_of
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
-def declare(
-    context: Context, state: FleetState, vehicle: VehicleState, kind: FaultKind, why: str, now_s: float
-) -> Stepped:
+def declare(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     """Declare a fault: the vehicle is brought home where it can be, and its segments are reassigned."""
-    fault = Fault(kind, why, now_s)
+    kind, why, now_s = fault.kind, fault.reason, fault.detected_s
     left = _left_by(state, vehicle)
     down = vehicle.armed_once and not vehicle.armed
     commands: tuple[Command, ...] = ()

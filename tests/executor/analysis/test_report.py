@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from executor.analysis.report import Said, report_of, vehicles_of
+from executor.core.check_codes import CheckCode
 from executor.core.messages import Heartbeat, Position, StationHeard, Version
 from executor.core.preflight.checks import Check, Facts, Severity
 from executor.core.preflight.parameters import ChangeStage, Kept
@@ -22,7 +23,7 @@ SAID = Said(
         ),
         "uav2": Facts("uav2", Heartbeat(3, 0, False, 3, 13), POSITION, 97.0, None, {}),
     },
-    [Check(Severity.WARNING, "uav2", "no battery failsafe")],
+    [Check(Severity.WARNING, "uav2", "no battery failsafe", CheckCode.BATTERY_FAILSAFE)],
 )  # fmt: skip
 
 
@@ -63,7 +64,9 @@ def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> Non
     assert (first["type"], first["autopilot"], first["firmware"]) == ("quadrotor", "ArduPilot", "4.7.0-dev")
     assert (second["type"], second["firmware"]) == ("hexarotor", None)
     assert (third["type"], third["firmware"]) == (None, None)
-    assert report["checks"] == [{"severity": "warning", "subject": "uav2", "text": "no battery failsafe"}]
+    assert report["checks"] == [
+        {"severity": "warning", "code": "battery_failsafe", "subject": "uav2", "text": "no battery failsafe"}
+    ]
 
 
 def test_what_was_asked_before_the_flight_is_kept() -> None:

@@ -18,6 +18,7 @@ import pytest
 from rich.console import Console, Group
 
 from executor.cli.console import TerminalConsole, fleet_on_screen
+from executor.core.check_codes import CheckCode
 from executor.core.commands import Level
 from executor.core.preflight.checks import Check, Severity
 from executor.core.view import OfferView, TakenView, fleet_view
@@ -66,7 +67,7 @@ def test_before_the_take_off_no_time_is_shown(capsys: pytest.CaptureFixture[str]
 def test_what_a_terminal_would_obey_is_not_passed_on(capsys: pytest.CaptureFixture[str]) -> None:
     console = TerminalConsole(quiet=False, yes=True)
     console.say(Level.INFO, "uav1: \x1b[2Jcrash\r\nuav2: ready\u202e", 0.0)
-    console.checks([Check(Severity.OK, "a\x07b", "[bold]as it is[/bold]")])
+    console.checks([Check(Severity.OK, "a\x07b", "[bold]as it is[/bold]", CheckCode.PLAN)])
     said = capsys.readouterr().err
     assert not {"\x1b", "\r", "\x07", "\u202e"} & set(said)
     assert "crash uav2: ready" in said

@@ -14,7 +14,7 @@ from executor.core.events import Event, IntentReceived, Tick
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Heartbeat
 from executor.core.state import FleetState, NewMission, Replan, Told
-from executor.core.vehicle import Errand, Fault, FaultKind, Fix, OnBoard, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Errand, Fault, FaultCode, FaultKind, Fix, OnBoard, Stage, TakenOver, VehicleState
 from missions import continue_path, flight_path
 from tests.executor.builders import vehicle
 from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
@@ -170,7 +170,7 @@ def new_mission(*visits: int, fresh: bool = False) -> NewMission:
 
 CREW = replace(FLEET.context, fly_again=FlyAgain.ASK)
 """Where a crew says when somebody takes off."""
-BATTERY_FAULT = Fault(FaultKind.BATTERY, "why", NOW_S - 50.0)
+BATTERY_FAULT = Fault(FaultKind.BATTERY, "why", NOW_S - 50.0, FaultCode.BATTERY_LOW)
 LOW = over_pad()
 STILL = replace(at(up_m=0.0), velocity_m_s=(0.0, 0.0, 0.0))
 """Far from the pad."""
@@ -181,7 +181,7 @@ TOLD_HOME: Changes = {
 LEAVES: Changes = {"stage": Stage.RETURNING, "left_s": NOW_S, "ordered_mode_s": NOW_S, "anchor": None}
 SENT_HOME = LEAVES | TOLD_HOME
 FAILS = flying(heartbeat=beat(status=8))
-TERMINATED = Fault(FaultKind.INTERRUPTION, "reports that its flight is terminated", NOW_S)
+TERMINATED = Fault(FaultKind.INTERRUPTION, "reports that its flight is terminated", NOW_S, FaultCode.TERMINATED)
 WHY: Changes = {"trigger": "uav1: interruption, reports that its flight is terminated", "trigger_s": NOW_S}
 URGENT = {"urgent": True} | WHY
 TAKEN = TakenOver(NOW_S - 10.0)

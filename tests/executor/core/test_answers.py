@@ -9,7 +9,7 @@ import pytest
 
 from executor.core.commands import Level, Say, SendHome
 from executor.core.events import OrderEnded, ReturnEnded, Tick
-from executor.core.intents import Action, Outcome
+from executor.core.intents import Action, IntentReason, Outcome
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Errand, Stage
 from tests.executor.core.faults.test_watchpoints import NOW_S, flying
@@ -312,7 +312,12 @@ ROWS = [
         {
             "intents": {
                 "wish": wished(
-                    Action.RETURN, at_s=NOW_S - 90.1, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1 did not answer"
+                    Action.RETURN,
+                    at_s=NOW_S - 90.1,
+                    ended_s=NOW_S,
+                    outcome=Outcome.FAILED,
+                    text="uav1 did not answer",
+                    code=IntentReason.UNANSWERED,
                 )
             }
         },
@@ -333,7 +338,17 @@ ROWS = [
         Tick(),
         [],
         {},
-        {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="link to uav2 lost")}},
+        {
+            "intents": {
+                "wish": wished(
+                    Action.RETURN,
+                    ended_s=NOW_S,
+                    outcome=Outcome.FAILED,
+                    text="link to uav2 lost",
+                    code=IntentReason.LINK_LOST,
+                )
+            }
+        },
         {"intents": {"wish": wished(Action.RETURN, "uav1", "uav2")}},
         beside=(replace(SECOND, stage=Stage.LOST),),
     ),
@@ -346,7 +361,11 @@ ROWS = [
         {
             "intents": {
                 "wish": wished(
-                    Action.HOLD, ended_s=NOW_S, outcome=Outcome.FAILED, text="overtaken, uav1 is returning: why"
+                    Action.HOLD,
+                    ended_s=NOW_S,
+                    outcome=Outcome.FAILED,
+                    text="overtaken, uav1 is returning: why",
+                    code=IntentReason.OVERTAKEN,
                 )
             }
         },
@@ -361,7 +380,11 @@ ROWS = [
         {
             "intents": {
                 "wish": wished(
-                    Action.RESUME, ended_s=NOW_S, outcome=Outcome.FAILED, text="overtaken, uav1 is returning"
+                    Action.RESUME,
+                    ended_s=NOW_S,
+                    outcome=Outcome.FAILED,
+                    text="overtaken, uav1 is returning",
+                    code=IntentReason.OVERTAKEN,
                 )
             }
         },
@@ -425,7 +448,13 @@ ROWS = [
         {},
         {
             "intents": {
-                "wish": wished(Action.REPLAN, ended_s=NOW_S, outcome=Outcome.FAILED, text="the flight was aborted")
+                "wish": wished(
+                    Action.REPLAN,
+                    ended_s=NOW_S,
+                    outcome=Outcome.FAILED,
+                    text="the flight was aborted",
+                    code=IntentReason.ABORTED,
+                )
             }
         },
         {"intents": {"wish": wished(Action.REPLAN)}, "records": (replace(REPLANNED, ended_s=NOW_S - 10.0),)},
@@ -470,6 +499,7 @@ ROWS = [
                     ended_s=NOW_S,
                     outcome=Outcome.FAILED,
                     text="there was nothing to plan, or no vehicle to fly it",
+                    code=IntentReason.NOTHING_TO_PLAN,
                 )
             }
         },

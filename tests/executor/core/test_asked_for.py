@@ -28,7 +28,8 @@ STANDS = landed(stage=Stage.LANDED)
 
 def refused(action: Action, name: str | None, *vehicles: VehicleState, **given: Any) -> str:
     intent = Intent("wish", action, name, "page", False)
-    return refusals.reason(CONTEXT, flight_of(*vehicles, **given), intent, NOW_S)
+    why = refusals.reason(CONTEXT, flight_of(*vehicles, **given), intent, NOW_S)
+    return "" if why is None else why[1]
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [

@@ -328,9 +328,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            {"vehicle": "uav1", "action": Action.HOLD, "accepted": True, "reason": "", "lost": False, "refused": False},
-            {"vehicle": "uav1", "accepted": True, "reason": "", "lost": False, "refused": False},
-            {"vehicle": "uav1", "accepted": True, "reason": "", "armed": False},
+            {
+                "vehicle": "uav1",
+                "action": Action.HOLD,
+                "accepted": True,
+                "reason": "",
+                "lost": False,
+                "refused": False,
+                "code": None,
+            },
+            {"vehicle": "uav1", "accepted": True, "reason": "", "lost": False, "refused": False, "code": None},
+            {"vehicle": "uav1", "accepted": True, "reason": "", "armed": False, "code": None},
             {"question": "prepare", "text": "", "lines": ()},
         ],
     ),

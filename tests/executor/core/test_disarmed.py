@@ -9,7 +9,7 @@ from executor.core.commands import AskStreams, Level, Say
 from executor.core.events import Tick
 from executor.core.messages import Heartbeat
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, flying
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
 
@@ -124,7 +124,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 5 m above its pad", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 5 m above its pad", NOW_S, FaultCode.DISARMED),
                 "left_s": NOW_S,
             }
         },
@@ -147,7 +147,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 5 m above its pad", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 5 m above its pad", NOW_S, FaultCode.DISARMED),
                 "left_s": NOW_S,
             }
         },
@@ -170,7 +170,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 15 m above its pad", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 15 m above its pad", NOW_S, FaultCode.DISARMED),
                 "left_s": NOW_S,
             }
         },
@@ -193,7 +193,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 15 m above its pad", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 15 m above its pad", NOW_S, FaultCode.DISARMED),
                 "left_s": NOW_S,
             }
         },
@@ -224,7 +224,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 0 m above its pad", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 0 m above its pad", NOW_S, FaultCode.DISARMED),
                 "left_s": NOW_S,
             }
         },
@@ -276,7 +276,9 @@ ROWS = [
             "uav1": {
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 300 m from its pad, 0 m high", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION, "disarmed 300 m from its pad, 0 m high", NOW_S, FaultCode.DISARMED
+                ),
                 "left_s": NOW_S,
             }
         },
@@ -317,7 +319,9 @@ ROWS = [
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed 300 m from its pad, 20 m high", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION, "disarmed 300 m from its pad, 20 m high", NOW_S, FaultCode.DISARMED
+                ),
                 "left_s": NOW_S,
             }
         },

@@ -12,7 +12,7 @@ from executor.core.commands import AskStreams, Finish, Level, Say
 from executor.core.coverage import Run, Sample, _Pace
 from executor.core.events import Tick
 from executor.core.state import Absence, Offer, Told
-from executor.core.vehicle import Before, Cause, Errand, Fault, FaultKind, Fix, Stage, Watch
+from executor.core.vehicle import Before, Cause, Errand, Fault, FaultCode, FaultKind, Fix, Stage, Watch
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -164,7 +164,7 @@ ROWS = [
             "uav1": LEAVES
             | {
                 "run": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
                 "errand": Errand(NOW_S),
             }
         },
@@ -186,7 +186,7 @@ ROWS = [
             "uav1": LEAVES
             | {
                 "run": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
                 "errand": Errand(NOW_S),
             }
         },
@@ -208,7 +208,7 @@ ROWS = [
             "uav1": LEAVES
             | {
                 "run": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
                 "errand": Errand(NOW_S),
             }
         },
@@ -230,7 +230,7 @@ ROWS = [
             "uav1": LEAVES
             | {
                 "run": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
                 "errand": Errand(NOW_S),
             }
         },
@@ -251,7 +251,7 @@ ROWS = [
             "uav1": LEAVES
             | {
                 "run": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
                 "errand": Errand(NOW_S),
             }
         },
@@ -415,7 +415,7 @@ ROWS = [
                 "anchor": None,
                 "run": None,
                 "stale": True,
-                "fault": Fault(FaultKind.LINK, "link lost for 9000.0 s, time-out 10 s", NOW_S),
+                "fault": Fault(FaultKind.LINK, "link lost for 9000.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 "before": Before(
                     fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
                     waypoint=2,
@@ -468,7 +468,12 @@ ROWS = [
         {
             "uav1": LEAVES
             | {
-                "fault": Fault(FaultKind.INTERRUPTION, "no position for 70 s, while other messages come", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION,
+                    "no position for 70 s, while other messages come",
+                    NOW_S,
+                    FaultCode.POSITION_LOST,
+                ),
                 "streams_asked_s": NOW_S,
                 "before": None,
                 "errand": Errand(NOW_S),
@@ -519,7 +524,9 @@ ROWS = [
                 "stage": Stage.DOWN,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.INTERRUPTION, "disarmed over its pad in mid-mission", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION, "disarmed over its pad in mid-mission", NOW_S, FaultCode.DISARMED
+                ),
                 "before": None,
                 "left_s": NOW_S,
             }
@@ -555,7 +562,7 @@ ROWS = [
                 "stage": Stage.LOST,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
+                "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 "left_s": NOW_S,
             }
         },

@@ -9,7 +9,7 @@ import pytest
 from executor.core.commands import LandNow, Level, Say, SendHome, Solve, Survivor
 from executor.core.events import Tick
 from executor.core.state import Replan
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver
 from tests.executor.core.faults.test_watchpoints import NOW_S, RTL, flying, volts
 from tests.executor.core.steps import (
     FAILS,
@@ -49,7 +49,10 @@ ROWS = [
             SendHome("uav1"),
             Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5"),
         ],
-        {"uav1": SENT_HOME | {"fault": Fault(FaultKind.BATTERY, "3.75 V a cell under load", NOW_S)}},
+        {
+            "uav1": SENT_HOME
+            | {"fault": Fault(FaultKind.BATTERY, "3.75 V a cell under load", NOW_S, FaultCode.CELL_WEAK)}
+        },
         {
             "given_up": frozenset({0, 1, 2, 3, 4, 5}),
             "orphans_since_s": NOW_S,

@@ -9,7 +9,7 @@ from executor.core.commands import AskStreams, HandsOff, Level, Say, SendHome
 from executor.core.events import Tick
 from executor.core.messages import Attitude
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -219,7 +219,10 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
                 "fault": Fault(
-                    FaultKind.DOWN, "leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away", NOW_S
+                    FaultKind.DOWN,
+                    "leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away",
+                    NOW_S,
+                    FaultCode.DOWN,
                 ),
                 "place_told": True,
                 "left_s": NOW_S,
@@ -312,7 +315,7 @@ ROWS = [
                 "stage": Stage.LOST,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
+                "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 "left_s": NOW_S,
             }
         },

@@ -13,7 +13,7 @@ from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.roster import offers
 from executor.core.state import Offer
-from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -64,12 +64,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "with which faults one is ready that has landed",
-        lambda: [kind for kind in FaultKind if idle(replace(STANDS, fault=Fault(kind, "", 5.0)))],
+        lambda: [kind for kind in FaultKind if idle(replace(STANDS, fault=Fault(kind, "", 5.0, FaultCode.STALL)))],
         [FaultKind.LINK, FaultKind.INTERRUPTION],
     ),
     (
         "with which faults one is ready that has not flown",
-        lambda: [kind for kind in FaultKind if idle(replace(STANDS, stage=Stage.GROUND, fault=Fault(kind, "", 5.0)))],
+        lambda: [
+            kind
+            for kind in FaultKind
+            if idle(replace(STANDS, stage=Stage.GROUND, fault=Fault(kind, "", 5.0, FaultCode.STALL)))
+        ],
         [],
     ),
     (
@@ -262,7 +266,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 {"stage": Stage.RETURNING},
                 {"stage": Stage.RETURNING, "excluded": True},
                 {"stage": Stage.RETURNING, "fault": BATTERY_FAULT},
-                {"stage": Stage.RETURNING, "fault": Fault(FaultKind.LINK, "", 5.0)},
+                {"stage": Stage.RETURNING, "fault": Fault(FaultKind.LINK, "", 5.0, FaultCode.LINK_LOST)},
                 {"held_s": 5.0},
                 {"held_s": 5.0, "waypoint": 4},
                 {"held_s": 5.0, "waypoint": 5},

@@ -15,6 +15,7 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.commands import Level, Say, SendHome, Start, Upload
 from executor.core.context import Context
 from executor.core.coverage import Run, Sample, _Pace
+from executor.core.endings import Ending
 from executor.core.events import Found, Match, NewRoute, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.link_quality import LinkQuality
 from executor.core.resume import resuming
@@ -515,6 +516,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     accepted=False,
                     mixed=True,
                     reason="its mission on board is a mix of two, and it is past the new part",
+                    code=Ending.READ_BACK_DIFFERS,
                 ),
             ),
             (
@@ -524,6 +526,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     accepted=False,
                     mixed=True,
                     reason="its mission on board is a mix of two, and it is past the new part",
+                    code=Ending.READ_BACK_DIFFERS,
                 ),
             ),
         ],
@@ -540,6 +543,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     accepted=False,
                     mixed=True,
                     reason="its mission on board is a mix of two, and it is past the new part",
+                    code=Ending.READ_BACK_DIFFERS,
                 ),
             ),
             (),

@@ -16,7 +16,7 @@ from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Wind
 from executor.core.replan import what_if
 from executor.core.state import Offer, Outlook, SaidLine, Separation
-from executor.core.vehicle import Cause, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Cause, FaultCode, Stage, TakenOver, VehicleState
 from executor.core.view import (
     BatteryView,
     IntentView,
@@ -215,6 +215,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             "fault": None,
             "fault_kind": None,
+            "fault_code": None,
             "excluded": False,
             "loss": None,
             "lands_in_s": 120.0,
@@ -270,6 +271,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             "fault": "why",
             "fault_kind": "battery",
+            "fault_code": FaultCode.BATTERY_LOW,
             "excluded": True,
             "loss": None,
             "lands_in_s": 120.0,

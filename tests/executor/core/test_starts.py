@@ -13,7 +13,7 @@ from executor.core.coverage import Sample
 from executor.core.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.messages import Heartbeat
 from executor.core.state import Briefing, Outlook, Question
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying, mission
 from tests.executor.core.steps import CREW, HOLD, LAND, LOW, Changes, Row, beat, over_pad
@@ -244,7 +244,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -269,7 +269,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -314,7 +314,12 @@ ROWS = [
             "uav1": {
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied, and it has disarmed", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION,
+                    "did not start: arm: denied, and it has disarmed",
+                    NOW_S,
+                    FaultCode.NOT_STARTED,
+                ),
                 "left_s": NOW_S,
             }
         },
@@ -343,7 +348,12 @@ ROWS = [
             "uav1": {
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied, and it has disarmed", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION,
+                    "did not start: arm: denied, and it has disarmed",
+                    NOW_S,
+                    FaultCode.NOT_STARTED,
+                ),
                 "left_s": NOW_S,
             }
         },
@@ -390,7 +400,12 @@ ROWS = [
             "uav1": {
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied, and it has disarmed", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION,
+                    "did not start: arm: denied, and it has disarmed",
+                    NOW_S,
+                    FaultCode.NOT_STARTED,
+                ),
                 "left_s": NOW_S,
             }
         },
@@ -423,7 +438,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -444,7 +459,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -465,7 +480,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -497,7 +512,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "ordered_modes": frozenset({9}),
                 "errand": Errand(NOW_S, told=True),
                 "left_s": NOW_S,
@@ -520,7 +535,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -543,7 +558,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.PILOT,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },
@@ -564,7 +579,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S),
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "left_s": NOW_S,
             }
         },

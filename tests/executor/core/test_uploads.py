@@ -10,7 +10,7 @@ from executor.core.carried import Carried
 from executor.core.commands import Disarm, Level, Say, SendHome, Start
 from executor.core.events import UploadEnded
 from executor.core.state import ReplanRecord
-from executor.core.vehicle import Fault, FaultKind, Stage, aboard
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import CREW, HOMEWARD, LOW, SENT_HOME, Row, beat, new_mission, plan_of
 
@@ -174,7 +174,9 @@ ROWS = [
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(FaultKind.INTERRUPTION, "its mission on board is a mix of two", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION, "its mission on board is a mix of two", NOW_S, FaultCode.MISSION_MIXED
+                ),
                 "pending": None,
                 "stubborn": True,
             }
@@ -347,7 +349,9 @@ ROWS = [
             "uav1": {
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "its mission on board is a mix of two", NOW_S),
+                "fault": Fault(
+                    FaultKind.INTERRUPTION, "its mission on board is a mix of two", NOW_S, FaultCode.MISSION_MIXED
+                ),
                 "pending": None,
                 "stubborn": True,
                 "left_s": NOW_S,

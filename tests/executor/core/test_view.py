@@ -17,7 +17,7 @@ from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
 from executor.core.replan.replanning import heard_again, survivor
 from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver, VehicleState
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
 from tests.executor.builders import vehicle
@@ -35,7 +35,7 @@ from tests.executor.core.faults.test_watchpoints import (
     volts,
 )
 
-FAULT = Fault(FaultKind.BATTERY, "why", NOW_S)
+FAULT = Fault(FaultKind.BATTERY, "why", NOW_S, FaultCode.BATTERY_LOW)
 BOARD = mission()
 LAST = len(BOARD.legs) - 1
 INSPECT = next(index for index, point in enumerate(BOARD.path.waypoints) if point.phase is Phase.INSPECT)

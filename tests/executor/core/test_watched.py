@@ -14,7 +14,7 @@ from executor.core.faults import passive
 from executor.core.faults.passive import Declared, Degraded, Finding, Watched
 from executor.core.messages import FlightMessage, MissionCurrent
 from executor.core.state import Absence
-from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, Watch
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, Watch
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -58,7 +58,12 @@ def ticked(*vehicles: VehicleState, **given: Any) -> tuple[object, ...]:
     return seen(before, passive.passive_step(SCENE, before, Tick(), NOW_S))
 
 
-LOST = flying(stage=Stage.LOST, fault=Fault(FaultKind.LINK, "why", 5.0), heard_s=NOW_S - 50.0, spoke_s=NOW_S - 50.0)
+LOST = flying(
+    stage=Stage.LOST,
+    fault=Fault(FaultKind.LINK, "why", 5.0, FaultCode.LINK_LOST),
+    heard_s=NOW_S - 50.0,
+    spoke_s=NOW_S - 50.0,
+)
 ONCE = Degraded("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
 
 
@@ -291,7 +296,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "uav1": {
                     "stage": Stage.LOST,
-                    "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
+                    "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 }
             },
             {},
@@ -355,11 +360,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "uav1": {
                     "stage": Stage.LOST,
-                    "fault": Fault(FaultKind.LINK, "link lost for 60.0 s, time-out 10 s", NOW_S),
+                    "fault": Fault(FaultKind.LINK, "link lost for 60.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 },
                 "uav2": {
                     "stage": Stage.LOST,
-                    "fault": Fault(FaultKind.LINK, "link lost for 60.0 s, time-out 10 s", NOW_S),
+                    "fault": Fault(FaultKind.LINK, "link lost for 60.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 },
             },
             {"silence_told_s": NOW_S},
@@ -418,7 +423,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "uav1": {
                     "stage": Stage.LOST,
-                    "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S),
+                    "fault": Fault(FaultKind.LINK, "link lost for 10.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
                 }
             },
             {},
@@ -464,7 +469,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "uav1": {
                     "stage": Stage.LANDED,
-                    "fault": Fault(FaultKind.INTERRUPTION, "disarmed 300 m from its pad, 20 m high", NOW_S),
+                    "fault": Fault(
+                        FaultKind.INTERRUPTION, "disarmed 300 m from its pad, 20 m high", NOW_S, FaultCode.DISARMED
+                    ),
                 }
             },
             {},
@@ -494,7 +501,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a look at one that was lost and is lost again",
         lambda: ticked(
-            flying(stage=Stage.RETURNING, fault=Fault(FaultKind.LINK, "why", 5.0), heard_s=NOW_S - 10.0), SECOND
+            flying(
+                stage=Stage.RETURNING,
+                fault=Fault(FaultKind.LINK, "why", 5.0, FaultCode.LINK_LOST),
+                heard_s=NOW_S - 10.0,
+            ),
+            SECOND,
         ),
         (
             (

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from executor.core.commands import CancelSolve, Hold, LandNow, Level, Resume, Say, SendHome
-from executor.core.intents import Action, Outcome
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage
+from executor.core.intents import Action, IntentReason, Outcome
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -81,6 +81,7 @@ ROWS = [
                     Action.HOLD,
                     Outcome.REFUSED,
                     "has to be confirmed",
+                    code=IntentReason.UNCONFIRMED,
                     ended_s=NOW_S,
                     question="uav1 is with its pilot: take it out of the pilot's hands? Speak to the pilot first",
                 )
@@ -312,7 +313,9 @@ ROWS = [
         {
             "uav1": LEAVES
             | {
-                "fault": Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", NOW_S),
+                "fault": Fault(
+                    FaultKind.OPERATOR, "lands where it was, by the operator's order", NOW_S, FaultCode.OPERATOR_LAND
+                ),
                 "held_s": None,
                 "excluded": True,
                 "lands": True,
@@ -350,7 +353,9 @@ ROWS = [
             "uav1": {
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", NOW_S),
+                "fault": Fault(
+                    FaultKind.OPERATOR, "lands where it was, by the operator's order", NOW_S, FaultCode.OPERATOR_LAND
+                ),
                 "excluded": True,
                 "lands": True,
                 "ordered_modes": frozenset({9}),
@@ -414,7 +419,9 @@ ROWS = [
         {
             "uav1": LEAVES
             | {
-                "fault": Fault(FaultKind.OPERATOR, "lands where it was, by the operator's order", NOW_S),
+                "fault": Fault(
+                    FaultKind.OPERATOR, "lands where it was, by the operator's order", NOW_S, FaultCode.OPERATOR_LAND
+                ),
                 "excluded": True,
                 "lands": True,
                 "ordered_modes": frozenset({9}),
@@ -441,7 +448,17 @@ ROWS = [
         wish(Action.LAND),
         [Say(Level.WARNING, "page asks: land uav1; refused: it does not fly, it is starting")],
         {},
-        {"intents": {"wish": noted(Action.LAND, Outcome.REFUSED, "it does not fly, it is starting", ended_s=NOW_S)}},
+        {
+            "intents": {
+                "wish": noted(
+                    Action.LAND,
+                    Outcome.REFUSED,
+                    "it does not fly, it is starting",
+                    code=IntentReason.NOT_FLYING,
+                    ended_s=NOW_S,
+                )
+            }
+        },
     ),
 ]
 

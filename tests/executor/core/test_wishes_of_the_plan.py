@@ -11,9 +11,9 @@ import pytest
 from executor.core import fleet
 from executor.core.commands import CancelSolve, Disarm, Level, Resume, Say, SendHome
 from executor.core.events import ReturnAllOrdered
-from executor.core.intents import Action, Outcome
+from executor.core.intents import Action, IntentReason, Outcome
 from executor.core.state import Briefing, Offer, Question
-from executor.core.vehicle import Cause, Errand, Fault, FaultKind, Stage, TakenOver, VehicleState, Watch
+from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver, VehicleState, Watch
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -66,7 +66,9 @@ ROWS = [
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator's word", NOW_S),
+                "fault": Fault(
+                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
+                ),
                 "held_s": None,
                 "excluded": True,
                 "cleared_s": None,
@@ -97,7 +99,12 @@ ROWS = [
         ],
         {
             "uav1": SENT_HOME
-            | {"fault": Fault(FaultKind.OPERATOR, "excluded by the operator's word", NOW_S), "excluded": True}
+            | {
+                "fault": Fault(
+                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
+                ),
+                "excluded": True,
+            }
         },
         {
             "urgent": True,
@@ -129,7 +136,12 @@ ROWS = [
         ],
         {
             "uav1": SENT_HOME
-            | {"fault": Fault(FaultKind.OPERATOR, "excluded by the operator's word", NOW_S), "excluded": True}
+            | {
+                "fault": Fault(
+                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
+                ),
+                "excluded": True,
+            }
         },
         {
             "urgent": True,
@@ -166,7 +178,12 @@ ROWS = [
         ],
         {
             "uav1": SENT_HOME
-            | {"fault": Fault(FaultKind.OPERATOR, "excluded by the operator's word", NOW_S), "excluded": True}
+            | {
+                "fault": Fault(
+                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
+                ),
+                "excluded": True,
+            }
         },
         {
             "urgent": True,
@@ -197,7 +214,9 @@ ROWS = [
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator's word", NOW_S),
+                "fault": Fault(
+                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
+                ),
                 "excluded": True,
                 "left_s": NOW_S,
             }
@@ -291,7 +310,9 @@ ROWS = [
             "uav1": {
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator's word", NOW_S),
+                "fault": Fault(
+                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
+                ),
                 "excluded": True,
                 "errand": Errand(NOW_S),
                 "left_s": NOW_S,
@@ -665,7 +686,12 @@ ROWS = [
         {
             "intents": {
                 "wish": noted(
-                    Action.PREPARE, Outcome.REFUSED, "that question is not open now", ended_s=NOW_S, name=None
+                    Action.PREPARE,
+                    Outcome.REFUSED,
+                    "that question is not open now",
+                    code=IntentReason.NOT_ASKED,
+                    ended_s=NOW_S,
+                    name=None,
                 )
             }
         },
@@ -686,7 +712,17 @@ ROWS = [
         wish(Action.RESUME),
         [Say(Level.WARNING, "page asks: resume uav1; refused: it is not on hold, it is flying")],
         {},
-        {"intents": {"wish": noted(Action.RESUME, Outcome.REFUSED, "it is not on hold, it is flying", ended_s=NOW_S)}},
+        {
+            "intents": {
+                "wish": noted(
+                    Action.RESUME,
+                    Outcome.REFUSED,
+                    "it is not on hold, it is flying",
+                    code=IntentReason.NOT_ON_HOLD,
+                    ended_s=NOW_S,
+                )
+            }
+        },
     ),
 ]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from executor.core.check_codes import CheckCode
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Check, Severity
 from executor.errors import SiteError
@@ -38,8 +39,9 @@ def test_flat_ground_is_said_to_be_taken_for_that() -> None:
         Check(
             Severity.OK, "heights",
             "over the depot's ground, taken to be flat; 15 to 27 m over the ground, RTL up to 27 m; ceiling 120 m",
+            CheckCode.HEIGHTS,
         ),
-        Check(Severity.WARNING, "heights", "look here"),
+        Check(Severity.WARNING, "heights", "look here", CheckCode.HEIGHTS),
     ]  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, RefusedMessage, read_intent
+from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
 from executor.core.intents import Action, Intent
 
@@ -58,7 +59,7 @@ def test_what_is_not_even_readable(payload: bytes) -> None:
 
 def test_a_large_one_is_not_even_read() -> None:
     found = read_intent(json.dumps(GOOD).encode().ljust(MOST_BYTES + 1), OPEN, NOW_UNIX_S, retained=False)
-    assert found == RefusedMessage(None, "expected at most 4096 bytes, got 4097")
+    assert found == RefusedMessage(None, "expected at most 4096 bytes, got 4097", IntakeReason.INVALID)
 
 
 def test_what_was_meant_for_another_moment_is_refused() -> None:

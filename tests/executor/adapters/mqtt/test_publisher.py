@@ -14,6 +14,7 @@ from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
+from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli.schemas import schemas
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, Tick
@@ -82,7 +83,7 @@ def test_states_are_retained_and_published_on_change() -> None:
         for what, how in (("state", True), ("telemetry", False))
     }
     [state] = on(first, "vehicle/uav1/state")
-    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.1.0")
+    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.2.0")
     assert state["timestamp"] == "2026-09-21T14:13:21.000Z"
     assert state["vehicle"]["state"] == "flying"
     assert {letter.topic.rsplit("/", 1)[-1] for letter in desk.look()} == {"telemetry"}
@@ -130,8 +131,8 @@ def test_an_intent_is_answered_and_answered_again() -> None:
     desk.publisher.applied(asked, flight.state)
     desk.publisher.applied(Tick(), flight.state)
     assert [one["text"] for one in on(desk.written(), "intent/ack")] == ["it holds"]
-    desk.publisher.refused(RefusedMessage(None, "not JSON"))
-    assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["refused"]
+    desk.publisher.refused(RefusedMessage(None, "not JSON", IntakeReason.INVALID))
+    assert [(one["outcome"], one["code"]) for one in on(desk.written(), "intent/ack")] == [("refused", "invalid")]
 
 
 @pytest.mark.parametrize("state", list(Presence))

@@ -160,6 +160,7 @@ def test_an_intent_and_its_answer() -> None:
         beside.flight.run(lambda: beside.flight.state.intents["wish-1"].outcome is Outcome.DONE)
         assert client.get("/state").json()["intents"][-1]["text"] == "it holds"
         refused = client.post("/intents", json={"id": "wish-2", "action": "hold", "vehicle": "uav2"})
+        assert refused.json()["code"] == "on_hold"
         assert (refused.status_code, refused.json()["outcome"]) == (409, "refused")
         assert refused.json()["text"] == "it holds already"
 

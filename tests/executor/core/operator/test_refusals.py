@@ -11,7 +11,7 @@ from executor.core.intents import Action, Intent
 from executor.core.messages import Heartbeat
 from executor.core.operator.refusals import question, reason
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Fault, FaultKind, Fix, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Cause, Fault, FaultCode, FaultKind, Fix, Stage, TakenOver, VehicleState
 from missions import Phase
 from tests.executor.builders import vehicle
 from tests.executor.core.faults.test_watchpoints import (
@@ -29,7 +29,7 @@ from tests.executor.core.faults.test_watchpoints import (
 
 PAD_E, PAD_N = SETUP.pad_m
 LINE_N = float(CONTEXT.setup.network.ends_m[0, 0, 1])
-FAULT = Fault(FaultKind.BATTERY, "why", NOW_S)
+FAULT = Fault(FaultKind.BATTERY, "why", NOW_S, FaultCode.BATTERY_LOW)
 
 
 def state_of(one: VehicleState, **changes: object) -> FleetState:
@@ -38,8 +38,13 @@ def state_of(one: VehicleState, **changes: object) -> FleetState:
     return replace(state, **changes)  # type: ignore[arg-type]
 
 
+def words(state: FleetState, intent: Intent) -> str:
+    why = reason(CONTEXT, state, intent, NOW_S)
+    return "" if why is None else why[1]
+
+
 def refused(action: Action, one: VehicleState, **changes: object) -> str:
-    return reason(CONTEXT, state_of(one, **changes), Intent("wish", action, "uav1", "page", False), NOW_S)
+    return words(state_of(one, **changes), Intent("wish", action, "uav1", "page", False))
 
 
 def leg(phase: Phase) -> VehicleState:
@@ -208,19 +213,16 @@ def test_what_is_refused_and_why(action: Action, one: VehicleState, why: str) ->
 )
 def test_nobody_is_sent_out_again_once_everybody_was_sent_home(action: Action, one: VehicleState) -> None:
     intent = Intent("wish", action, None if action is Action.REPLAN else "uav1", "page", False)
-    assert reason(CONTEXT, state_of(one, recalled=True), intent, NOW_S) == "the flight was aborted"
+    assert words(state_of(one, recalled=True), intent) == "the flight was aborted"
 
 
 def test_what_fits_no_time_is_refused() -> None:
     assert refused(Action.HOLD, flying(), finished=True) == "the flight is over"
     assert refused(Action.HOLD, flying(), launched_s=None) == "the flight has not begun"
     strange = Intent("wish", Action.HOLD, "uav9", "page", False)
-    assert (
-        reason(CONTEXT, state_of(flying()), strange, NOW_S)
-        == "there is no vehicle 'uav9': expected one of uav1, uav2, uav3"
-    )
+    assert words(state_of(flying()), strange) == "there is no vehicle 'uav9': expected one of uav1, uav2, uav3"
     nobody = Intent("wish", Action.HOLD, None, "page", False)
-    assert reason(CONTEXT, state_of(flying()), nobody, NOW_S) == "hold needs a vehicle: one of uav1, uav2, uav3"
+    assert words(state_of(flying()), nobody) == "hold needs a vehicle: one of uav1, uav2, uav3"
     assert refused(Action.ABORT, flying()) == "abort is for the whole fleet; expected no vehicle"
 
 
@@ -228,7 +230,7 @@ def test_an_abort_needs_somebody_who_flies_a_mission() -> None:
     abort = Intent("wish", Action.ABORT, None, "page", False)
     for stage in Stage:
         flies = stage in {Stage.STARTING, Stage.FLYING}
-        why = reason(CONTEXT, state_of(flying(stage=stage)), abort, NOW_S)
+        why = words(state_of(flying(stage=stage)), abort)
         assert why == ("" if flies else "no vehicle is on a mission"), stage
 
 
