@@ -12,8 +12,8 @@ from pathlib import Path
 
 NAME = "faultline-time-1"
 HERE = "127.0.0.1"
-AHEAD_S = 0.25
-"""Simulated seconds that the fleet lives at most beyond what the ground station has taken in: a slow radio's delay."""
+AHEAD_S = 0.1
+"""Simulated seconds that the fleet lives at most beyond what the ground station has taken in: a radio's delay."""
 LOOK_REAL_S = 0.5
 """A partner that says nothing for so long is looked at: one that was stopped on purpose is silent at once."""
 PATIENCE_REAL_S = 10.0
