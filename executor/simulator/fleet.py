@@ -133,10 +133,10 @@ async def run_fleet(
             link = _Link(SimulatedVehicle(config, fleet.faults), endpoint.target)
             await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
             links.append(link)
-        if ready is not None:
-            ready.set()
         clock = SimClock(fleet.speedup, monotonic_s=time.monotonic(), unix_s=time.time())
         async with _stations(fleet, clock) as stations:
+            if ready is not None:
+                ready.set()
             await _fly(links, clock, stations, stop, on_truth, watched)
     finally:
         for link in links:
