@@ -15,7 +15,7 @@ HERE = "127.0.0.1"
 AHEAD_S = 0.1
 """Simulated seconds that the fleet lives at most beyond what the ground station has taken in: a radio's delay."""
 LOOK_REAL_S = 0.5
-"""A partner that says nothing for so long is looked at: one that was stopped on purpose is silent at once."""
+"""A partner that says nothing for so long is looked at: one that was stopped on purpose is not waited for."""
 PATIENCE_REAL_S = 10.0
 """One that is not stopped, and says nothing for so long, is gone on without."""
 LONGEST_LINE = 200

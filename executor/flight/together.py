@@ -12,7 +12,7 @@ from executor.adapters.clock import steady_s
 from executor.adapters.fleet_time import FleetTime
 from executor.core.commands import Level
 from executor.core.connection import Scheme
-from executor.flight.flight_order import Console
+from executor.flight.flight_order import Teller
 from executor.runtime.turns import Loop
 from executor.site.config import Site
 from executor.supervised import beside
@@ -39,7 +39,7 @@ class FoundTime:
 
 
 @asynccontextmanager
-async def time_of(site: Site, console: Console) -> AsyncIterator[FoundTime]:
+async def time_of(site: Site, console: Teller) -> AsyncIterator[FoundTime]:
     """Keep the time together with the simulated fleet of this site, if one of ours flies on this computer.
 
     Real vehicles, real autopilots in a simulation and everything at real time have the computer's.
@@ -69,7 +69,7 @@ async def _keep_calling(fleet: FleetTime, port: int) -> None:
         await asyncio.sleep(CALL_AGAIN_S)
 
 
-async def _tell_once(fleet: FleetTime, speedup: float, console: Console) -> None:
+async def _tell_once(fleet: FleetTime, speedup: float, console: Teller) -> None:
     """Say in one line when the computer cannot keep up with the speed that was asked for."""
     while True:
         ours_s, own_s, whole = fleet.steady_s(), steady_s(), fleet.together

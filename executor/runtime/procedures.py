@@ -32,7 +32,7 @@ AGAIN_WAIT_S = 3.0
 """Before an upload is tried again; another station's transfer that goes on may be over by then."""
 BUSY_TRIES = 4
 """Of a vehicle that is busy with another transfer. From the second on it is left alone until one that is dead must have
-been freed: on PX4 whoever asks sooner keeps it alive."""
+been freed: on PX4 asking sooner keeps it alive."""
 BUSY = frozenset({Ending.ERROR, Ending.OTHER_STATION})
 """As an answer to the announcement of an upload."""
 FREED_MARGIN_S = 1.0

@@ -146,8 +146,13 @@ class Loop(asyncio.SelectorEventLoop):
             self._selects.pace = None
 
 
-def run(work: Coroutine[None, None, T]) -> T:
+def at_the_computers_pace() -> asyncio.AbstractEventLoop:
+    """Return an event loop that takes turns, for who measures what it is late."""
+    return asyncio.SelectorEventLoop(InTurns())
+
+
+def run(work: Coroutine[None, None, T], loop: Callable[[], asyncio.AbstractEventLoop] = Loop) -> T:
     """Do what `asyncio.run` does, on a loop that takes turns and whose end is bounded."""
-    with asyncio.Runner(loop_factory=Loop) as runner:
+    with asyncio.Runner(loop_factory=loop) as runner:
         runner.get_loop().set_default_executor(Threads())
         return runner.run(work)

@@ -145,7 +145,7 @@ async def run_fleet(
 
 @asynccontextmanager
 async def _stations(fleet: SimFleet, clock: SimClock) -> AsyncIterator[Stations]:
-    """Keep the time together with whoever asks for it, unless it is real time."""
+    """Keep the time together with those who ask for it, unless it is real time."""
     stations = Stations(fleet.speedup, clock.unix_s)
     server: asyncio.Server | None = None
     if fleet.speedup > 1:
@@ -176,7 +176,7 @@ async def _fly(
         due_s = clock.now_s(lived_s, time.monotonic(), dated=not stations.ever)
         behind = due_s - lived_s > CHUNK_STEPS * STEP_S
         wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
-        # Whoever keeps the time with us may have been given more when it was gone on without.
+        # It may have lived further while a ground station was stopped.
         until_s = max(lived_s, stations.until_s())
         lived_s = min(wanted_s, until_s)
         for link in links:
