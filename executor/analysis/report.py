@@ -131,19 +131,21 @@ def report_of(
         said: What the vehicles said before the flight, and what was found then.
         parameters: What was changed on board, and whether it was given back.
     """
-    began_s = state.launched_s if state.launched_s is not None else ended_s
-    uncovered = tuple(sorted(context.wanted - set(state.inspected)))
+    began_s = state.progress.launched_s if state.progress.launched_s is not None else ended_s
+    uncovered = tuple(sorted(context.wanted - set(state.coverage.inspected)))
     return FlightReport(
         format="faultline-report/1",
         segments_total=context.segments,
-        segments_inspected=len(state.inspected),
+        segments_inspected=len(state.coverage.inspected),
         segments_uncovered=uncovered,
         uncovered_names=tuple(map(context.segment_name, uncovered)),
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
         finished=not uncovered,
         duration_s=round(ended_s - began_s, 1),
-        faults=tuple(_fault(name, fault, began_s, truths) for name, fault in (*state.mended, *_at_fault(state))),
-        replans=tuple(map(_replan, state.records)),
+        faults=tuple(
+            _fault(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *_at_fault(state))
+        ),
+        replans=tuple(map(_replan, state.replanning.records)),
         vehicles=tuple(
             _vehicle(context, state, vehicle, frames.get(vehicle.name), said.firmware(vehicle.name), began_s)
             for vehicle in state.vehicles.values()
@@ -157,16 +159,16 @@ def report_of(
                 pause_s=round(absence.pause_s, 1),
                 restarted=absence.restarted,
             )
-            for absence in state.absences
+            for absence in state.listening.absences
         ),
-        inferred=tuple(sorted(state.inferred & set(state.inspected))),
-        min_separation_m=None if state.separation is None else round(state.separation.least_m, 2),
+        inferred=tuple(sorted(state.coverage.inferred & set(state.coverage.inspected))),
+        min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
-        inspections=tuple(_inspection(context, state, segment) for segment in sorted(state.flown)),
+        inspections=tuple(_inspection(context, state, segment) for segment in sorted(state.coverage.flown)),
         not_counted=tuple(
             NotCountedRow(vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason)
             for vehicle in state.vehicles.values()
-            for segment, reason in vehicle.runs_broken
+            for segment, reason in vehicle.assignment.runs_broken
         ),
     )
 
@@ -184,16 +186,18 @@ def _replan(record: ReplanRecord) -> ReplanRow:
 
 
 def _heights(context: Context, state: FleetState) -> HeightsPart:
-    paths = [vehicle.board.path for vehicle in state.vehicles.values() if vehicle.board is not None]
+    paths = [
+        vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
+    ]
     return HeightsPart.model_validate(heights.heights_document(context.setup, paths))
 
 
 def _inspection(context: Context, state: FleetState, segment: int) -> InspectionRow:
-    flown = state.flown[segment]
+    flown = state.coverage.flown[segment]
     return InspectionRow(
         segment=segment,
         name=context.segment_name(segment),
-        vehicle=state.inspected[segment],
+        vehicle=state.coverage.inspected[segment],
         speed_mean_m_s=round(flown.mean_m_s, 2),
         speed_max_m_s=None if flown.max_m_s is None else round(flown.max_m_s, 2),
         deviation_mean_m=round(flown.deviation_mean_m, 2),
@@ -226,15 +230,15 @@ def _vehicle(
     known: Mapping[str, str | None],
     began_s: float,
 ) -> VehicleRow:
-    battery = vehicle.battery
+    battery = vehicle.power.battery
     pad_m = context.vehicles[vehicle.name].pad_m
-    at_home = vehicle.fix is None or (
-        (vehicle.fix.place_m[0] - pad_m[0]) ** 2 + (vehicle.fix.place_m[1] - pad_m[1]) ** 2
+    at_home = vehicle.motion.fix is None or (
+        (vehicle.motion.fix.place_m[0] - pad_m[0]) ** 2 + (vehicle.motion.fix.place_m[1] - pad_m[1]) ** 2
         <= context.limits.off_pad_m**2
     )
     return VehicleRow(
         name=vehicle.name,
-        segments=tuple(sorted(segment for segment, name in state.inspected.items() if name == vehicle.name)),
+        segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
         energy_used_pct=round(battery.given_pct, 1),
         landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
         min_reserve_pct=battery.least_pct,
@@ -249,7 +253,7 @@ def _vehicle(
 
 
 def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if fix is None:
         return None
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)

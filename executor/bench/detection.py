@@ -16,6 +16,7 @@ from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.passive import Declared, Watched
 from executor.core.limits import Limits
+from executor.core.parts import Assignment
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultKind, VehicleState
 from executor.replay.baseline_detector import FewLines
@@ -107,7 +108,9 @@ def judge_flight(
     """Feed a flight to the watchpoints, or to the few lines, and judge what they say."""
     name = site.drones[flight.vehicle]
     context = site.context if limits is None else replace(site.context, limits=limits)
-    known = FleetState(MappingProxyType({name: VehicleState(name, board=site.boards[flight.vehicle])}))
+    known = FleetState(
+        MappingProxyType({name: VehicleState(name, assignment=Assignment(board=site.boards[flight.vehicle]))})
+    )
     state, simple = Watched(known), FewLines()
     first: tuple[float, FaultKind, str] | None = None
     next_s = 0.0

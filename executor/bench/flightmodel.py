@@ -15,7 +15,8 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
-from executor.core.vehicle import FaultKind, OnBoard, aboard
+from executor.core.parts import OnBoard
+from executor.core.vehicle import FaultKind, aboard
 from executor.simulator.battery import Battery as Pack
 from executor.site import assembly
 from executor.site.config import check_site

@@ -155,9 +155,9 @@ def _is_old(run: Path, least_s: float) -> bool:
     if not RunDirectory(run).events.exists():
         return False
     last_s, found = last_event_s(RunDirectory(run).events), newest(run, RunDirectory(run).events).checkpoint
-    if last_s is None or found is None or found.state.launched_s is None:
+    if last_s is None or found is None or found.state.progress.launched_s is None:
         return False
-    return last_s - found.state.launched_s > least_s and last_s - found.place.at_s > 0.9 * EVERY_S
+    return last_s - found.state.progress.launched_s > least_s and last_s - found.place.at_s > 0.9 * EVERY_S
 
 
 def _cpu_s(pid: int) -> float:

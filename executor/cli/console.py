@@ -180,7 +180,7 @@ class TerminalConsole:
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Keep the newest view; the terminal draws it a few times a second, from the take-off on."""
         self._view = (context, state, now_s)
-        if self._quiet or not self._terminal.is_terminal or state.launched_s is None:
+        if self._quiet or not self._terminal.is_terminal or state.progress.launched_s is None:
             return
         if self._rings:
             self._rings = False

@@ -20,6 +20,7 @@ from typer.main import get_command
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli.commandline import cli
 from executor.cli.schemas import docstrings, schemas
+from executor.cli.states_page import PAGE, PICTURE, states_page, states_picture
 from executor.core.check_codes import CheckCode
 from executor.core.endings import Ending
 from executor.core.intents import IntentReason
@@ -47,7 +48,15 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page, and each schema, by its place below `docs`."""
-    return {COMMANDS: commands_page(), SITE_FILE: site_page(), REASONS: reasons_page(), **schemas()}
+    states = states_page(MADE.format(what="tables (executor/core/vehicle.py and flags.py)"))
+    return {
+        COMMANDS: commands_page(),
+        SITE_FILE: site_page(),
+        REASONS: reasons_page(),
+        PAGE: states,
+        PICTURE: states_picture(),
+        **schemas(),
+    }
 
 
 def write_pages(folder: Path) -> None:

@@ -16,6 +16,8 @@ class Ending(StrEnum):
     """A parameter keeps its value."""
     READ_BACK_DIFFERS = "read_back_differs"
     """The mission on board is not the one that was sent."""
+    MODE_CHANGED = "mode_changed"
+    """Somebody else changed its mode meanwhile."""
     LEFT_MISSION = "left_mission"
     """The vehicle left its mission, so that nothing is uploaded any more."""
     BROKEN_OFF = "broken_off"

@@ -12,11 +12,11 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core.carried import Carried
-from executor.core.changed import changed
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.coverage import GAP_S
 from executor.core.custody import causes, reading
+from executor.core.endings import Ending
 from executor.core.events import (
     Asked,
     Event,
@@ -43,24 +43,24 @@ from executor.core.hearing.fold import fold
 from executor.core.hearing.strangers import stranger_lines
 from executor.core.homing import down, homeward
 from executor.core.homing.homeward import comes_home, on_mission
+from executor.core.homing.landing import has_landed, touched_down
 from executor.core.messages import ComponentText, Heartbeat, Position
 from executor.core.operator import handling
+from executor.core.parts import Assignment, Cause, OnBoard
 from executor.core.places import (
-    UNSEEN_S,
     at_rest,
-    fell,
     last_heard,
     over_its_pad,
     place_words,
-    sank,
     seen_at_rest,
 )
 from executor.core.replan import replanning
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
-from executor.core.state import Briefing, CheckLine, FleetState, Outlook, Question, SaidLine, Separation, Told
-from executor.core.vehicle import Cause, Fault, FaultCode, FaultKind, OnBoard, Stage, VehicleState, aboard, moved_to
+from executor.core.separation import separated
+from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying, moved_to
 from executor.core.words import count_of
 from missions import StartStep
 from planner import segment_of
@@ -71,21 +71,21 @@ RETRIES = 3
 """How often a start that failed is tried again."""
 START_WINDOW_S = 60.0
 """So long after the crew's yes a start that failed is tried again: later somebody may stand at the pad."""
-FRESH_S = 1.5
-"""Two positions no older than this say how far two vehicles are apart."""
-CLIMBS_MOST_M = 15.0
-"""More than anybody rises or sinks in that time."""
 
 
 def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] = ()) -> FleetState:
     """Return the state before the launch, with the missions that are, or are to be, on board."""
-    vehicles = MappingProxyType({name: VehicleState(name, board=board) for name, board in boards.items()})
-    return FleetState(vehicles, briefing=Briefing(checks))
+    vehicles = MappingProxyType(
+        {name: VehicleState(name, assignment=Assignment(board=board)) for name, board in boards.items()}
+    )
+    return FleetState(vehicles, crew=Crew(briefing=Briefing(checks)))
 
 
 def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
     """Apply one event."""
     state, commands = _step(context, state, event, now_s)
+    if not commands:
+        return state, commands
     lines = tuple(SaidLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
     return (state.telling(lines) if lines else state), commands
 
@@ -118,7 +118,9 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
             return _found(context, state, event, now_s)
         case Asked(question, text, lines):
             asked = Question(question, text, lines)
-            return replace(state, briefing=replace(state.briefing, question=asked, answered="")), ()
+            return replace(
+                state, crew=replace(state.crew, briefing=replace(state.crew.briefing, question=asked, answered=""))
+            ), ()
 
 
 def _found(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
@@ -137,16 +139,12 @@ def _found(context: Context, state: FleetState, event: Resumed | MissionRead, no
 
 
 def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
-    if event.revision != state.revision:
+    if event.revision != state.replanning.revision:
         return state
-    outlook = {**state.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
-    return replace(state, outlook=MappingProxyType(outlook))
+    outlook = {**state.replanning.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
+    return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
 
 
-SEEN_AFTER_S = 0.5
-"""A position so much later than the disarming shows where it lies."""
-CRASHED_S = 10.0
-"""Who fell so shortly before it disarmed did not land."""
 HEARD_LATELY_S = 15.0
 """Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
 
@@ -154,20 +152,26 @@ HEARD_LATELY_S = 15.0
 def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
-        if vehicle.heard_s is not None and now_s - vehicle.heard_s < HEARD_LATELY_S:
-            state = state.put(changed(vehicle, heard_s=now_s, excused_s=now_s))
+        if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
+            state = state.put(replace(vehicle, link=replace(vehicle.link, heard_s=now_s, excused_s=now_s)))
     planned: set[int] = set()
     for vehicle in state.vehicles.values():
-        if vehicle.board is None or not vehicle.board.visits:
+        if vehicle.assignment.board is None or not vehicle.assignment.board.visits:
             continue
         if vehicle.armed:
             continue  # somebody else has armed it since it was looked at
-        planned |= {segment_of(visit) for visit in vehicle.board.visits}
+        planned |= {segment_of(visit) for visit in vehicle.assignment.board.visits}
         state, start = _start(context, state, vehicle, now_s)
         commands.append(start)
     # What the first plan leaves over is the next sortie's: no reason for a re-plan.
-    state = replace(state, given_up=state.given_up | (context.wanted - planned))
-    return replace(state, launched_s=now_s, briefing=replace(state.briefing, question=None)), tuple(commands)
+    state = replace(
+        state, coverage=replace(state.coverage, given_up=state.coverage.given_up | (context.wanted - planned))
+    )
+    return replace(
+        state,
+        progress=replace(state.progress, launched_s=now_s),
+        crew=replace(state.crew, briefing=replace(state.crew.briefing, question=None)),
+    ), tuple(commands)
 
 
 def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
@@ -177,10 +181,13 @@ def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
         modes_on_the_way.add(dialect.modes.guided.custom_mode)
     vehicle = moved_to(vehicle, Stage.STARTING)
     vehicle = replace(
-        vehicle, ordered_mode_s=now_s, waypoint=0, run=None, armed_once=False, took_off=False, anchor=None,
-        began_pct=vehicle.battery.remaining_pct, errand=None, owed=None, rebooted_s=None, away_once=False,
-        ordered_modes=frozenset(modes_on_the_way), carried=Carried(ours_s=now_s),
-    )  # fmt: skip
+        vehicle,
+        orders=replace(vehicle.orders, ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way)),
+        assignment=replace(vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s)),
+        sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
+        motion=replace(vehicle.motion, anchor=None),
+        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct),
+    )
     return state.put(vehicle), Start(vehicle.name)
 
 
@@ -190,14 +197,22 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         return state, ()
     if event.accepted:
         vehicle = replace(
-            moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s, anchor=None, cleared_s=None
+            moved_to(vehicle, Stage.FLYING),
+            assignment=replace(vehicle.assignment, failures=0),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s, cleared_s=None),
+            motion=replace(vehicle.motion, anchor=None),
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    asked_s = max(state.launched_s or now_s, vehicle.cleared_s or -math.inf)
-    stopped = (vehicle.armed_once or event.armed) and not vehicle.armed
+    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
+    stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
-    if vehicle.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
-        vehicle = replace(vehicle, failures=vehicle.failures + 1, ordered_mode_s=now_s)
+    may = may and event.code is not Ending.MODE_CHANGED
+    if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
+        vehicle = replace(
+            vehicle,
+            assignment=replace(vehicle.assignment, failures=vehicle.assignment.failures + 1),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s),
+        )
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}" + (", and it has disarmed" if stopped else "")
@@ -206,13 +221,13 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
 
 def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
     """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
-    if not (vehicle.armed_once or event.armed):
+    if not (vehicle.sortie.armed_once or event.armed):
         return True
-    fix, beat_s = vehicle.fix, vehicle.heartbeat_s
+    fix, beat_s = vehicle.motion.fix, vehicle.link.heartbeat_s
     fresh = beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
     if not fresh or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         return False  # it may have taken off, or its autopilot may have started anew
-    return not vehicle.took_off and not comes_home(context, vehicle) and vehicle.cause is Cause.OURS
+    return not vehicle.sortie.took_off and not comes_home(context, vehicle) and vehicle.custody.cause is Cause.OURS
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -221,23 +236,27 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         return texts.said_aboard(state, before, event.message, now_s)
     folded = fold(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
-        folded = replace(folded, state=causes.judged(context, state.absences, before, folded.state, now_s))
+        folded = replace(folded, state=causes.judged(context, state.listening.absences, before, folded.state, now_s))
     state = state.put(folded.state)
     commands: list[Command] = [
         Say(Level.WARNING, f"{event.vehicle}: {line}")
-        for line in stranger_lines(before.strangers, folded.state.strangers)
+        for line in stranger_lines(before.link.strangers, folded.state.link.strangers)
     ]
     if folded.text is not None:
         state, more = texts.tell_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
         state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
-    if folded.inspected is not None and folded.inspected not in state.inspected:
-        inspected = MappingProxyType({**state.inspected, folded.inspected: event.vehicle})
-        flown = {**state.flown, folded.inspected: folded.flown} if folded.flown is not None else state.flown
-        state = replace(state, inspected=inspected, flown=MappingProxyType(flown))
+    if folded.inspected is not None and folded.inspected not in state.coverage.inspected:
+        inspected = MappingProxyType({**state.coverage.inspected, folded.inspected: event.vehicle})
+        flown = (
+            {**state.coverage.flown, folded.inspected: folded.flown}
+            if folded.flown is not None
+            else state.coverage.flown
+        )
+        state = replace(state, coverage=replace(state.coverage, inspected=inspected, flown=MappingProxyType(flown)))
     if isinstance(event.message, Position):
-        state = _separated(context, state, folded.state, now_s)
+        state = separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
     if isinstance(event.message, Heartbeat):
         state, more = _beat(context, state, before, now_s)
@@ -248,7 +267,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
 def _beat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
     vehicle = state.vehicles[before.name]
     commands: tuple[Command, ...] = ()
-    if vehicle.cause is Cause.PERSON and before.cause is not Cause.PERSON:
+    if vehicle.custody.cause is Cause.PERSON and before.custody.cause is not Cause.PERSON:
         commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
     if before.stage is Stage.LOST:
         state, more = _came_back(context, state, vehicle, now_s)
@@ -263,52 +282,33 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
         state, more = takeover.taken(context, state, vehicle)
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
-        vehicle = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+        vehicle = replace(
+            moved_to(vehicle, Stage.RETURNING),
+            motion=replace(vehicle.motion, anchor=None),
+            sortie=replace(vehicle.sortie, left_s=now_s),
+        )
         state, more = homeward.sent_home(context, state, vehicle, now_s)
         if comes_home(context, vehicle):
             return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
     if not over_its_pad(context, vehicle):
-        state = state.put(replace(moved_to(vehicle, Stage.DOWN), ordered_mode_s=now_s, place_told=True))
+        state = state.put(
+            replace(
+                moved_to(vehicle, Stage.DOWN),
+                orders=replace(vehicle.orders, ordered_mode_s=now_s),
+                sortie=replace(vehicle.sortie, place_told=True),
+            )
+        )
         return state, (Say(Level.FAULT, f"{heard}, {place_words(context, vehicle)}"),)
-    state = state.put(replace(moved_to(vehicle, Stage.LANDED), ordered_mode_s=now_s))
+    state = state.put(replace(moved_to(vehicle, Stage.LANDED), orders=replace(vehicle.orders, ordered_mode_s=now_s)))
     if not on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
-    if vehicle.taken is not None:
+    if vehicle.custody.taken is not None:
         text = f"{heard}, on the ground with its pilot, not commanded: armed now, it takes off with its old mission"
         return state, (Say(Level.WARNING, text),)
     text = f"{heard}, on the ground; switched to RTL, so that it cannot take off with its old mission"
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
-
-
-def _separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
-    fix = vehicle.fix
-    high = context.limits.airborne_m
-    if fix is None or fix.alt_rel_m < high or not vehicle.armed:
-        return state
-    least = state.separation
-    # Every position is held against every vehicle: the height alone settles nearly all of them.
-    reach_m = math.inf if least is None else least.least_m + CLIMBS_MOST_M
-    for other in state.vehicles.values():
-        seen = other.fix
-        if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
-            continue
-        if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
-            continue
-        age_s = now_s - seen.at_s
-        if age_s > FRESH_S:
-            continue
-        east_m_s, north_m_s, up_m_s = seen.velocity_m_s
-        higher_m = seen.alt_msl_m + up_m_s * age_s - fix.alt_msl_m
-        east_m = seen.place_m[0] + east_m_s * age_s - fix.place_m[0]
-        north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
-        apart_m = math.hypot(east_m, north_m, higher_m)
-        if least is None or apart_m < least.least_m:
-            least = Separation(apart_m, (vehicle.name, other.name), now_s)
-    if least is state.separation:
-        return state
-    return replace(state, separation=least)
 
 
 def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -317,8 +317,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = link_loss.of_all(context, state, now_s)
     commands.extend(more)
-    if state.silent_since_s is not None and now_s - state.silent_since_s >= GAP_S:
-        state = blackout.began(state, state.silent_since_s)
+    if state.listening.silent_since_s is not None and now_s - state.listening.silent_since_s >= GAP_S:
+        state = blackout.began(state, state.listening.silent_since_s)
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
@@ -335,7 +335,7 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = state.vehicles[name]
-    alone = state.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
+    alone = state.listening.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return _on_the_ground(context, state, vehicle, now_s)
     if vehicle.stage is Stage.LOST:
@@ -343,26 +343,28 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     commands: list[Command] = []
     state, more = link_loss.of_one(context, state, vehicle, now_s)
     commands.extend(more)
-    if vehicle.stale and not state.vehicles[name].stale:
+    if vehicle.link.stale and not state.vehicles[name].link.stale:
         state = replanning.heard_again(state, state.vehicles[name], now_s)
     taken_up = blackout.taken_up(context, state, state.vehicles[name], now_s)
     if taken_up is not None:
         state, more = taken_up
         commands.extend(more)
-    vehicle = causes.looked_at_again(context, state.absences, state.vehicles[name], now_s)
+    vehicle = causes.looked_at_again(context, state.listening.absences, state.vehicles[name], now_s)
     view = View(context, context.vehicles[name], vehicle, False, now_s)
-    told, lines = warnings.new_warnings(view, state.told.get(name, Told()))
-    if told is not state.told.get(name):
-        state = replace(state, told=MappingProxyType({**state.told, name: told}))
+    told, lines = warnings.new_warnings(view, state.crew.told.get(name, Told()))
+    if told is not state.crew.told.get(name):
+        state = replace(state, crew=replace(state.crew, told=MappingProxyType({**state.crew.told, name: told})))
     commands.extend(Say(Level.WARNING, line) for line in lines)
     if vehicle.stage is not Stage.PILOT and not causes.in_other_hands(vehicle) and streams.to_be_asked(view):
-        vehicle = changed(vehicle, streams_asked_s=now_s)
+        vehicle = replace(vehicle, orders=replace(vehicle.orders, streams_asked_s=now_s))
         commands.append(AskStreams(name))
     if reading.wanted(vehicle, now_s):
-        vehicle = changed(vehicle, carried=replace(vehicle.carried, asked_s=now_s))
+        vehicle = replace(
+            vehicle, assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=now_s))
+        )
         commands.append(ReadMission(name))
     judgement = watchpoints.judge(context, context.vehicles[name], vehicle, now_s)
-    vehicle = changed(vehicle, watches=judgement.watches)
+    vehicle = watchpoints.remembered(vehicle, judgement)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:
@@ -383,13 +385,10 @@ def _decided(
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and causes.takes_over(vehicle, now_s) and not lost:
         return takeover.taken(context, state, vehicle)
-    if vehicle.stage is Stage.FLYING and vehicle.carried.sure(now_s) and not lost:
+    if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.sure(now_s) and not lost:
         return takeover.taken(context, state, vehicle)
-    if (
-        raised
-        and raised[0][0].code is FaultCode.MODE_CHANGED
-        and causes.missed_us(context, state.absences, vehicle, now_s)
-    ):
+    left_its_mission = bool(raised) and raised[0][0].code is FaultCode.MODE_CHANGED
+    if left_its_mission and causes.missed_us(context, state.listening.absences, vehicle, now_s):
         return _missed_us(context, state, vehicle, now_s)
     if vehicle.fault is not None:
         # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
@@ -401,18 +400,18 @@ def _decided(
         return _down(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
-    if _has_landed(vehicle):
-        return _landed(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
+    if has_landed(vehicle):
+        return touched_down(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
     return homeward.pursued(context, state, name, now_s)
 
 
 def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that should not move."""
-    if state.launched_s is None:
+    if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
-        if not vehicle.armed and not vehicle.place_told and at_rest(vehicle, now_s):
-            state = state.put(replace(vehicle, place_told=True))
+        if not vehicle.armed and not vehicle.sortie.place_told and at_rest(vehicle, now_s):
+            state = state.put(replace(vehicle, sortie=replace(vehicle.sortie, place_told=True)))
             return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
         if not down.flies_again(vehicle):
             return state, ()
@@ -427,7 +426,11 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
 def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
     text = f"{vehicle.name}: was thought to be {taken_for} but flies, {last_heard(context, vehicle)}"
-    back = replace(moved_to(vehicle, Stage.RETURNING), anchor=None, left_s=now_s)
+    back = replace(
+        moved_to(vehicle, Stage.RETURNING),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
     state, more = homeward.sent_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
 
@@ -436,22 +439,29 @@ def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, 
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
-    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, anchor=vehicle.fix, place_told=True)
+    lies = replace(
+        moved_to(vehicle, Stage.DOWN),
+        orders=replace(vehicle.orders, errand=None),
+        motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
+        sortie=replace(vehicle.sortie, place_told=True),
+    )
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
 def _owed(context: Context, state: FleetState, name: str) -> Stepped:
     """Say that an inspection does not count once its vehicle has left the segment without proof."""
     vehicle = state.vehicles[name]
-    if vehicle.owed is None or vehicle.board is None:
+    if vehicle.assignment.owed is None or vehicle.assignment.board is None:
         return state, ()
-    visit, why = vehicle.owed
-    ahead = any(point.visit == visit for point in vehicle.board.path.waypoints[vehicle.waypoint :])
+    visit, why = vehicle.assignment.owed
+    ahead = any(
+        point.visit == visit for point in vehicle.assignment.board.path.waypoints[vehicle.assignment.waypoint :]
+    )
     if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
         return state, ()
-    state = state.put(replace(vehicle, owed=None))
-    segment = vehicle.board.tracks[visit].segment
-    if segment in state.inspected:
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, owed=None)))
+    segment = vehicle.assignment.board.tracks[visit].segment
+    if segment in state.coverage.inspected:
         return state, ()
     return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
 
@@ -461,98 +471,68 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
 
     Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
     """
-    vehicle = replace(moved_to(vehicle, Stage.RETURNING), run=None, anchor=None, left_s=now_s)
+    vehicle = replace(
+        moved_to(vehicle, Stage.RETURNING),
+        assignment=replace(vehicle.assignment, run=None),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
     state, more = homeward.sent_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was away"
-    state = replace(state, urgent=True, trigger=trigger, trigger_s=now_s)
+    state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
     return state, (Say(Level.WARNING, f"{trigger}; it comes home"), *more)
-
-
-def _has_landed(vehicle: VehicleState) -> bool:
-    return vehicle.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
-
-
-def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
-    """Return whether a vehicle came down, but not in a landing; None as long as that is not seen."""
-    fix = vehicle.fix
-    if not vehicle.took_off or fix is None:
-        return False
-    if fix.at_s < vehicle.disarmed_s + SEEN_AFTER_S and now_s - vehicle.disarmed_s < UNSEEN_S:
-        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.lands else None
-    # A commanded landing may end on a hill.
-    came_down = sank(vehicle) if vehicle.lands else fell(context, vehicle)
-    return came_down or vehicle.disarmed_s - vehicle.falls_s < CRASHED_S
-
-
-def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    came_down = _fell(context, vehicle, now_s)
-    if came_down is None:
-        return state, ()
-    if came_down:
-        text = f"{vehicle.name}: came down, but not in a landing; {last_heard(context, vehicle)}"
-        lies = replace(moved_to(vehicle, Stage.DOWN), run=None, errand=None, anchor=vehicle.fix, place_told=False)
-        return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = replace(moved_to(vehicle, Stage.LANDED), run=None, errand=None, cleared_s=None)
-    state = state.put(vehicle)
-    if vehicle.fault is None and not vehicle.excluded and vehicle.name not in state.considered:
-        # It was on its way down when the last re-plan was made: what was left then may be for it.
-        state = replace(state, considered=state.considered | {vehicle.name})
-        if context.fly_again is FlyAgain.AUTO and state.given_up:
-            trigger = f"{vehicle.name}: landed with battery to spare"
-            state = replace(state, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s)
-    if not vehicle.took_off:
-        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
-    battery = vehicle.battery
-    known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
-    left = f" with {battery.remaining_pct:.0f} %" if known else ""
-    if vehicle.rebooted_s is not None and over_its_pad(context, vehicle):
-        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
-        return state, (Say(Level.INFO, text),)
-    place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
-    return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
 
 
 def _fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
         return declare(context, state, vehicle, fault)
     text = f"{vehicle.name}: {fault.reason}; {last_heard(context, vehicle)}"
+    orders = replace(vehicle.orders, errand=None)
     if fault.kind is FaultKind.LINK:
-        return state.put(replace(moved_to(vehicle, Stage.LOST), errand=None)), (Say(Level.WARNING, text),)
-    lies = replace(moved_to(vehicle, Stage.DOWN), errand=None, place_told=False)
-    return state.put(lies), (Say(Level.FAULT, text),)
+        return state.put(replace(moved_to(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)
+    sortie = replace(vehicle.sortie, place_told=False)
+    return state.put(replace(moved_to(vehicle, Stage.DOWN), orders=orders, sortie=sortie)), (Say(Level.FAULT, text),)
 
 
 def _lies(context: Context, vehicle: VehicleState) -> bool:
     """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
-    return vehicle.armed_once and not vehicle.armed and not vehicle.lands and not over_its_pad(context, vehicle)
+    down = vehicle.sortie.armed_once and not vehicle.armed
+    return down and not vehicle.orders.lands and not over_its_pad(context, vehicle)
 
 
 def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
     vehicle = state.vehicles[event.vehicle]
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
         return state, ()
     mission = plan.missions[event.vehicle]
-    vehicle = replace(vehicle, pending=None)
+    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, pending=None))
     commands: list[Command] = []
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-        state = state.put(replace(vehicle, board=board, carried=Carried(ours_s=now_s)))
+        state = state.put(carrying(vehicle, board, now_s))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
-    elif _left_meanwhile(context, vehicle) or (state.silent_since_s is not None and not event.mixed):
+    elif _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
         state = state.put(vehicle)
-        state = replace(state, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+        state = replace(
+            state, replanning=replace(state.replanning, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+        )
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
-        state = state.put(replace(vehicle, stubborn=True))
+        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, stubborn=True)))
         text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it"
         commands.append(Say(Level.WARNING, text))
-        state = replace(state, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s)
+        state = replace(
+            state,
+            replanning=replace(
+                state.replanning, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s
+            ),
+        )
     if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
         state, start = _start(context, state, state.vehicles[vehicle.name], now_s)
         commands.append(start)
@@ -561,7 +541,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     elif vehicle.stage is Stage.STARTING and not event.mixed:
         state, more = _started_again(context, state, state.vehicles[vehicle.name], now_s)
         commands.extend(more)
-    state = replace(state, replan=plan)
+    state = replace(state, replanning=replace(state.replanning, replan=plan))
     if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
         why = "its mission on board is a mix of two"
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
@@ -578,8 +558,12 @@ def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
 
 def _started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
-    if vehicle.took_off:
-        vehicle = replace(moved_to(vehicle, Stage.FLYING), failures=0, ordered_mode_s=now_s)
+    if vehicle.sortie.took_off:
+        vehicle = replace(
+            moved_to(vehicle, Stage.FLYING),
+            assignment=replace(vehicle.assignment, failures=0),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s),
+        )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     state, start = _start(context, state, vehicle, now_s)
     return state, (start,)
@@ -587,16 +571,16 @@ def _started_again(context: Context, state: FleetState, vehicle: VehicleState, n
 
 def _finish(context: Context, state: FleetState) -> Stepped:
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
-    if state.finished or state.launched_s is None or state.replan is not None:
+    if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
         return state, ()
     if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.awaits_answer(state):
         return state, ()
-    if not state.recalled and replanning.orphans(context, state):
+    if not state.progress.recalled and replanning.orphans(context, state):
         return state, ()
-    missing = context.segments - len(state.inspected)
+    missing = context.segments - len(state.coverage.inspected)
     reason = (
         "every segment is inspected"
         if missing == 0
         else f"{count_of(missing, 'segment')} {'is' if missing == 1 else 'are'} not inspected"
     )
-    return replace(state, finished=True), (Finish(reason),)
+    return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)

@@ -13,7 +13,7 @@ from missions.autopilots.modes import is_home_mode
 
 def coordinates(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as people paste it into a map."""
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if fix is None:
         return "an unknown place"
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
@@ -22,13 +22,13 @@ def coordinates(context: Scene, vehicle: VehicleState) -> str:
 
 def where(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as coordinates and height over its home."""
-    height = "" if vehicle.fix is None else f", {vehicle.fix.alt_rel_m:.0f} m over its home"
+    height = "" if vehicle.motion.fix is None else f", {vehicle.motion.fix.alt_rel_m:.0f} m over its home"
     return coordinates(context, vehicle) + height
 
 
 def last_heard(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle was heard last."""
-    return f"last position {where(context, vehicle)}" if vehicle.fix is not None else "its position is not known"
+    return f"last position {where(context, vehicle)}" if vehicle.motion.fix is not None else "its position is not known"
 
 
 _KILLED = re.compile(r"emergency stop|kill", re.IGNORECASE)
@@ -46,31 +46,31 @@ UNSEEN_S = 6.0
 
 def seen_at_rest(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that has disarmed was seen since; after a while it is taken for where it was last."""
-    fix = vehicle.fix
-    return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.disarmed_s) >= UNSEEN_S
+    fix = vehicle.motion.fix
+    return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.sortie.disarmed_s) >= UNSEEN_S
 
 
 def fell(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle disarmed in the air, as far as its last position tells."""
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if fix is None:
         return False
-    text, said_s = vehicle.alarm
-    if _KILLED.search(text) and abs(vehicle.disarmed_s - said_s) <= context.limits.alarm_s:
+    text, said_s = vehicle.telemetry.alarm
+    if _KILLED.search(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s:
         return True
     return sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
 
 
 def sank(vehicle: VehicleState) -> bool:
     """Return whether a vehicle that has disarmed was on its way down when it was seen last."""
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     return fix is not None and fix.velocity_m_s[2] < -(SINKS_M_S if fix.alt_rel_m > 1.0 else LANDS_M_S)
 
 
 def at_rest(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle whose motors are off is seen to lie where it is."""
-    fix = vehicle.fix
-    if fix is None or now_s - vehicle.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
+    fix = vehicle.motion.fix
+    if fix is None or now_s - vehicle.sortie.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
         return False
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
@@ -83,19 +83,19 @@ def place_words(context: Scene, vehicle: VehicleState) -> str:
 
 def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it is where it may land, seen from above."""
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
 
 
 def mission_over(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that disarms has landed: its mission was over, or it was on its way home."""
-    if vehicle.rebooted_s is not None:
+    if vehicle.sortie.rebooted_s is not None:
         return False  # it did not come down by itself
-    if vehicle.stage is Stage.RETURNING or vehicle.away_once:
+    if vehicle.stage is Stage.RETURNING or vehicle.sortie.away_once:
         return True  # whatever its index says: it has been out there, and has come back
-    leg, beat = vehicle.leg, vehicle.heartbeat
+    leg, beat = vehicle.leg, vehicle.telemetry.heartbeat
     if leg is None or leg.phase in {Phase.LAND, Phase.RETURN}:
         return True
     # Nobody saw how it came down: it may have flown its mission to the end.
-    unseen = vehicle.unseen_until_s is not None and vehicle.unseen_until_s == vehicle.heartbeat_s
+    unseen = vehicle.custody.unseen_until_s is not None and vehicle.custody.unseen_until_s == vehicle.link.heartbeat_s
     return unseen or (beat is not None and is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode))

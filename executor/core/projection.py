@@ -18,27 +18,27 @@ DESCENT_M_S = 1.0
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
     """Return how long the vehicle needs until the end of a waypoint's leg, by the path on board; 0 if it has passed."""
-    if state.board is None or waypoint < state.waypoint:
+    if state.assignment.board is None or waypoint < state.assignment.waypoint:
         return 0.0
-    legs = state.board.legs
-    rest = _share_of_leg_left(state) * legs[state.waypoint].duration_s
-    return rest + sum(leg.duration_s for leg in legs[state.waypoint + 1 : waypoint + 1])
+    legs = state.assignment.board.legs
+    rest = _share_of_leg_left(state) * legs[state.assignment.waypoint].duration_s
+    return rest + sum(leg.duration_s for leg in legs[state.assignment.waypoint + 1 : waypoint + 1])
 
 
 def modelled_to_reach_pct(state: VehicleState, waypoint: int) -> float:
     """Return the energy of the same way by the model, in percent of a full battery."""
-    if state.board is None or waypoint < state.waypoint:
+    if state.assignment.board is None or waypoint < state.assignment.waypoint:
         return 0.0
-    legs = state.board.legs
-    rest = _share_of_leg_left(state) * legs[state.waypoint].energy_pct
-    return rest + sum(leg.energy_pct for leg in legs[state.waypoint + 1 : waypoint + 1])
+    legs = state.assignment.board.legs
+    rest = _share_of_leg_left(state) * legs[state.assignment.waypoint].energy_pct
+    return rest + sum(leg.energy_pct for leg in legs[state.assignment.waypoint + 1 : waypoint + 1])
 
 
 def to_finish_pct(state: VehicleState) -> float:
     """Return what finishing the mission on board should cost, with what was learned of the vehicle's consumption."""
-    if state.board is None:
+    if state.assignment.board is None:
         return 0.0
-    return modelled_to_reach_pct(state, len(state.board.legs) - 1) * account.factor(state.battery)
+    return modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1) * account.factor(state.power.battery)
 
 
 def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Projection | None:
@@ -46,21 +46,22 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
 
     None while the battery has not reported, or nobody knows where it is.
     """
-    if state.battery.estimate is None:
+    if state.power.battery.estimate is None:
         return None
-    modelled_pct = modelled_to_return_pct(context, state, setup)
-    if state.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
-        modelled_pct = modelled_to_reach_pct(state, len(state.board.legs) - 1)
+    if state.assignment.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
+        modelled_pct: float | None = modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1)
+    else:
+        modelled_pct = modelled_to_return_pct(context, state, setup)
     if modelled_pct is None:
         return None
-    ahead = projected(state.battery.estimate, modelled_pct)
-    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, account.blindness_pct(state.battery)))
+    ahead = projected(state.power.battery.estimate, modelled_pct)
+    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, account.blindness_pct(state.power.battery)))
 
 
 def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetup, floor_pct: float) -> float | None:
     """Return the probability that less than `floor_pct` is left at the landing; None where nobody knows."""
-    known = state.battery
-    if known.estimate is not None and state.board is None and state.fix is not None:
+    known = state.power.battery
+    if known.estimate is not None and state.assignment.board is None and state.motion.fix is not None:
         ahead_pct = FAR * known.estimate.factor * (modelled_to_return_pct(context, state, setup) or 0.0)
         if known.estimate.remaining_pct - ahead_pct > floor_pct + PLENTY_PCT:
             return 0.0  # most of the time there is no question, and it is asked on every tick
@@ -70,24 +71,24 @@ def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetu
 
 def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:
     """Return the energy of the straight way home from here and of the descent, by the model; None without a place."""
-    if state.fix is None:
+    if state.motion.fix is None:
         return None
-    away_m = math.dist(state.fix.place_m, setup.pad_m)
-    level_s, down_s = away_m / HOME_SPEED_M_S, max(0.0, state.fix.alt_rel_m) / DESCENT_M_S
+    away_m = math.dist(state.motion.fix.place_m, setup.pad_m)
+    level_s, down_s = away_m / HOME_SPEED_M_S, max(0.0, state.motion.fix.alt_rel_m) / DESCENT_M_S
     return context.draw_pct_per_s(HOME_SPEED_M_S, 0.0) * level_s + context.draw_pct_per_s(0.0, 0.0) * down_s
 
 
 def consumption(context: Context, state: VehicleState) -> float:
     """Return what the vehicle uses relative to the planning model, with the overhead of real flight."""
-    return account.factor(state.battery) * context.overhead
+    return account.factor(state.power.battery) * context.overhead
 
 
 def _share_of_leg_left(state: VehicleState) -> float:
-    board = state.board
-    if board is None or state.fix is None or state.waypoint == 0:
+    board = state.assignment.board
+    if board is None or state.motion.fix is None or state.assignment.waypoint == 0:
         return 1.0
-    begin, end = board.places_m[state.waypoint - 1], board.places_m[state.waypoint]
+    begin, end = board.places_m[state.assignment.waypoint - 1], board.places_m[state.assignment.waypoint]
     length = math.dist(begin, end)
     if length < 1.0:
         return 1.0
-    return min(1.0, math.dist(state.fix.place_m, end) / length)
+    return min(1.0, math.dist(state.motion.fix.place_m, end) / length)

@@ -226,83 +226,87 @@ class FleetView:
 
 def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     """Return the flight as it is known at `now_s`."""
-    plan = state.replan
-    by = Counter(state.inspected.values())
+    plan = state.replanning.replan
+    by = Counter(state.coverage.inspected.values())
     return FleetView(
         now_s=round(now_s, 2),
-        flight_s=None if state.launched_s is None else round(now_s - state.launched_s, 2),
-        revision=state.revision,
+        flight_s=None if state.progress.launched_s is None else round(now_s - state.progress.launched_s, 2),
+        revision=state.replanning.revision,
         segments_total=context.segments,
-        inspected=tuple(sorted(state.inspected)),
-        uncovered=tuple(sorted(state.given_up - set(state.inspected))),
+        inspected=tuple(sorted(state.coverage.inspected)),
+        uncovered=tuple(sorted(state.coverage.given_up - set(state.coverage.inspected))),
         replan=None
         if plan is None
         else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),
-        all_silent=state.silent_since_s is not None,
-        recalled=state.recalled,
-        finished=state.finished,
-        min_separation_m=None if state.separation is None else round(state.separation.least_m, 2),
+        all_silent=state.listening.silent_since_s is not None,
+        recalled=state.progress.recalled,
+        finished=state.progress.finished,
+        min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         vehicles=tuple(_vehicle(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()),
-        said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.said[-SAID_LINES:]),
+        said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.crew.said[-SAID_LINES:]),
         intents=tuple(
             IntentView(
                 one.intent.id, one.intent.action.value, one.intent.vehicle, one.intent.source, one.outcome.value,
                 one.text, round(one.at_s, 2), one.question,
             )
-            for one in tuple(state.intents.values())[-INTENTS:]
+            for one in tuple(state.crew.intents.values())[-INTENTS:]
         ),
-        checks=state.briefing.checks,
-        question=state.briefing.question,
+        checks=state.crew.briefing.checks,
+        question=state.crew.briefing.question,
         offer=None
-        if state.offer is None
-        else OfferView(state.offer.vehicles, state.offer.segments, offer_words(context, state.offer)),
+        if state.crew.offer is None
+        else OfferView(state.crew.offer.vehicles, state.crew.offer.segments, offer_words(context, state.crew.offer)),
     )  # fmt: skip
 
 
 def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int) -> VehicleView:
     setup, layers = context.vehicles[vehicle.name], context.setup.layers
-    outlook = state.outlook.get(vehicle.name)
+    outlook = state.replanning.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
-    lost = vehicle.quality.lost
+    lost = vehicle.link.quality.lost
     return VehicleView(
         name=vehicle.name,
         sysid=setup.sysid,
         state=state_word(context, vehicle),
-        mode=None if vehicle.heartbeat is None else mode_name(setup.dialect, vehicle.heartbeat.custom_mode),
+        mode=None
+        if vehicle.telemetry.heartbeat is None
+        else mode_name(setup.dialect, vehicle.telemetry.heartbeat.custom_mode),
         armed=vehicle.armed,
         layer=layers.vehicles.index(vehicle.name),
         layer_m=layers.offset_m(vehicle.name),
         position=_position(context, vehicle, now_s),
         battery=_battery(context, vehicle),
-        link_age_s=None if vehicle.heard_s is None else round(max(0.0, now_s - vehicle.heard_s), 1),
+        link_age_s=None if vehicle.link.heard_s is None else round(max(0.0, now_s - vehicle.link.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
-        stale=vehicle.stale,
+        stale=vehicle.link.stale,
         progress=replace(_progress(context, vehicle), inspected=inspected),
         fault=None if vehicle.fault is None else vehicle.fault.reason,
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         fault_code=None if vehicle.fault is None else vehicle.fault.code,
-        excluded=vehicle.excluded,
+        excluded=vehicle.orders.excluded,
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
         if known and outlook is not None
         else None,
         lands_in_s=_lands_in_s(vehicle),
-        gps_fix=None if vehicle.gps is None else vehicle.gps.fix,
-        satellites=None if vehicle.gps is None else vehicle.gps.satellites,
-        voltage_v=vehicle.volts.voltage_v,
-        wind=None if vehicle.wind is None else WindView(vehicle.wind.speed_m_s, vehicle.wind.from_deg),
+        gps_fix=None if vehicle.sensors.gps is None else vehicle.sensors.gps.fix,
+        satellites=None if vehicle.sensors.gps is None else vehicle.sensors.gps.satellites,
+        voltage_v=vehicle.power.volts.voltage_v,
+        wind=None
+        if vehicle.sensors.wind is None
+        else WindView(vehicle.sensors.wind.speed_m_s, vehicle.sensors.wind.from_deg),
         taken=_taken(context, vehicle, now_s),
-        offered=state.offer is not None and vehicle.name in state.offer.vehicles,
+        offered=state.crew.offer is not None and vehicle.name in state.crew.offer.vehicles,
     )
 
 
 def _lands_in_s(vehicle: VehicleState) -> float | None:
-    if vehicle.board is None or vehicle.stage is not Stage.FLYING or vehicle.held_s is not None:
+    if vehicle.assignment.board is None or vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is not None:
         return None
-    return round(projection.time_to_reach_s(vehicle, len(vehicle.board.legs) - 1), 0)
+    return round(projection.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
 
 
 def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
-    hold = vehicle.taken
+    hold = vehicle.custody.taken
     if hold is None:
         return None
     kept_s = 0.0 if hold.given_away else max(0.0, context.pilot_grace_s - (now_s - hold.since_s))
@@ -312,16 +316,16 @@ def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView |
 def state_word(context: Context, vehicle: VehicleState) -> str:
     """Return what a vehicle does, in one word; it holds once it says so itself."""
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    shown = vehicle.heartbeat is not None and vehicle.heartbeat.custom_mode == hold
-    if vehicle.stage is Stage.FLYING and vehicle.held_s is not None and shown:
+    shown = vehicle.telemetry.heartbeat is not None and vehicle.telemetry.heartbeat.custom_mode == hold
+    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and shown:
         return "holding"
-    if vehicle.stage is Stage.RETURNING and vehicle.lands:
+    if vehicle.stage is Stage.RETURNING and vehicle.orders.lands:
         return "landing"
     return vehicle.stage.value
 
 
 def _position(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if fix is None:
         return None
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
@@ -345,15 +349,15 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
     ahead = projection.at_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
-    began_pct = vehicle.battery.first_pct if vehicle.began_pct is None else vehicle.began_pct
-    if vehicle.board is not None and began_pct is not None and vehicle.airborne:
-        spent_pct = sum(leg.energy_pct for leg in vehicle.board.legs) - projection.modelled_to_reach_pct(
-            vehicle, len(vehicle.board.legs) - 1
+    began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
+    if vehicle.assignment.board is not None and began_pct is not None and vehicle.airborne:
+        spent_pct = sum(leg.energy_pct for leg in vehicle.assignment.board.legs) - projection.modelled_to_reach_pct(
+            vehicle, len(vehicle.assignment.board.legs) - 1
         )
         predicted_pct = round(began_pct - spent_pct, 1)
         band_pct = round(math.hypot(context.prior.sd * spent_pct, WHOLE_PCT), 1)
     return BatteryView(
-        measured_pct=vehicle.battery.remaining_pct,
+        measured_pct=vehicle.power.battery.remaining_pct,
         predicted_pct=predicted_pct,
         predicted_band_pct=band_pct,
         to_finish_pct=round(_to_finish_pct(context, vehicle), 1),
@@ -373,7 +377,7 @@ def _to_finish_pct(context: Context, vehicle: VehicleState) -> float:
 
 
 def _progress(context: Context, vehicle: VehicleState) -> ProgressView:
-    board, leg = vehicle.board, vehicle.leg
+    board, leg = vehicle.assignment.board, vehicle.leg
     if board is None:
         return ProgressView(0, 0)
     total = len(board.visits)
@@ -382,7 +386,7 @@ def _progress(context: Context, vehicle: VehicleState) -> ProgressView:
         return ProgressView(done, total)
     done = total - len(vehicle.remaining_visits())
     if vehicle.stage is Stage.RETURNING:
-        return ProgressView(done, total, phase=(Phase.LAND if vehicle.lands else Phase.RETURN).value)
+        return ProgressView(done, total, phase=(Phase.LAND if vehicle.orders.lands else Phase.RETURN).value)
     if leg is None or leg.visit is None:
         return ProgressView(done, total, phase=None if leg is None else leg.phase.value)
     track = board.tracks[leg.visit]
@@ -391,6 +395,6 @@ def _progress(context: Context, vehicle: VehicleState) -> ProgressView:
 
 
 def _share(track: Track, vehicle: VehicleState) -> float:
-    if vehicle.fix is None or track.length_m <= 0.0:
+    if vehicle.motion.fix is None or track.length_m <= 0.0:
         return 0.0
-    return round(min(1.0, max(0.0, track.locate(vehicle.fix.place_m)[0] / track.length_m)), 3)
+    return round(min(1.0, max(0.0, track.locate(vehicle.motion.fix.place_m)[0] / track.length_m)), 3)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from executor.core.context import Context
+from executor.core.parts import OnBoard
 from executor.core.preflight import checks, heights
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import LinkFailsafe
-from executor.core.vehicle import OnBoard
 from executor.site.config import Site
 from executor.site.plan_words import plan_checks
 from missions import PlanFile

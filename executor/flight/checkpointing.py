@@ -53,7 +53,7 @@ class Checkpointer:
 
     def due(self, state: FleetState, now_s: float) -> bool:
         """Return whether it is time; before the launch nothing is worth it."""
-        if state.launched_s is None or self._writing is not None:
+        if state.progress.launched_s is None or self._writing is not None:
             return False
         return self._last_s is None or now_s - self._last_s >= self._every_s
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cache
@@ -25,16 +25,18 @@ from executor.adapters.logend import LogPlace, holds
 from executor.adapters.run_directory import RunDirectory
 from executor.core.commands import Solve
 from executor.core.events import SolveEnded
-from executor.core.state import FleetState, Replan
+from executor.core.state import Coverage, Crew, FleetState, Replan, Replanning
 from executor.core.vehicle import VehicleState
 from missions import first_reason
 from missions.files import write_whole
 
-FORMAT = "faultline-checkpoint/1"
+FORMAT = "faultline-checkpoint/2"
 
 Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
-T = TypeVar("T", FleetState, Replan)
+_MAPPING = (Coverage, Replanning, Crew, Replan)
+"""What of the state of a flight holds mappings."""
+T = TypeVar("T", bound=FleetState | Coverage | Replanning | Crew | Replan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
         plan: The file of the flight's first plan.
     """
     state = checkpoint.state
-    plain = replace(_thawed(state), vehicles={}, replan=None if state.replan is None else _thawed(state.replan))
+    plain = replace(_mapped(state, dict), vehicles={})
     fleet = _Fleet.model_construct(
         state=plain, solve=checkpoint.solve, unkept=checkpoint.unkept, set_s=checkpoint.set_s
     )
@@ -179,26 +181,19 @@ def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
-    plan = fleet.state.replan
-    state = replace(
-        _frozen(fleet.state),
-        vehicles=MappingProxyType(vehicles),
-        replan=None if plan is None else _frozen(plan),
-    )
+    state = replace(_mapped(fleet.state, MappingProxyType), vehicles=MappingProxyType(vehicles))
     return Checkpoint(head.place, state, fleet.solve, fleet.unkept, fleet.set_s)
 
 
-def _thawed(value: T) -> T:
-    """Return a state whose mappings can be written."""
-    held = {field.name: getattr(value, field.name) for field in fields(value)}
-    changes: dict[str, Any] = {name: dict(one) for name, one in held.items() if isinstance(one, Mapping)}
-    return replace(value, **changes)
-
-
-def _frozen(value: T) -> T:
-    """Return a state whose mappings cannot be changed."""
-    held = {field.name: getattr(value, field.name) for field in fields(value)}
-    changes: dict[str, Any] = {name: MappingProxyType(one) for name, one in held.items() if isinstance(one, dict)}
+def _mapped(value: T, kind: Callable[[Mapping[Any, Any]], Mapping[Any, Any]]) -> T:
+    """Return a state in whose parts every mapping is of one kind: dictionaries can be written, proxies not changed."""
+    changes: dict[str, Any] = {}
+    for field in fields(value):
+        held = getattr(value, field.name)
+        if isinstance(held, Mapping):
+            changes[field.name] = kind(held)
+        elif isinstance(held, _MAPPING):
+            changes[field.name] = _mapped(held, kind)
     return replace(value, **changes)
 
 

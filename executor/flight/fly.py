@@ -22,11 +22,11 @@ from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Asked, IntentReceived, Reopened
 from executor.core.intents import Action
+from executor.core.parts import OnBoard
 from executor.core.ports import OpenLink
 from executor.core.preflight.checks import Check, Severity
 from executor.core.preflight.parameters import Proposal
 from executor.core.state import CheckLine, FleetState
-from executor.core.vehicle import OnBoard
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
 from executor.flight import parameter_changes, web
@@ -201,7 +201,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     publication = _publication(order, clock)
     keeper = Keeper(order, context, console, seat.log, clock, publication, seat.legacy)
     if publication is not None:
-        publication.plan(seat.state.revision, in_force(order, seat.state.revision))
+        publication.plan(seat.state.replanning.revision, in_force(order, seat.state.replanning.revision))
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
     hearing = supervised.hear(lambda text: keeper.told(Say(Level.FAULT, text), clock.now_s()), order.run)
     try:

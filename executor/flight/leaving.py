@@ -83,11 +83,11 @@ class Interrupts:
         if not self._once.first():
             return
         self._how = signal.Signals(number).name
-        if self._flight.state.launched_s is None or self._timer is None or self._recalled:
+        if self._flight.state.progress.launched_s is None or self._timer is None or self._recalled:
             self._pressed(number)
 
     def _pressed(self, _: int) -> None:
-        if self._flight.state.launched_s is None:
+        if self._flight.state.progress.launched_s is None:
             self._declined.set()
         elif self._recalled:
             self._leave()

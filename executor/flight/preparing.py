@@ -11,11 +11,12 @@ from typing import TypeVar
 from executor.adapters.clock import SystemClock
 from executor.core.commands import Level
 from executor.core.context import Context
+from executor.core.parts import OnBoard
 from executor.core.ports import OpenLink
 from executor.core.preflight import checks
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import link_failsafe
-from executor.core.vehicle import OnBoard, aboard
+from executor.core.vehicle import aboard
 from executor.flight.checklist import checklist
 from executor.flight.flight_order import Console, Order
 from executor.runtime import preflight as asking

@@ -115,17 +115,17 @@ class Keeper:
 
     def applied(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
-        self._launched_s, self._state = state.launched_s, state
+        self._launched_s, self._state = state.progress.launched_s, state
         if isinstance(event, Tick):
             self._look_at_the_clock(now_s)
-        if state.replan is not None:
-            self._solve = state.replan.solve
+        if state.replanning.replan is not None:
+            self._solve = state.replanning.replan.solve
         if isinstance(event, SolveEnded) and event.routes is not None:
             solve = self._solve
             if solve is not None and event.revision == solve.revision:
                 self._unkept.append((solve, event))
                 self._in_no_file.append((solve, event))
-        if self._unkept and (state.replan is None or state.replan.solve_s is None):
+        if self._unkept and (state.replanning.replan is None or state.replanning.replan.solve_s is None):
             self._keep_plans()
         self._console.show(self._context, state, now_s)
         if self._publication is not None:

@@ -171,7 +171,7 @@ def ended(run: Path) -> Left | None:
     if not RunDirectory(run).events.exists() or not says_it_is_over(RunDirectory(run).events):
         return None
     left = read_left(run)
-    return left if isinstance(left, Left) and left.state.finished else None
+    return left if isinstance(left, Left) and left.state.progress.finished else None
 
 
 def _launched(run: Path) -> bool:
@@ -199,15 +199,15 @@ def how_it_was_left(left: Left) -> list[str]:
         f"{vehicle.name} {vehicle.stage.value}" if vehicle.fault is None else f"{vehicle.name} at fault"
         for vehicle in state.vehicles.values()
     ]
-    done = f"{len(state.inspected)} of {left.begun.context.segments} segments inspected"
-    plan = state.replan
+    done = f"{len(state.coverage.inspected)} of {left.begun.context.segments} segments inspected"
+    plan = state.replanning.replan
     under_way = [] if plan is None else [f"re-plan {plan.solve.revision} was under way: {plan.solve.trigger}"]
     return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
 
 
 def over(run: Path, left: Left) -> FlightReport | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
-    if not left.state.finished:
+    if not left.state.progress.finished:
         return None
     with suppress(LogError):
         return read_report(run)

@@ -178,7 +178,7 @@ class _Player:
         if self._says_nothing_new(before, message, now_s):
             return
         if isinstance(message, Battery):
-            volts = before.volts.voltage_v
+            volts = before.power.volts.voltage_v
             if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
                 self._next_s = now_s
         elif isinstance(message, Position) and not self._framed:
@@ -190,7 +190,7 @@ class _Player:
         if isinstance(message, (Battery, SystemStatus)) and _drains(self._state.fleet.vehicles[name]):
             self._next_s = min(self._next_s, now_s + TICK_S)
         elif isinstance(message, Heartbeat):
-            if message != before.heartbeat:
+            if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
                 self._takes_off(self._state.fleet.vehicles[name])
@@ -199,14 +199,14 @@ class _Player:
         """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
         match message:
             case Heartbeat():
-                settled = known.stage in STEADY and (known.flew_mission or not known.took_off)
-                if not settled or message != known.heartbeat:
+                settled = known.stage in STEADY and (known.sortie.flew_mission or not known.sortie.took_off)
+                if not settled or message != known.telemetry.heartbeat:
                     return False
                 self._beats[known.name] = now_s  # the next tick takes it
                 return True
             case MissionCurrent(seq, total, number):
-                same = known.board is None or number in {None, known.carried.id}
-                return same and known.item == (seq, total)
+                same = known.assignment.board is None or number in {None, known.assignment.carried.id}
+                return same and known.telemetry.item == (seq, total)
             case Battery():
                 return self._battery_repeats(known.name, message, now_s)
             case _:
@@ -229,8 +229,8 @@ class _Player:
 
     def _takes_off(self, vehicle: VehicleState) -> None:
         """Note where a vehicle starts: it is the place to come home to."""
-        if vehicle.fix is not None:
-            setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.fix.place_m)
+        if vehicle.motion.fix is not None:
+            setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.motion.fix.place_m)
             self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
 
     def _join(self, system: int, message: FlightMessage) -> str:
@@ -298,13 +298,13 @@ def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
     """Return whether nothing is to be expected of a vehicle in the next moments."""
     if vehicle.stage is Stage.LOST:
         return True
-    silent = vehicle.heard_s is not None and at_s - vehicle.heard_s > CALM_S
+    silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S
     return not (silent or vehicle.watches or _drains(vehicle))
 
 
 def _drains(vehicle: VehicleState) -> bool:
     """Return whether more is used than usual."""
-    known = vehicle.battery
+    known = vehicle.power.battery
     return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
 
 
@@ -343,17 +343,17 @@ def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool)
 
 def sampled(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
     """Return what a picture shows of a vehicle at one moment."""
-    estimate = vehicle.battery.estimate
+    estimate = vehicle.power.battery.estimate
     ahead = projection.at_landing(scene, vehicle, scene.vehicles[vehicle.name])
     return ReplaySample(
         at_s=at_s,
-        remaining_pct=vehicle.battery.remaining_pct,
+        remaining_pct=vehicle.power.battery.remaining_pct,
         estimate_pct=None if estimate is None else estimate.remaining_pct,
         sd_pct=None if estimate is None else math.sqrt(estimate.var_remaining),
         landing_pct=None if ahead is None else ahead.mean_pct,
-        voltage_v=vehicle.volts.voltage_v,
-        link_age_s=0.0 if vehicle.heard_s is None else at_s - vehicle.heard_s,
-        heartbeat_age_s=0.0 if vehicle.heartbeat_s is None else at_s - vehicle.heartbeat_s,
-        item=None if vehicle.item is None else vehicle.item[0],
-        height_m=None if vehicle.fix is None else vehicle.fix.alt_rel_m,
+        voltage_v=vehicle.power.volts.voltage_v,
+        link_age_s=0.0 if vehicle.link.heard_s is None else at_s - vehicle.link.heard_s,
+        heartbeat_age_s=0.0 if vehicle.link.heartbeat_s is None else at_s - vehicle.link.heartbeat_s,
+        item=None if vehicle.telemetry.item is None else vehicle.telemetry.item[0],
+        height_m=None if vehicle.motion.fix is None else vehicle.motion.fix.alt_rel_m,
     )

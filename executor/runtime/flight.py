@@ -106,7 +106,7 @@ class Flight:
             RuntimeError: a mistake of ours kept it from being decided; nothing has changed.
         """
         self.apply(events.IntentReceived(intent))
-        record = self.state.intents.get(intent.id)
+        record = self.state.crew.intents.get(intent.id)
         if record is None:
             raise RuntimeError(f"intent {intent.id} could not be decided")
         return record
@@ -114,7 +114,7 @@ class Flight:
     def _apply(self, event: Event, now_s: float) -> None:
         self._sink.write(event, now_s)
         self.state, decided = fleet.step(self.context, self.state, event, now_s)
-        if self.state.briefing.answered:
+        if self.state.crew.briefing.answered:
             self._answer.set()
         # An observer, and one command, must not keep the others from being carried out.
         supervised.safely("what shows the flight", self._observer.applied, event, self.state, now_s)
@@ -166,7 +166,7 @@ class Flight:
 
     async def answered(self, action: Action) -> bool:
         """Wait until what is asked before the flight is answered with yes, from wherever; returns true."""
-        while self.state.briefing.answered != action.value:
+        while self.state.crew.briefing.answered != action.value:
             self._answer.clear()
             await self._answer.wait()
         return True

@@ -31,12 +31,12 @@ async def _round(flight: Flight, judge: Judge) -> bool:
     """Judge everybody once; returns whether that came to its end."""
     names = what_if.worth_judging(flight.state)
     for name in names:
-        revision = flight.state.revision
+        revision = flight.state.replanning.revision
         if name not in what_if.worth_judging(flight.state):
             return False
         problem = what_if.if_lost(flight.context, flight.state, name, flight.now_s())
         uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem)
-        if uncovered is None or revision != flight.state.revision:
+        if uncovered is None or revision != flight.state.replanning.revision:
             return False
         flight.apply(LossJudged(name, revision, uncovered))
     return bool(names)

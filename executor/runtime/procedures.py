@@ -239,13 +239,26 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
 
 
 async def _arm(link: Link, clock: Clock) -> Done:
-    """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles."""
+    """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
+
+    Who changes its mode meanwhile wants something else of it.
+    """
     until_s = clock.now_s() + ARM_PATIENCE_S
-    while True:
-        done = await order(link, clock, CommandDialogue(orders.arm(), "arm"))
-        if done.accepted or clock.now_s() >= until_s:
-            return done
-        await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
+    modes: set[int] = set()
+    stop_listening = link.listen(
+        lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None
+    )
+    try:
+        while len(modes) < 2:
+            done = await order(link, clock, CommandDialogue(orders.arm(), "arm"))
+            if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
+                return done
+            await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
+        return Done(
+            accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
+        )
+    finally:
+        stop_listening()
 
 
 async def send_home(link: Link, clock: Clock, dialect: Dialect) -> Done:

@@ -79,7 +79,7 @@ async def asked(
 
 def _expected(state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether a vehicle matters so much that the others wait for it."""
-    pending = state.replan is not None and vehicle.name in state.replan.pending
+    pending = state.replanning.replan is not None and vehicle.name in state.replanning.replan.pending
     return pending or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
 
 

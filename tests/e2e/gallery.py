@@ -20,19 +20,19 @@ from typing import Self
 from playwright.async_api import Page, async_playwright
 
 from executor.adapters.web import WebServer, WebSettings
-from executor.core.changed import changed
 from executor.core.check_codes import CheckCode
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Gps, Wind
+from executor.core.parts import OnBoard
 from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
-from executor.core.vehicle import OnBoard, Stage, VehicleState, aboard
+from executor.core.vehicle import Stage, VehicleState, aboard
 from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
 from executor.site import assembly
 from missions import Segment, flight_path
 from planner import Plan, Route
-from tests.executor.builders import ground_for, site_of
+from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
 
@@ -119,9 +119,8 @@ def _same(vehicle: VehicleView) -> VehicleView:
 def _fitted(state: FleetState) -> FleetState:
     """Return the state with what vehicles say of their GPS, their voltage and the wind."""
     for number, vehicle in enumerate(state.vehicles.values()):
-        volts = replace(vehicle.volts, voltage_v=16.2 - 0.2 * number)
-        said: dict[str, object] = {"gps": Gps(3, 14 + number), "wind": Wind(4.2 + number, 240.0), "volts": volts}
-        state = state.put(changed(vehicle, **said))
+        volts = replace(vehicle.power.volts, voltage_v=16.2 - 0.2 * number)
+        state = state.put(with_facts(vehicle, gps=Gps(3, 14 + number), wind=Wind(4.2 + number, 240.0), volts=volts))
     return state
 
 
@@ -153,7 +152,7 @@ def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scen
         SaidLine(6.0, Level.INFO, "uav1: ready, quadrotor, ArduPilot 4.6.1, battery 98 %"),
         SaidLine(8.0, Level.WARNING, "uav2: no battery failsafe"),
     )
-    state = changed(_fitted(story.state), briefing=briefing, said=lines)
+    state = with_facts(_fitted(story.state), briefing=briefing, said=lines)
     words = {
         "#clock": "before take-off",
         "#asked": "Nothing is asked: a check says stop" if stop else questions[asked].text,
@@ -203,7 +202,7 @@ def taken(ready: Fleet, *, returned: bool = False) -> Scene:
     line = SaidLine(
         since_s, Level.WARNING, "uav2: its pilot took it (LOITER); nothing is commanded; its segments are kept for 30 s"
     )
-    state = changed(_fitted(story.state), said=(*story.state.said, line))
+    state = with_facts(_fitted(story.state), said=(*story.state.crew.said, line))
     words = {
         ".strip:nth-child(2) .state": "with its pilot",
         ".strip:nth-child(2) .hands": "include it to go on" if returned else "Its segments are kept for it for 0:24",
@@ -226,11 +225,13 @@ def offered(ready: Fleet) -> Scene:
     offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47): is its pad clear?")
     line = SaidLine(story.now_s, Level.WARNING, offer.text)
     home = story.vehicle("uav1")
-    assert home.fix is not None
-    assert home.heartbeat is not None
-    fix = replace(home.fix, place_m=ready.context.vehicles["uav1"].pad_m, alt_rel_m=0.0, velocity_m_s=(0.0, 0.0, 0.0))
-    home = changed(home, fix=fix, stage=Stage.LANDED, heartbeat=replace(home.heartbeat, armed=False))
-    state = changed(_fitted(story.state.put(home)), said=(*story.state.said, line))
+    assert home.motion.fix is not None
+    assert home.telemetry.heartbeat is not None
+    fix = replace(
+        home.motion.fix, place_m=ready.context.vehicles["uav1"].pad_m, alt_rel_m=0.0, velocity_m_s=(0.0, 0.0, 0.0)
+    )
+    home = with_facts(home, stage=Stage.LANDED, fix=fix, heartbeat=replace(home.telemetry.heartbeat, armed=False))
+    state = with_facts(_fitted(story.state.put(home)), said=(*story.state.crew.said, line))
     words = {
         "#offered": "uav1 can take over 2 spans",
         "#takers": "uav1: pad is clear",
@@ -250,12 +251,12 @@ def down(ready: Fleet) -> Scene:
     story = flown(ready)
     state = _fitted(story.state)
     vehicle: VehicleState = state.vehicles["uav2"]
-    assert vehicle.fix is not None
-    place = replace(vehicle.fix, alt_rel_m=0.4, velocity_m_s=(0.0, 0.0, 0.0))
+    assert vehicle.motion.fix is not None
+    place = replace(vehicle.motion.fix, alt_rel_m=0.4, velocity_m_s=(0.0, 0.0, 0.0))
     lat_deg, lon_deg = ready.context.frame.to_wgs84_deg(*place.place_m)
     reason = f"down at {lat_deg:.6f}, {lon_deg:.6f}, armed: keep away"
     line = SaidLine(story.now_s, Level.FAULT, f"uav2: {reason}")
-    state = changed(state.put(changed(vehicle, fix=place)), said=(*state.said, line))
+    state = with_facts(state.put(with_facts(vehicle, fix=place)), said=(*state.crew.said, line))
 
     def fell(vehicle: VehicleView) -> VehicleView:
         progress = replace(vehicle.progress, phase=None, segment=None, segment_name=None, segment_share=None)
@@ -301,7 +302,7 @@ class Shown:
 
     def now(self) -> tuple[FleetState, float]:
         now_s = self.scene.now_s + time.monotonic() - self.began_s
-        return changed(self.scene.state, tick_s=now_s), now_s
+        return with_facts(self.scene.state, tick_s=now_s), now_s
 
     def submit(self, intent: Intent) -> Future[IntentRecord]:
         """Take every intent; a landing asks a second time."""

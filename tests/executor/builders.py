@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, TypeVar
 
 from executor.core.context import Context
-from executor.core.vehicle import OnBoard, VehicleState, aboard
+from executor.core.parts import OnBoard
+from executor.core.state import FleetState
+from executor.core.vehicle import VehicleState, aboard
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site, check_site
@@ -14,6 +17,7 @@ from missions import Network, flight_path
 from planner import Plan, Route, travel_for
 from tests.missions.builders import line_east
 
+State = TypeVar("State", VehicleState, FleetState)
 Routes = Mapping[str, tuple[int, ...]]
 
 THREE: Routes = {"uav1": (0, 2), "uav2": (4, 6), "uav3": (8, 10)}
@@ -63,4 +67,31 @@ def fleet_of(
 
 def vehicle(fleet: Fleet, name: str = "uav1", /, **changes: object) -> VehicleState:
     """Return one vehicle with its mission on board."""
-    return replace(VehicleState(name, board=fleet.boards[name]), **changes)  # type: ignore[arg-type]
+    return with_facts(VehicleState(name), **({"board": fleet.boards[name]} | changes))
+
+
+def with_facts(state: State, **facts: object) -> State:
+    """Return a state in which some things are so, whichever part of it they belong to."""
+    part_of = {fact: part for part, held in parts_of(state).items() for fact in held}
+    told: dict[str, dict[str, Any]] = {}
+    for name, value in facts.items():
+        told.setdefault(part_of.get(name, ""), {})[name] = value
+    parts = {part: replace(getattr(state, part), **held) for part, held in told.items() if part}
+    return replace(state, **told.get("", {}), **parts)
+
+
+def flat(state: object) -> dict[str, object]:
+    """Return all that a dataclass holds by its name, for a state that of its parts instead of them."""
+    parts = parts_of(state)
+    held: dict[str, object] = {}
+    for one in fields(state):  # type: ignore[arg-type]
+        held |= parts.get(one.name, {one.name: getattr(state, one.name)})
+    return held
+
+
+def parts_of(state: object) -> dict[str, dict[str, object]]:
+    """Return the parts of a state by their names, and what each holds."""
+    if not isinstance(state, VehicleState | FleetState):
+        return {}
+    parts = {one.name: getattr(state, one.name) for one in fields(state) if is_dataclass(one.default_factory)}
+    return {part: {one.name: getattr(held, one.name) for one in fields(held)} for part, held in parts.items()}

@@ -48,11 +48,13 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )  # fmt: skip
+from executor.core.flags import breaches
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
+from executor.core.parts import OnBoard
 from executor.core.ports import EventSink
 from executor.core.state import FleetState
-from executor.core.vehicle import OnBoard, Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath, Phase, encode
 from tests.fakes.solver import Answer, share_out
 from tests.missions.builders import arrival_seq
@@ -244,7 +246,11 @@ class Story:
         if self.sink is not None:
             self.sink.write(event, self.now_s)
         self.events.append((self.now_s, event))
-        self.state, decided = fleet.step(self.context, self.state, event, self.now_s)
+        before = self.state
+        self.state, decided = fleet.step(self.context, before, event, self.now_s)
+        for name, vehicle in self.state.vehicles.items():
+            if vehicle is not before.vehicles[name]:
+                assert not list(breaches(before.vehicles[name], vehicle)), event
         for command in decided:
             self.commands.append((self.now_s, command))
             self._carry_out(command)
@@ -306,7 +312,7 @@ class Story:
 
     def inspecting(self, name: str, segment: int) -> bool:
         """Whether a vehicle is really on its way along a segment, half of it behind it."""
-        craft, board = self.crafts[name], self.state.vehicles[name].board
+        craft, board = self.crafts[name], self.state.vehicles[name].assignment.board
         if craft.path is None or board is None:
             return False
         point = craft.path.waypoints[craft.leg]
@@ -410,7 +416,7 @@ class Story:
         return UploadEnded(command.vehicle, command.revision, accepted=True, mixed=False, reason="")
 
     def _read(self, name: str) -> Event:
-        craft, board = self.crafts[name], self.state.vehicles[name].board
+        craft, board = self.crafts[name], self.state.vehicles[name].assignment.board
         assert board is not None
         if craft.unreadable:
             return MissionRead(Found(name, heard=True, seq=None, items=None, matches=()))
@@ -457,11 +463,11 @@ class Story:
         """Let the operator ask for something; returns what became of it so far."""
         intent = Intent(name or f"wish-{len(self.events)}", action, vehicle, "page", confirmed)
         self.happen(IntentReceived(intent))
-        return self.state.intents[intent.id]
+        return self.state.crew.intents[intent.id]
 
     def outcome(self, record: IntentRecord) -> IntentRecord:
         """What has become of an intent."""
-        return self.state.intents[record.intent.id]
+        return self.state.crew.intents[record.intent.id]
 
     def _solved(self, problem: Solve) -> Event | None:
         cancelled = [command.revision for command in self.given(CancelSolve) if isinstance(command, CancelSolve)]

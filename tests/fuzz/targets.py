@@ -172,7 +172,7 @@ class _Page:
     def _submit(self, intent: Intent) -> Future[IntentRecord]:
         done: Future[IntentRecord] = Future()
         state, _ = fleet.step(self.flight.context, self.flight.state, IntentReceived(intent), self.flight.now_s)
-        done.set_result(state.intents[intent.id])
+        done.set_result(state.crew.intents[intent.id])
         return done
 
     def ask(self, scope: dict[str, object], body: bytes) -> int:

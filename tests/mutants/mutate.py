@@ -34,7 +34,7 @@ ARITHMETIC: dict[type[ast.operator], tuple[str, str]] = {
     ast.BitAnd: ("&", "|"),
     ast.BitOr: ("|", "&"),
 }
-CHANGERS = {"replace", "changed"}
+CHANGERS = {"replace"}
 """Functions whose keywords are each a change of their own."""
 
 Statement = ast.stmt | ast.match_case | ast.ExceptHandler

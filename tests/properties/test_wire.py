@@ -92,7 +92,7 @@ def shown_after(rows: list[Row]) -> FleetState:
     present = Present(flight.context, lambda: (state, now_s))
     json.loads(present.state())
     json.loads(present.chart())
-    said = [line.text for line in state.said]
+    said = [line.text for line in state.crew.said]
     assert all(line.isprintable() and len(line) < 500 for line in said)
     return state
 
@@ -111,7 +111,7 @@ def test_nothing_that_is_none_is_shown_in_any_field_of_what_is_followed(number: 
         shift = pattern[-1:] if size % len(pattern) else b""
         for payload in ((pattern * size)[:size], ((shift * (size % len(pattern))) + pattern * size)[:size]):
             state = shown_after([((number, payload), 1)])
-            fix = state.vehicles["uav2"].fix
+            fix = state.vehicles["uav2"].motion.fix
             assert fix is not None
             assert math.hypot(*fix.place_m) < 1e8
 

@@ -37,7 +37,7 @@ def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action
         if not flight.over:
             asked(flight, action, name)
     for name in THREE:  # who still holds when everything was asked goes on
-        if not flight.over and flight.vehicle(name).held_s is not None:
+        if not flight.over and flight.vehicle(name).orders.held_s is not None:
             flight.pass_s(3.0)
             flight.ask(Action.RESUME, name)
     flight.finish()
@@ -47,7 +47,7 @@ def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action
         again = from_plain(to_plain(event))
         assert again == event
         state, commands = fleet.step(READY.context, state, again, at_s)
-        out = {one.name for one in state.vehicles.values() if one.excluded or one.fault is not None}
+        out = {one.name for one in state.vehicles.values() if one.orders.excluded or one.fault is not None}
         for command in commands:
             # Who is out of the plan is brought home or down, and told nothing else.
             if isinstance(command, Start | Upload | Hold | Resume):
@@ -55,5 +55,5 @@ def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action
             if isinstance(command, SendHome | LandNow):
                 assert state.vehicles[command.vehicle].stage is not Stage.FLYING
     assert state == flight.state
-    assert all(record.outcome is not Outcome.ACCEPTED for record in state.intents.values()), state.intents
+    assert all(record.outcome is not Outcome.ACCEPTED for record in state.crew.intents.values()), state.crew.intents
     assert fleet_view(READY.context, state, flight.now_s).finished

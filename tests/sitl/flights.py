@@ -36,7 +36,7 @@ SPEEDUP = float(os.environ.get("FAULTLINE_SITL_SPEEDUP", "4"))
 
 def in_its_second_segment(vehicle: VehicleState, state: FleetState) -> bool:
     """Whether uav2 inspects its second segment."""
-    return vehicle.name in state.inspected.values() and vehicle.run is not None
+    return vehicle.name in state.coverage.inspected.values() and vehicle.assignment.run is not None
 
 
 @dataclass(frozen=True)

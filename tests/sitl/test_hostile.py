@@ -246,7 +246,7 @@ def forges_words(autopilot: Autopilot) -> Callable[[RealVehicle], None]:
 
 
 def in_a_segment(vehicle: VehicleState, _: FleetState) -> bool:
-    return vehicle.run is not None
+    return vehicle.assignment.run is not None
 
 
 @BOTH

@@ -47,8 +47,13 @@ def includes(port: int) -> Callable[[RealVehicle], None]:
 
 def in_transit(vehicle: VehicleState, state: FleetState) -> bool:
     leg = vehicle.leg
-    moved = vehicle.fix is not None and abs(vehicle.fix.velocity_m_s[0]) + abs(vehicle.fix.velocity_m_s[1]) > 4.0
-    return vehicle.name in state.inspected.values() and leg is not None and leg.phase is Phase.TRANSIT and moved
+    moved = (
+        vehicle.motion.fix is not None
+        and abs(vehicle.motion.fix.velocity_m_s[0]) + abs(vehicle.motion.fix.velocity_m_s[1]) > 4.0
+    )
+    return (
+        vehicle.name in state.coverage.inspected.values() and leg is not None and leg.phase is Phase.TRANSIT and moved
+    )
 
 
 def story_of(autopilot: Autopilot, **more: object) -> Story:
@@ -76,13 +81,17 @@ def test_a_pilot_takes_it_by_mode_and_keeps_it_until_it_has_landed(
 
 def while_it_is_solved(vehicle: VehicleState, state: FleetState) -> bool:
     """Whether the loss of another one is being planned for, with uav2 among the survivors."""
-    plan = state.replan
+    plan = state.replanning.replan
     return plan is not None and plan.solve_s is None and vehicle.name in {one.vehicle for one in plan.solve.survivors}
 
 
 def while_it_is_uploaded(vehicle: VehicleState, state: FleetState) -> bool:
     """Whether uav2's new mission is being put on board."""
-    return state.replan is not None and state.replan.solve_s is not None and vehicle.name in state.replan.pending
+    return (
+        state.replanning.replan is not None
+        and state.replanning.replan.solve_s is not None
+        and vehicle.name in state.replanning.replan.pending
+    )
 
 
 @BOTH

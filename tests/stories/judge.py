@@ -10,7 +10,7 @@ import math
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
@@ -30,7 +30,7 @@ LANDING_KNOWN_S = 3.0
 """A landing begins without a word: the landed state comes once a second."""
 OBEYS_S = 60.0
 """An order that a person asked for is given within this, tries included."""
-LAUNCH_S = 60.0
+LAUNCH_S = 75.0
 """The launch is the crew's word for a take-off this soon after it; whoever starts later needs another."""
 ON_PAD_M = 6.0
 PLACE_M = 12.0
@@ -184,14 +184,20 @@ class Judge:
 
     def silences(self, name: str) -> list[Span]:
         """Return when nothing came from it."""
-        spans = []
+        spans: list[Span] = []
         for one in self.happened(name, "fault "):
             fault = parse_fault(one.what.removeprefix("fault "))
             if fault.kind is InjectionKind.SILENT:
+                # A later one takes the place of one that goes on.
+                spans = [replace(span, to_s=min(span.to_s, one.t_s)) for span in spans]
                 spans.append(Span(one.t_s, one.t_s + (fault.value or math.inf), "silent"))
             if fault.kind is InjectionKind.REBOOT:
                 spans.append(Span(one.t_s, one.t_s + 12.0, "reboot"))
-        spans += [Span(one.t_s, math.inf, "crash") for one in self.happened(name, "crash")]
+        put = [one.t_s for one in self.happened(name, "on_pad")]
+        spans += [
+            Span(one.t_s, min((at_s for at_s in put if at_s > one.t_s), default=math.inf), "crash")
+            for one in self.happened(name, "crash")
+        ]
         return spans
 
     def _silent(self, name: str, at_s: float, slack_s: float = 2.0) -> bool:
@@ -271,8 +277,15 @@ class Judge:
             ends = [later.t_s for later in over if later.t_s > one.t_s]
             ends += [order.t_s for order in self.orders(name) if order.t_s > one.t_s and self._wished(name, order.t_s)]
             if one.what == "descends":
+                # A new mission may have come in time: then it flies away again.
+                ends += self._leaves(name, one)
                 ends += [later.t_s for later in self.happened(name, "mode ", "wreck") if later.t_s > one.t_s]
             yield Span(one.t_s, min(ends, default=self.end_s), one.what)
+
+    def _leaves(self, name: str, start: Truth) -> list[float]:
+        """Return when it is first in the air and elsewhere than above where its landing began."""
+        later = [one for one in self._of[name] if one.what == "at" and one.t_s > start.t_s and (one.up_m or 0.0) > 1.0]
+        return [one.t_s for one in later if distance_m(place(one), place(start)) > self.on_pad_m][:1]
 
     def _arming(self) -> Iterator[Finding]:
         if self.flown.story.tables.get("flight", {}).get("fly_again") == "auto":

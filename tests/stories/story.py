@@ -105,7 +105,9 @@ class Story:
 
 def at(seconds: float) -> When:
     """So many seconds after the launch."""
-    return lambda world: world.state.launched_s is not None and world.now_s - world.state.launched_s >= seconds
+    return lambda world: (
+        world.state.progress.launched_s is not None and world.now_s - world.state.progress.launched_s >= seconds
+    )
 
 
 def share(vehicle: str, part: float) -> When:
@@ -139,10 +141,10 @@ def on_segment(vehicle: str, number: int = 1) -> When:
 
     def due(world: World) -> bool:
         known = world.state.vehicles[vehicle]
-        if known.run is None or known.run.furthest_m < 30.0:
+        if known.assignment.run is None or known.assignment.run.furthest_m < 30.0:
             return False
         seen = begun.setdefault(world, set())
-        seen.add(known.run_visit)
+        seen.add(known.assignment.run_visit)
         return len(seen) >= number
 
     return due
@@ -160,7 +162,7 @@ def after(vehicle: str, what: str, seconds: float = 0.0) -> When:
 
 def solving(world: World) -> bool:
     """While the solver works on a re-plan."""
-    return world.state.replan is not None and world.state.replan.solve_s is None
+    return world.state.replanning.replan is not None and world.state.replanning.replan.solve_s is None
 
 
 def uploading(vehicle: str) -> When:
@@ -169,7 +171,7 @@ def uploading(vehicle: str) -> When:
     def due(world: World) -> bool:
         known = world.state.vehicles[vehicle]
         store = world.vehicle(vehicle).autopilot.store
-        return known.pending is not None and getattr(store, "busy", True)
+        return known.assignment.pending is not None and getattr(store, "busy", True)
 
     return due
 

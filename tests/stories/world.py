@@ -21,10 +21,11 @@ from executor.core.commands import Say
 from executor.core.context import Context
 from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.parts import OnBoard
 from executor.core.preflight.checks import Facts
 from executor.core.preflight.failsafes import link_failsafe
 from executor.core.state import FleetState
-from executor.core.vehicle import OnBoard, aboard
+from executor.core.vehicle import aboard
 from executor.core.view import FleetView, fleet_view
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
@@ -276,7 +277,7 @@ class Sky(World):
             for radio in self.radios.values():
                 radio.pass_on(step * STEP_S)
                 self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
-            if self.flight is not None and self.flight.state.launched_s is not None:
+            if self.flight is not None and self.flight.state.progress.launched_s is not None:
                 self._happen()
                 if self.now_s - self._looked_s >= LOOK_S:
                     self._looked_s = self.now_s
@@ -326,10 +327,10 @@ class Sky(World):
         state = self.state
         return Flown(
             self.story, self.autopilot, tuple(self.truths), tuple(self.sink.written), tuple(self.said),
-            tuple(self.shown), tuple(state.intents.values()), began_s, ended_s, self.now_s,
+            tuple(self.shown), tuple(state.crew.intents.values()), began_s, ended_s, self.now_s,
             {name: setup.sysid for name, setup in context.vehicles.items()}, pads,
-            {segment: (one, two) for segment, (one, two) in ends.items()}, dict(state.inspected), context.wanted,
-            next(iter(context.vehicles.values())).reserve_pct, len(self.solver.asked),
+            {segment: (one, two) for segment, (one, two) in ends.items()}, dict(state.coverage.inspected),
+            context.wanted, next(iter(context.vehicles.values())).reserve_pct, len(self.solver.asked),
         )  # fmt: skip
 
 

@@ -128,6 +128,9 @@ class StormJudge(Judge):
             span.from_s < one.t_s < span.to_s for span in self._acting(name)
         ):
             return True  # nothing may be ordered then either
+        low = self.happened(name, "low battery")
+        if one.what.endswith((" RTL", " LAND")) and any(0.0 <= one.t_s - at.t_s <= EXPLAINS_S for at in low):
+            return True  # its own failsafe has just said that it acts
         heard_s = self._unheard_until_s(name, one.t_s)
         mission = MISSION[self.flown.autopilot]["mission"]
         modes = [mode for mode in self.happened(name, "mode ") if one.t_s <= mode.t_s <= heard_s]
@@ -145,8 +148,8 @@ class StormJudge(Judge):
 
     def _as_without_us(self, name: str, one: Truth) -> bool:
         """Return whether somebody chose what its GCS failsafe leads to while nobody was heard for most of the time."""
-        bursts = self._began(name, frozenset({"bursts"}))
-        return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + burst.for_s for at_s, burst in bursts)
+        unheard = [*self._began(name, frozenset({"bursts", "frozen"}))]
+        return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
 
     def _unheard_until_s(self, name: str, at_s: float) -> float:
         """Return when a vehicle is heard that is silent now; its time itself if it is not."""
@@ -182,6 +185,9 @@ class StormJudge(Judge):
         if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed
         why = super()._landed(found, at_s, line)
+        downs = [one.t_s for one in self.happened(found["name"], "disarmed") if one.t_s <= at_s]
+        if why.endswith("never in the air") and downs and super()._silent(found["name"], downs[-1], 0.0):
+            return ""  # it stopped on its pad within its first seconds, and nobody saw whether it flew
         emptied = any(one.t_s <= at_s for one in self.happened(found["name"], f"fault {found['name']}:battery-step"))
         return "" if why.startswith("its battery holds") and emptied and not self.armed(found["name"], at_s) else why
 
@@ -254,7 +260,7 @@ class StormJudge(Judge):
     def _unexplained(self, name: str, at_s: float) -> bool:
         """Return whether its failsafe acted last, and the text that says so got lost: in doubt it is a person's."""
         acted = [one for one in self.happened(name, "failsafe ") if at_s - UNEXPLAINED_S <= one.t_s <= at_s]
-        return bool(acted) and any(span.from_s <= acted[-1].t_s <= span.to_s for span in self._muddles(name))
+        return any(span.from_s <= one.t_s <= span.to_s for one in acted for span in self._muddles(name))
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
@@ -264,7 +270,11 @@ class StormJudge(Judge):
 
     def _given(self, found: re.Match[str], at_s: float, line: Say) -> str:
         """Segments may be given to nobody: who could take them may be cut off, or the day over."""
-        return "" if len(self.stormed.plot.happenings) > 1 else super()._given(found, at_s, line)
+        told = any(
+            at_s <= said_s and re.search(r"no vehicle|can take over|left over|without a vehicle", said.text)
+            for said_s, said in self.flown.said
+        )
+        return "" if told or len(self.stormed.plot.happenings) > 1 else super()._given(found, at_s, line)
 
     def _below_reserve(self, found: re.Match[str], at_s: float, line: Say) -> str:
         drained = any(began_s <= at_s for began_s, _ in self._began(found["name"], DRAINS))

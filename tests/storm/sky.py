@@ -17,9 +17,10 @@ from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Reopened, ReturnAllOrdered
 from executor.core.intents import Action, IntentRecord
+from executor.core.parts import OnBoard
 from executor.core.preflight.failsafes import link_failsafe
 from executor.core.state import FleetState
-from executor.core.vehicle import OnBoard, aboard
+from executor.core.vehicle import aboard
 from executor.errors import ConnectionFailed
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat

@@ -75,15 +75,15 @@ class Publisher:
         if isinstance(event, Tick):
             self._new_faults(state)
         answered = set()
-        if state.intents is not self._records:
-            for name, record in state.intents.items():
+        if state.crew.intents is not self._records:
+            for name, record in state.crew.intents.items():
                 if self._records.get(name) != record:
                     self._answer(record)
                     answered.add(name)
-            self._records = state.intents
+            self._records = state.crew.intents
         # The same intent again changes nothing, and is answered again.
         if isinstance(event, IntentReceived) and event.intent.id not in answered:
-            known = state.intents.get(event.intent.id)
+            known = state.crew.intents.get(event.intent.id)
             if known is not None:
                 self._answer(known)
 

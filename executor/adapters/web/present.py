@@ -76,12 +76,14 @@ class Present:
         state, now_s = self._now()
         content = asdict(self._describe(self._context, state, now_s))
         content["speedup"] = self._speedup
-        content["decided_age_s"] = None if state.tick_s is None else round(max(0.0, now_s - state.tick_s), 2)
+        content["decided_age_s"] = (
+            None if state.listening.tick_s is None else round(max(0.0, now_s - state.listening.tick_s), 2)
+        )
         for vehicle in content["vehicles"]:
-            fix = state.vehicles[vehicle["name"]].fix
+            fix = state.vehicles[vehicle["name"]].motion.fix
             place = None if fix is None else (round(fix.place_m[0], 1), round(fix.place_m[1], 1))
             vehicle["place_m"] = place
-            vehicle["waypoint"] = state.vehicles[vehicle["name"]].waypoint
+            vehicle["waypoint"] = state.vehicles[vehicle["name"]].assignment.waypoint
             if place is not None and state.vehicles[vehicle["name"]].armed:
                 self._tracks[vehicle["name"]].add(place)
         content["chart"] = _stamp(state)
@@ -130,11 +132,11 @@ def _known(value: object) -> object:
 
 def _stamp(state: FleetState) -> list[int]:
     """Return what changes whenever a route does."""
-    return [-1 if one.board is None else one.board.revision for one in state.vehicles.values()]
+    return [-1 if one.assignment.board is None else one.assignment.board.revision for one in state.vehicles.values()]
 
 
 def _route(state: FleetState, name: str) -> dict[str, object] | None:
-    board = state.vehicles[name].board
+    board = state.vehicles[name].assignment.board
     if board is None:
         return None
     return {

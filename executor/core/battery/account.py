@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from executor.core.battery import kalman
 from executor.core.battery.cusum import Drift, with_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
-from executor.core.changed import changed
 from executor.core.limits import Limits
 
 FACTOR_RANGE = (0.7, 2.0)
@@ -66,7 +65,7 @@ class Charge:
     drift: Drift = field(default_factory=Drift)
 
 
-@dataclass(frozen=True)  # without slots: `changed` copies it
+@dataclass(frozen=True, slots=True)
 class BatteryState:
     """One vehicle's battery since its first report."""
 
@@ -116,7 +115,7 @@ class BatteryState:
 
 def drawn(state: BatteryState, pct: float) -> BatteryState:
     """Add what the model says was used since the last position."""
-    return changed(state, modelled_pct=state.modelled_pct + pct)
+    return replace(state, modelled_pct=state.modelled_pct + pct)
 
 
 def with_remaining(
@@ -126,7 +125,7 @@ def with_remaining(
     """Take a report of what is left."""
     sample = BatterySample(now_s, remaining_pct, state.modelled_pct)
     if state.estimate is None or state.remaining_pct is None:
-        return changed(
+        return replace(
             state,
             first_pct=remaining_pct,
             remaining_pct=remaining_pct,
@@ -164,7 +163,7 @@ def with_remaining(
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
-    return changed(
+    return replace(
         state,
         remaining_pct=remaining_pct,
         least_pct=remaining_pct if state.least_pct is None else min(state.least_pct, remaining_pct),
@@ -191,7 +190,7 @@ def with_consumed(
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
         began = Charge(consumed_ah, now_s, state.modelled_pct, consumed_ah, state.remaining_pct)
-        return changed(state, charge=began)
+        return replace(state, charge=began)
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
@@ -210,7 +209,7 @@ def with_consumed(
     taken = replace(
         charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, capacity_ah=capacity, drift=drift
     )
-    return changed(state, charge=taken)
+    return replace(state, charge=taken)
 
 
 def swapped(

@@ -7,9 +7,7 @@ flight says what is usual; what the present current explains is taken out where 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-
-from executor.core.changed import changed
+from dataclasses import dataclass, replace
 
 SETTLE_S = 8.0
 """After the take-off: until then the voltage falls by the load itself."""
@@ -24,7 +22,7 @@ FULL_CELL_V = 4.4
 """No cell has more: the least number of cells that the highest voltage allows, so that none is called low wrongly."""
 
 
-@dataclass(frozen=True)  # without slots: `changed` copies it
+@dataclass(frozen=True, slots=True)
 class VoltageState:
     """One vehicle's voltage since its last start."""
 
@@ -89,7 +87,7 @@ class Thresholds:
 def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: float, *, flying: bool) -> VoltageState:
     """Take a report."""
     elapsed_s = now_s - state.reported_s
-    state = changed(
+    state = replace(
         state,
         reported_s=now_s,
         voltage_v=report.voltage_v,
@@ -98,13 +96,13 @@ def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: flo
         known_load=report.current_a is not None and report.current_a > 0.0,
     )
     if not flying:
-        return changed(state, began_s=None, usual_v=None, usual_a=None, drop=0.0, dropped_s=None, low_since_s=None,
+        return replace(state, began_s=None, usual_v=None, usual_a=None, drop=0.0, dropped_s=None, low_since_s=None,
                        spread_since_s=None)  # fmt: skip
     if state.began_s is None:
-        state = changed(state, began_s=now_s)
+        state = replace(state, began_s=now_s)
     weakest = state.weakest_v
     low = weakest is not None and weakest < limits.low_v
-    state = changed(
+    state = replace(
         state,
         low_since_s=_since(state.low_since_s, now_s, holds=low),
         spread_since_s=_since(state.spread_since_s, now_s, holds=state.spread_v > limits.spread_v),
@@ -117,20 +115,20 @@ def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: flo
 def _compared(state: VoltageState, report: Report, limits: Thresholds, now_s: float, elapsed_s: float) -> VoltageState:
     current = report.current_a if state.known_load else None
     if state.usual_v is None:
-        return changed(state, usual_v=report.voltage_v, usual_a=current)
+        return replace(state, usual_v=report.voltage_v, usual_a=current)
     load = 1.0
     if current is not None and state.usual_a:
         load = min(3.0, current / state.usual_a)  # a sensor that is off explains only so much
     drop = 1.0 - report.voltage_v * (1.0 + SAG * (load - 1.0)) / state.usual_v
     dropped_s = _since(state.dropped_s, now_s, holds=drop > CALM * limits.step)
     if dropped_s is not None and now_s - dropped_s < GIVES_UP_S:
-        return changed(state, drop=drop, dropped_s=dropped_s)
+        return replace(state, drop=drop, dropped_s=dropped_s)
     follow = 1.0 - math.exp(-elapsed_s / USUAL_S) if dropped_s is None else 1.0
     usual_a = state.usual_a
     if current is not None:
         usual_a = current if usual_a is None else usual_a + (current - usual_a) * follow
     usual_v = state.usual_v + (report.voltage_v - state.usual_v) * follow
-    return changed(state, drop=drop, dropped_s=None, usual_v=usual_v, usual_a=usual_a)
+    return replace(state, drop=drop, dropped_s=None, usual_v=usual_v, usual_a=usual_a)
 
 
 def _since(since_s: float | None, now_s: float, *, holds: bool) -> float | None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
-from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.messages import CRITICAL, Heartbeat
+from executor.core.parts import Cause
 from executor.core.places import over_its_pad
 from executor.core.state import Absence
-from executor.core.vehicle import Cause, Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState
 from missions import Dialect, Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
 
@@ -46,35 +47,50 @@ def judged(
         after: With it.
         now_s: The time.
     """
-    beat, old = after.heartbeat, before.heartbeat
+    beat, old = after.telemetry.heartbeat, before.telemetry.heartbeat
     if beat is None:
         return after
     if not beat.armed:
-        return after if after.cause is Cause.OURS else changed(after, cause=Cause.OURS)
+        return (
+            after
+            if after.custody.cause is Cause.OURS
+            else replace(after, custody=replace(after.custody, cause=Cause.OURS))
+        )
     armed_now = old is not None and not old.armed
     if old is not None and old.custom_mode == beat.custom_mode and not armed_now:
         return after
     if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
         # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
-        return changed(after, cause=Cause.OURS)
+        return replace(after, custody=replace(after.custody, cause=Cause.OURS))
     cause = cause_of(context, absences, before, after, now_s)
     certain = cause is Cause.PERSON and _persons_still(context, before, after)
-    left = old.custom_mode in after.ordered_modes and beat.custom_mode not in after.ordered_modes
+    left = old.custom_mode in after.orders.ordered_modes and beat.custom_mode not in after.orders.ordered_modes
     # An order that was followed, and left again, explains no later mode.
-    return changed(after, cause=cause, certain=certain, ordered_modes=frozenset() if left else after.ordered_modes)
+    return replace(
+        after,
+        custody=replace(after.custody, cause=cause, certain=certain),
+        orders=replace(after.orders, ordered_modes=frozenset() if left else after.orders.ordered_modes),
+    )
 
 
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
-    if vehicle.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
-        return changed(vehicle, cause=Cause.PERSON, certain=True)
-    if vehicle.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
-        return changed(vehicle, cause=Cause.PERSON, certain=True)
-    if vehicle.cause is not Cause.PERSON or vehicle.certain or now_s - vehicle.mode_since_s > LATE_TEXT_S:
+    if vehicle.custody.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
+        return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.PERSON, certain=True))
+    if vehicle.custody.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
+        # In its landing a failsafe holds it as anywhere else, and says so.
+        itself = _explained(context, absences, vehicle, now_s)
+        cause = Cause.FAILSAFE if itself else Cause.PERSON
+        return replace(vehicle, custody=replace(vehicle.custody, cause=cause, certain=not itself))
+    if (
+        vehicle.custody.cause is not Cause.PERSON
+        or vehicle.custody.certain
+        or now_s - vehicle.telemetry.mode_since_s > LATE_TEXT_S
+    ):
         return vehicle
     if not _explained(context, absences, vehicle, now_s):
         return vehicle
-    return changed(vehicle, cause=Cause.FAILSAFE)
+    return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.FAILSAFE))
 
 
 HOVERS_S = 2.5
@@ -83,17 +99,17 @@ HOVERS_S = 2.5
 
 def _hovers(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it holds in the air where its mission's end would have it on the ground."""
-    hold, beat = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode, vehicle.heartbeat
+    hold, beat = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode, vehicle.telemetry.heartbeat
     if beat is None or not beat.armed or beat.custom_mode != hold:
         return False
-    return vehicle.on_ground is False and now_s - vehicle.mode_since_s >= HOVERS_S
+    return vehicle.telemetry.on_ground is False and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
 
 
 def cause_of(  # noqa: PLR0911 - one return for each cause
     context: Scene, absences: Sequence[Absence], before: VehicleState, vehicle: VehicleState, now_s: float
 ) -> Cause:
     """Return why a vehicle is in the mode that its newest heartbeat shows."""
-    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat
     if beat is None:
         return Cause.OURS
     mode = beat.custom_mode
@@ -101,13 +117,13 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return Cause.PERSON  # it arms, and nobody here said so
     if is_manual_mode(dialect, mode):
         return Cause.PERSON
-    late = now_s - vehicle.ordered_mode_s > FOLLOWED_LATE_S
-    if mode in vehicle.ordered_modes and not late and not _lands_elsewhere(context, before, vehicle):
+    late = now_s - vehicle.orders.ordered_mode_s > FOLLOWED_LATE_S
+    if mode in vehicle.orders.ordered_modes and not late and not _lands_elsewhere(context, before, vehicle):
         return Cause.OURS
     if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
         return Cause.OURS
-    if _goes_on_down(dialect, before.heartbeat, mode) and not _lands_elsewhere(context, before, vehicle):
-        return before.cause  # a return ends in a landing
+    if _goes_on_down(dialect, before.telemetry.heartbeat, mode) and not _lands_elsewhere(context, before, vehicle):
+        return before.custody.cause  # a return ends in a landing
     if _ends_its_mission(context, vehicle, mode):
         return Cause.MISSION
     if _persons_still(context, before, vehicle):
@@ -119,23 +135,27 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
 
 def _persons_still(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
     """Return whether what explained the mode before explains no other one."""
-    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.heartbeat, vehicle.heartbeat
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
     if old is None or beat is None or not old.armed:
         return False
-    if before.cause is Cause.PERSON:
-        text, said_s = vehicle.alarm  # who has it changes its mode again, unless it says anew what it does by itself
-        return not (_ACTS.search(text) and said_s >= before.mode_since_s)
+    if before.custody.cause is Cause.PERSON:
+        text, said_s = (
+            vehicle.telemetry.alarm
+        )  # who has it changes its mode again, unless it says anew what it does by itself
+        return not (_ACTS.search(text) and said_s >= before.telemetry.mode_since_s)
     holds = beat.custom_mode == dialect.modes.hold.custom_mode
     # A failsafe holds before it returns, and never after.
-    return holds and before.cause is Cause.FAILSAFE and is_home_mode(dialect, old.custom_mode)
+    return holds and before.custody.cause is Cause.FAILSAFE and is_home_mode(dialect, old.custom_mode)
 
 
 def never_landed(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that was taken to have landed is armed high in the air: nobody starts it there."""
-    fix = vehicle.fix
-    if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.took_off or fix is None:
+    fix = vehicle.motion.fix
+    if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.sortie.took_off or fix is None:
         return False
-    return fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
+    return (
+        fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.link.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
+    )
 
 
 def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
@@ -144,13 +164,13 @@ def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool
 
 def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
     """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why."""
-    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.heartbeat, vehicle.heartbeat
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
     if old is None or beat is None or not old.armed or old.custom_mode == beat.custom_mode:
         return False
     if not _goes_on_down(dialect, old, beat.custom_mode):
         return False
     # An order to return that is followed explains no landing elsewhere; one to land does.
-    ordered = beat.custom_mode in vehicle.ordered_modes and old.custom_mode not in vehicle.ordered_modes
+    ordered = beat.custom_mode in vehicle.orders.ordered_modes and old.custom_mode not in vehicle.orders.ordered_modes
     return not ordered and not over_its_pad(context, vehicle)
 
 
@@ -159,27 +179,28 @@ def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
     dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
     if vehicle.stage is not Stage.FLYING or leg is None or not dialect.ends_in_other_mode:
         return False
-    low = vehicle.fix is not None and vehicle.fix.alt_rel_m <= context.limits.airborne_m
+    low = vehicle.motion.fix is not None and vehicle.motion.fix.alt_rel_m <= context.limits.airborne_m
     itself = is_home_mode(dialect, mode) or (mode == dialect.modes.hold.custom_mode and low)
     return itself and leg.phase is Phase.LAND
 
 
 def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a failsafe explains a mode that a failsafe can lead to."""
-    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.heartbeat
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat
     if beat is None:
         return False
     if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
         return False
-    text, said_s = vehicle.alarm
+    text, said_s = vehicle.telemetry.alarm
     said = (
-        bool(_ACTS.search(text)) and -context.limits.alarm_s <= vehicle.mode_since_s - said_s <= context.limits.alarm_s
+        bool(_ACTS.search(text))
+        and -context.limits.alarm_s <= vehicle.telemetry.mode_since_s - said_s <= context.limits.alarm_s
     )
     return (
         said
         or beat.system_status >= CRITICAL
-        or vehicle.fence_breached
-        or vehicle.battery.charge_state >= CHARGE_EMERGENCY
+        or vehicle.sensors.fence_breached
+        or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or _unseen(vehicle)
         or missed_us(context, absences, vehicle, now_s)
     )
@@ -190,20 +211,22 @@ def held_unseen(context: Scene, vehicle: VehicleState) -> bool:
 
     By its own clock: what waited for a ground station that stood still comes late, all of it.
     """
-    dialect, beat, fix = context.vehicles[vehicle.name].dialect, vehicle.heartbeat, vehicle.fix
-    from_s = vehicle.unseen_from_boot_s
+    dialect, beat, fix = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat, vehicle.motion.fix
+    from_s = vehicle.custody.unseen_from_boot_s
     if beat is None or beat.custom_mode != dialect.modes.hold.custom_mode or not _unseen(vehicle):
         return False
-    if fix is None or from_s is None or fix.at_s < vehicle.mode_since_s:
+    if fix is None or from_s is None or fix.at_s < vehicle.telemetry.mode_since_s:
         return False
-    unseen_s = fix.boot_s - (fix.at_s - vehicle.mode_since_s) - from_s
+    unseen_s = fix.boot_s - (fix.at_s - vehicle.telemetry.mode_since_s) - from_s
     failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
     return unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
 
 
 def _unseen(vehicle: VehicleState) -> bool:
     """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
-    return vehicle.unseen_until_s is not None and vehicle.mode_since_s == vehicle.unseen_until_s
+    return (
+        vehicle.custody.unseen_until_s is not None and vehicle.telemetry.mode_since_s == vehicle.custody.unseen_until_s
+    )
 
 
 HOLDS_ON_S = 5.0
@@ -226,17 +249,21 @@ def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState
         failsafe_s = BEAT_S  # it did not say whether it has one, and it has
     began_s = away.until_s - away.pause_s
     holds = context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is not None
-    if not holds and not _unseen(vehicle) and vehicle.mode_since_s - away.until_s > AT_ONCE_S:
+    if not holds and not _unseen(vehicle) and vehicle.telemetry.mode_since_s - away.until_s > AT_ONCE_S:
         return False  # it was heard on its mission since, and what does not hold first would have acted
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
-    return acted and vehicle.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+    return acted and vehicle.telemetry.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def in_other_hands(vehicle: VehicleState) -> bool:
     """Return whether a person has it, or may have: nothing is commanded then."""
-    return vehicle.taken is not None or (vehicle.armed and vehicle.cause is Cause.PERSON)
+    return vehicle.custody.taken is not None or (vehicle.armed and vehicle.custody.cause is Cause.PERSON)
 
 
 def takes_over(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is certain that a person has taken it."""
-    return vehicle.armed and vehicle.cause is Cause.PERSON and now_s - vehicle.mode_since_s >= SURE_AFTER_S
+    return (
+        vehicle.armed
+        and vehicle.custody.cause is Cause.PERSON
+        and now_s - vehicle.telemetry.mode_since_s >= SURE_AFTER_S
+    )

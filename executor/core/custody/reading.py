@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core import carried
-from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.events import Found
 from executor.core.state import FleetState
@@ -14,21 +13,28 @@ from executor.core.vehicle import Stage, VehicleState
 
 def wanted(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is time to look up what a vehicle carries."""
-    flies = vehicle.stage in {Stage.FLYING, Stage.PILOT} and vehicle.pending is None and not vehicle.stale
-    return flies and vehicle.carried.to_be_read(now_s)
+    flies = (
+        vehicle.stage in {Stage.FLYING, Stage.PILOT} and vehicle.assignment.pending is None and not vehicle.link.stale
+    )
+    return flies and vehicle.assignment.carried.to_be_read(now_s)
 
 
 def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Believe, or not, that a vehicle was given another station's mission."""
     vehicle = state.vehicles[found.vehicle]
-    if vehicle.board is None or vehicle.carried.told_s is None:
+    if vehicle.assignment.board is None or vehicle.assignment.carried.told_s is None:
         return state, ()  # it was given one of ours meanwhile
-    if found.items is None and now_s - (vehicle.heard_s or 0.0) >= carried.SURE_S:
+    if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= carried.SURE_S:
         # Nothing came of it at all: it is asked again when it is heard.
-        return state.put(changed(vehicle, carried=replace(vehicle.carried, asked_s=None))), ()
-    was_ours = vehicle.carried.foreign_s is None
-    known = carried.after_reading(vehicle.carried, found.against(vehicle.board.revision), now_s)
-    state = state.put(changed(vehicle, carried=known))
+        return state.put(
+            replace(
+                vehicle,
+                assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=None)),
+            )
+        ), ()
+    was_ours = vehicle.assignment.carried.foreign_s is None
+    known = carried.after_reading(vehicle.assignment.carried, found.against(vehicle.assignment.board.revision), now_s)
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=known)))
     if known.foreign_s is not None or not was_ours:
         return state, ()
     text = f"{vehicle.name}: reported a new mission; verified by read-back, it is ours"

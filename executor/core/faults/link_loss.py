@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from executor.core.changed import changed
+from dataclasses import replace
+
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Scene
 from executor.core.state import Absence, FleetState
@@ -23,14 +24,19 @@ NOTED_SLEEP_S = 5.0
 
 def own_sleep(state: FleetState, now_s: float) -> Stepped:
     """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
-    slept_s = 0.0 if state.tick_s is None else now_s - state.tick_s
-    state = changed(state, tick_s=now_s)
+    slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
+    state = replace(state, listening=replace(state.listening, tick_s=now_s))
     if slept_s <= SLEPT_S:
         return state, ()
     state = _excused(state, slept_s, now_s)
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
-    state = changed(state, absences=(*state.absences, Absence(now_s, slept_s, restarted=False)))
+    state = replace(
+        state,
+        listening=replace(
+            state.listening, absences=(*state.listening.absences, Absence(now_s, slept_s, restarted=False))
+        ),
+    )
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
 
 
@@ -43,53 +49,59 @@ def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -
         now_s: The time.
         least: Of fewer vehicles that should be heard it is the silence of each.
     """
-    if state.launched_s is None or (len(state.vehicles) < least and state.silent_since_s is None):
+    if state.progress.launched_s is None or (len(state.vehicles) < least and state.listening.silent_since_s is None):
         return state, ()
     expected = _expected(state)
     if len(expected) < least:
-        return (state if state.silent_since_s is None else _over(state)), ()
+        return (state if state.listening.silent_since_s is None else _over(state)), ()
     latest = max(expected)
     if now_s - latest < context.limits.link_stale_s:
-        if state.silent_since_s is None:
+        if state.listening.silent_since_s is None:
             return state, ()
         # The first one is heard before the others, whose time begins anew.
-        pause_s = latest - state.silent_since_s
+        pause_s = latest - state.listening.silent_since_s
         state = _over(_excused(state, pause_s, now_s))
         if pause_s > NOTED_SLEEP_S:
-            state = changed(state, absences=(*state.absences, Absence(now_s, pause_s, restarted=False, deaf=True)))
+            state = replace(
+                state,
+                listening=replace(
+                    state.listening,
+                    absences=(*state.listening.absences, Absence(now_s, pause_s, restarted=False, deaf=True)),
+                ),
+            )
         return state, (Say(Level.INFO, "links regained"),)
     if not state.flying():
         return _over(state), ()
-    if state.silent_since_s is not None:
+    if state.listening.silent_since_s is not None:
         return _lasting(context, state, now_s)
     who = "all links lost at once" if len(expected) > 1 else "no link to any vehicle"
     text = f"{who}: is it our own radio? No re-plan yet"
-    return changed(state, silent_since_s=latest), (Say(Level.WARNING, text),)
+    return replace(state, listening=replace(state.listening, silent_since_s=latest)), (Say(Level.WARNING, text),)
 
 
 def _over(state: FleetState) -> FleetState:
-    return changed(state, silent_since_s=None, silence_told_s=None)
+    return replace(state, listening=replace(state.listening, silent_since_s=None, silence_told_s=None))
 
 
 def _lasting(context: Scene, state: FleetState, now_s: float) -> Stepped:
     """Say again, now and then, that all links are lost, and what that means."""
-    since_s = state.silent_since_s or now_s
-    told_s = since_s if state.silence_told_s is None else state.silence_told_s
-    if now_s - told_s < (context.limits.all_silent_s if state.silence_told_s is None else TOLD_AGAIN_S):
+    since_s = state.listening.silent_since_s or now_s
+    told_s = since_s if state.listening.silence_told_s is None else state.listening.silence_told_s
+    if now_s - told_s < (context.limits.all_silent_s if state.listening.silence_told_s is None else TOLD_AGAIN_S):
         return state, ()
     aloft = ", ".join(vehicle.name for vehicle in state.flying())
     text = (
-        f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The flight "
-        "stays open and resumes with the first link regained"
+        f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The "
+        "flight stays open and resumes with the first link regained"
     )
-    return changed(state, silence_told_s=now_s), (Say(Level.FAULT, text),)
+    return replace(state, listening=replace(state.listening, silence_told_s=now_s)), (Say(Level.FAULT, text),)
 
 
 def _expected(state: FleetState) -> list[float]:
     """Return when each vehicle was heard last that should be heard now."""
     away = {Stage.GROUND, Stage.LANDED, Stage.DOWN}
     heard = [
-        float("-inf") if vehicle.heard_s is None else vehicle.heard_s
+        float("-inf") if vehicle.link.heard_s is None else vehicle.link.heard_s
         for vehicle in state.vehicles.values()
         if vehicle.stage not in {*away, Stage.LOST}
     ]
@@ -97,30 +109,37 @@ def _expected(state: FleetState) -> list[float]:
         return []
     since = max(heard) - SWITCHED_OFF_S
     return heard + [
-        vehicle.heard_s
+        vehicle.link.heard_s
         for vehicle in state.vehicles.values()
-        if vehicle.stage in away and vehicle.heard_s is not None and vehicle.heard_s > since
+        if vehicle.stage in away and vehicle.link.heard_s is not None and vehicle.link.heard_s > since
     ]
 
 
 def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Say when a link is stale and when it is regained, before and after that is a fault."""
-    age_s = 0.0 if vehicle.heard_s is None else now_s - vehicle.heard_s
+    age_s = 0.0 if vehicle.link.heard_s is None else now_s - vehicle.link.heard_s
     stale = age_s >= context.limits.link_stale_s
-    if vehicle.stale and vehicle.spoke_s is not None:
+    if vehicle.link.stale and vehicle.link.spoke_s is not None:
         # What was not its own silence is not held against it, and does not make it heard.
-        stale = now_s - vehicle.spoke_s >= context.limits.link_stale_s
-    if stale == vehicle.stale:
+        stale = now_s - vehicle.link.spoke_s >= context.limits.link_stale_s
+    if stale == vehicle.link.stale:
         return state, ()
     text = f"{vehicle.name}: no message for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
     level = Level.WARNING if stale else Level.INFO
-    excused_s = vehicle.excused_s if stale else now_s
-    return state.put(changed(vehicle, stale=stale, excused_s=excused_s)), (Say(level, text),)
+    excused_s = vehicle.link.excused_s if stale else now_s
+    return state.put(replace(vehicle, link=replace(vehicle.link, stale=stale, excused_s=excused_s))), (
+        Say(level, text),
+    )
 
 
 def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
     """Count a time in which nobody could be heard against no vehicle."""
     for vehicle in state.vehicles.values():
-        if vehicle.heard_s is not None:
-            state = state.put(changed(vehicle, heard_s=min(now_s, vehicle.heard_s + pause_s), excused_s=now_s))
+        if vehicle.link.heard_s is not None:
+            state = state.put(
+                replace(
+                    vehicle,
+                    link=replace(vehicle.link, heard_s=min(now_s, vehicle.link.heard_s + pause_s), excused_s=now_s),
+                )
+            )
     return state

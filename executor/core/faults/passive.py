@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.events import Heard, Tick
 from executor.core.faults import link_loss, warnings, watchpoints
@@ -19,7 +18,7 @@ from executor.core.faults.watching import View
 from executor.core.hearing.fold import fold
 from executor.core.messages import Heartbeat
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import WATCHED, Fault, FaultKind, Stage, VehicleState, moved_to
 from missions.autopilots.modes import is_home_mode
 
 WARN_S = 1.5
@@ -87,8 +86,8 @@ def passive_step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float
             if isinstance(message, Heartbeat):
                 vehicle = _followed(scene, vehicle)
             fleet = state.fleet.put(vehicle)
-            if fleet.launched_s is None and vehicle.stage is Stage.FLYING:
-                fleet = changed(fleet, launched_s=now_s)
+            if fleet.progress.launched_s is None and vehicle.stage is Stage.FLYING:
+                fleet = replace(fleet, progress=replace(fleet.progress, launched_s=now_s))
             return Watched(fleet, state.open, state.warned_s), ()
         case Tick():
             return _tick(scene, state, now_s)
@@ -97,13 +96,16 @@ def passive_step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float
 def passive_heard(state: Watched, name: str, at_s: float, heartbeat_s: float | None = None) -> Watched:
     """Return the state with a vehicle that said something, whatever it was, and its HEARTBEAT without news then."""
     vehicle = state.fleet.vehicles[name]
-    later = vehicle.heard_s is None or at_s > vehicle.heard_s
+    later = vehicle.link.heard_s is None or at_s > vehicle.link.heard_s
     if not later and heartbeat_s is None:
         return state
-    told = changed(
+    told = replace(
         vehicle,
-        heard_s=at_s if later else vehicle.heard_s,
-        heartbeat_s=vehicle.heartbeat_s if heartbeat_s is None else heartbeat_s,
+        link=replace(
+            vehicle.link,
+            heard_s=at_s if later else vehicle.link.heard_s,
+            heartbeat_s=vehicle.link.heartbeat_s if heartbeat_s is None else heartbeat_s,
+        ),
     )
     return Watched(state.fleet.put(told), state.open, state.warned_s)
 
@@ -115,20 +117,32 @@ def closed(state: Watched, now_s: float) -> tuple[Degraded, ...]:
 
 def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
     """Return a vehicle in the stage that its HEARTBEAT shows."""
-    beat = vehicle.heartbeat
+    beat = vehicle.telemetry.heartbeat
     if beat is None:
         return vehicle
     match vehicle.stage:
         case Stage.GROUND | Stage.LANDED if beat.armed:
-            fresh = changed(vehicle, stage=Stage.FLYING, fault=None, took_off=False, flew_mission=False, watches=())
-            return changed(fresh, anchor=None, armed_once=True, alarm=("", float("-inf")))
+            vehicle = moved_to(vehicle, Stage.FLYING, besides=WATCHED)
+            return replace(
+                vehicle,
+                fault=None,
+                watches=(),
+                sortie=replace(vehicle.sortie, took_off=False, flew_mission=False, armed_once=True),
+                motion=replace(vehicle.motion, anchor=None),
+                telemetry=replace(vehicle.telemetry, alarm=("", float("-inf"))),
+            )
         case Stage.LOST if not beat.armed:
             return moved_to(vehicle, Stage.LANDED)
         case Stage.LOST if is_home_mode(scene.vehicles[vehicle.name].dialect, beat.custom_mode):
             return moved_to(vehicle, Stage.RETURNING)
         case Stage.LOST:
             # Live RTL would be commanded; here it flies on, and may be lost again.
-            return changed(vehicle, stage=Stage.FLYING, fault=None, watches=(), anchor=None)
+            return replace(
+                moved_to(vehicle, Stage.FLYING, besides=WATCHED),
+                fault=None,
+                watches=(),
+                motion=replace(vehicle.motion, anchor=None),
+            )
         case Stage.FLYING | Stage.RETURNING if not beat.armed and vehicle.fault is not None:
             return moved_to(vehicle, Stage.LANDED)
         case _:
@@ -138,7 +152,10 @@ def _followed(scene: Scene, vehicle: VehicleState) -> VehicleState:
 def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
     fleet, _ = link_loss.own_sleep(state.fleet, now_s)
     fleet, _ = link_loss.of_all(scene, fleet, now_s, least=link_loss.ALL)
-    alone = fleet.silent_since_s is not None and now_s - fleet.silent_since_s < scene.limits.all_silent_s
+    alone = (
+        fleet.listening.silent_since_s is not None
+        and now_s - fleet.listening.silent_since_s < scene.limits.all_silent_s
+    )
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
     looks = now_s - state.warned_s >= WARN_S or any(_falls_silent(scene, one, now_s) for one in vehicles.values())
@@ -153,11 +170,11 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
         if looks:
             found += warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
     warned_s = now_s if looks else state.warned_s
-    return Watched(changed(fleet, vehicles=MappingProxyType(vehicles)), open_, warned_s), tuple(found)
+    return Watched(replace(fleet, vehicles=MappingProxyType(vehicles)), open_, warned_s), tuple(found)
 
 
 def _falls_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    silent = vehicle.heard_s is not None and now_s - vehicle.heard_s >= scene.limits.link_stale_s
+    silent = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s >= scene.limits.link_stale_s
     return silent and vehicle.stage is Stage.FLYING
 
 
@@ -165,12 +182,11 @@ def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -
     if vehicle.stage in {Stage.GROUND, Stage.LANDED}:
         return vehicle, []
     judgement = watchpoints.judge(scene, scene.vehicles[vehicle.name], vehicle, now_s)
-    if judgement.watches != vehicle.watches:
-        vehicle = changed(vehicle, watches=judgement.watches)
+    vehicle = watchpoints.remembered(vehicle, judgement)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if not raised:
         if vehicle.stage is Stage.FLYING and not vehicle.armed:
-            vehicle = changed(moved_to(vehicle, Stage.LANDED), fault=None)
+            vehicle = replace(moved_to(vehicle, Stage.LANDED), fault=None)
         return vehicle, []
     point, why = raised[0]
     declared = Declared(vehicle.name, point.kind, point.name, why, now_s)
@@ -182,7 +198,7 @@ def _judged(scene: Scene, vehicle: VehicleState, now_s: float, *, alone: bool) -
         return moved_to(vehicle, stage), [declared] if vehicle.fault.kind is FaultKind.LINK else []
     if stage is Stage.RETURNING and not vehicle.armed:
         stage = Stage.LANDED
-    return changed(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s, point.code)), [declared]
+    return replace(moved_to(vehicle, stage), fault=Fault(point.kind, why, now_s, point.code)), [declared]
 
 
 def warned(view: View, open_: dict[tuple[str, str], Degraded]) -> list[Finding]:

@@ -40,42 +40,42 @@ class Stream:
 
 def heartbeat_stream(view: View) -> Stream:
     """HEARTBEAT: without it nobody knows its mode, and whether it is armed."""
-    return _stream(view, "no HEARTBEAT", view.state.heartbeat_s, view.context.limits.heartbeat_stale_s)
+    return _stream(view, "no HEARTBEAT", view.state.link.heartbeat_s, view.context.limits.heartbeat_stale_s)
 
 
 def positions(view: View) -> Stream:
     """GLOBAL_POSITION_INT: without it nobody knows where it is."""
-    fix = view.state.fix
+    fix = view.state.motion.fix
     return _stream(view, "no position", None if fix is None else fix.at_s, view.context.limits.link_stale_s)
 
 
 def battery_stream(view: View) -> Stream:
     """BATTERY_STATUS or SYS_STATUS."""
-    known = view.state.battery
+    known = view.state.power.battery
     last_s = None if known.remaining_pct is None else known.reported_s
     return _stream(view, "no battery report", last_s, view.context.limits.battery_stale_s)
 
 
 def items(view: View) -> Stream:
     """MISSION_CURRENT: without it nobody knows which segment it flies to."""
-    last_s = view.state.item_s if view.setup.planned else None
+    last_s = view.state.telemetry.item_s if view.setup.planned else None
     return _stream(view, "no report of its current waypoint", last_s, ITEM_STALE_S)
 
 
 def _stream(view: View, words: str, last_s: float | None, stale_s: float) -> Stream:
-    age_s = math.nan if last_s is None else view.now_s - max(last_s, view.state.excused_s)
+    age_s = math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
     return Stream(words, age_s, stale_s)
 
 
 def others_come(view: View) -> bool:
     """Return whether it is heard: a silence of everything is a matter of its link."""
-    heard_s = view.state.heard_s
+    heard_s = view.state.link.heard_s
     return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
 
 
 def missing(view: View, stream: Stream) -> str:
     """Return in words what does not come while others do; nothing if it comes."""
-    heard_s = view.state.heard_s
+    heard_s = view.state.link.heard_s
     if not stream.stale or heard_s is None or not others_come(view):
         return ""
     if view.now_s - heard_s > stream.age_s - stream.stale_s:
@@ -85,7 +85,7 @@ def missing(view: View, stream: Stream) -> str:
 
 def to_be_asked(view: View) -> bool:
     """Return whether it is to be asked for its streams again."""
-    if view.now_s - view.state.streams_asked_s < ASK_AGAIN_S or not others_come(view):
+    if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not others_come(view):
         return False
     return any(stream(view).stale for stream in (heartbeat_stream, positions, battery_stream, items))
 
@@ -115,7 +115,7 @@ def _patience_s(view: View) -> float:
 
 
 def _gone(view: View, stream: Stream, after_s: float) -> Finding:
-    heard_s = view.state.heard_s
+    heard_s = view.state.link.heard_s
     if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not others_come(view):
         return STALE
     if stream.age_s < after_s:
@@ -133,5 +133,5 @@ def unseen_s(view: View) -> float:
 
 def position_fresh(view: View) -> bool:
     """Return whether its positions come, if any ever did."""
-    fix = view.state.fix
+    fix = view.state.motion.fix
     return fix is None or view.now_s - fix.at_s <= view.context.limits.link_stale_s

@@ -33,7 +33,7 @@ class Doubt:
 
 def silent(view: View) -> str:
     """Nothing was heard for a while."""
-    heard_s = view.state.heard_s
+    heard_s = view.state.link.heard_s
     age_s = 0.0 if heard_s is None else view.now_s - heard_s
     return f"no message for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
 
@@ -55,14 +55,14 @@ def item_missing(view: View) -> str:
 
 def doubtful(view: View) -> str:
     """A HEARTBEAT says what its positions refute."""
-    if view.state.doubted is None:
+    if view.state.telemetry.doubted is None:
         return ""
     return "a HEARTBEAT says disarmed, but it flies: does another station send it?"
 
 
 def lossy(view: View) -> str:
     """More frames are lost than usual."""
-    quality = view.state.quality
+    quality = view.state.link.quality
     if quality.lost is None or quality.worse < view.context.limits.loss_warn:
         return ""
     return f"{100 * quality.lost:.0f} % of its frames are lost, where {100 * (quality.usual or 0.0):.0f} % is usual"
@@ -70,7 +70,7 @@ def lossy(view: View) -> str:
 
 def radio_weak(view: View) -> str:
     """The radio itself complains."""
-    quality = view.state.quality
+    quality = view.state.link.quality
     return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
 
 
@@ -81,9 +81,9 @@ def battery_silent(view: View) -> str:
 
 def battery_low(view: View) -> str:
     """The autopilot calls it low, or not healthy."""
-    if view.state.battery.charge_state == LOW:
+    if view.state.power.battery.charge_state == LOW:
         return "the autopilot reports its battery low"
-    return "the autopilot reports its battery not healthy" if view.state.unhealthy & BATTERY_SENSOR else ""
+    return "the autopilot reports its battery not healthy" if view.state.sensors.unhealthy & BATTERY_SENSOR else ""
 
 
 def reserve_doubtful(view: View) -> str:
@@ -99,7 +99,7 @@ def reserve_doubtful(view: View) -> str:
 
 def position_off(view: View) -> str:
     """Its position jumped a little."""
-    off_m, at_s = view.state.jump
+    off_m, at_s = view.state.motion.jump
     limits = view.context.limits
     if off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s:
         return f"its position jumped by {off_m:.0f} m"
@@ -109,12 +109,12 @@ def position_off(view: View) -> str:
 def hangs(view: View) -> str:
     """It should be on its way home, and hangs in the air where it is."""
     state = view.state
-    if state.stage is not Stage.RETURNING or state.fix is None or state.anchor is None or not state.armed:
+    if state.stage is not Stage.RETURNING or state.motion.fix is None or state.motion.anchor is None or not state.armed:
         return ""
-    if view.now_s - state.fix.at_s > view.context.limits.link_stale_s:
+    if view.now_s - state.motion.fix.at_s > view.context.limits.link_stale_s:
         return ""
-    stood_s = state.fix.boot_s - state.anchor.boot_s
-    if stood_s < view.context.limits.hangs_s or state.fix.alt_rel_m < view.context.limits.airborne_m:
+    stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
+    if stood_s < view.context.limits.hangs_s or state.motion.fix.alt_rel_m < view.context.limits.airborne_m:
         return ""
     return f"has not moved for {stood_s:.0f} s on its way home, {where(view.context, state)}"
 

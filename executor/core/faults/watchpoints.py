@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.core import projection
 from executor.core.battery import account, cusum
@@ -18,8 +18,9 @@ from executor.core.faults import streams
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint
 from executor.core.limits import Limits
 from executor.core.messages import CRITICAL, NO_ITEM
+from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
-from executor.core.vehicle import Cause, FaultCode, FaultKind, Stage, VehicleState, Watch
+from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode, mode_name
 
@@ -37,7 +38,7 @@ _BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 1
 
 def link_silent(view: View) -> Finding:
     """Nothing was heard for the vehicle's time-out."""
-    heard_s = view.state.heard_s
+    heard_s = view.state.link.heard_s
     if heard_s is None:
         return STALE
     age_s = view.now_s - heard_s
@@ -52,27 +53,27 @@ def link_silent(view: View) -> Finding:
 def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
     """It disarmed where, or when, it should not have landed."""
     state, limits = view.state, view.context.limits
-    if state.fix is None or state.heartbeat is None:
+    if state.motion.fix is None or state.telemetry.heartbeat is None:
         return STALE
-    if state.armed or not state.armed_once:
+    if state.armed or not state.sortie.armed_once:
         return OK
     if not view.setup.planned:
         return _down_in_flight(view)
-    away_m = math.dist(state.fix.place_m, view.setup.pad_m)
+    away_m = math.dist(state.motion.fix.place_m, view.setup.pad_m)
     if not seen_at_rest(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if away_m > limits.off_pad_m:
         return Finding(
-            Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.fix.alt_rel_m:.0f} m high{_alarm(view)}"
+            Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{_alarm(view)}"
         )
     # An old position says nothing of its height: it may have come down since.
-    if fell(view.context, state) and view.now_s - state.fix.at_s <= limits.link_stale_s:
-        return Finding(Verdict.FAIL, f"disarmed {state.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
-    if not state.took_off and state.stage is Stage.FLYING:
+    if fell(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
+        return Finding(Verdict.FAIL, f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
+    if not state.sortie.took_off and state.stage is Stage.FLYING:
         return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
-    if state.rebooted_s is not None:
+    if state.sortie.rebooted_s is not None:
         return Finding(Verdict.FAIL, f"its autopilot has rebooted, and it is disarmed{_alarm(view)}")
     if not mission_over(view.context, state):
         return Finding(Verdict.FAIL, f"disarmed over its pad in mid-mission{_alarm(view)}")
@@ -81,8 +82,8 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
 
 def _down_in_flight(view: View) -> Finding:
     """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
-    fix, limits = view.state.fix, view.context.limits
-    if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.on_ground:
+    fix, limits = view.state.motion.fix, view.context.limits
+    if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.telemetry.on_ground:
         return OK
     speed_m_s = math.hypot(*fix.velocity_m_s)
     if fix.alt_rel_m > limits.off_pad_up_m and speed_m_s > limits.at_rest_m_s:
@@ -93,7 +94,7 @@ def _down_in_flight(view: View) -> Finding:
 
 def terminated(view: View) -> Finding:
     """Its heartbeat says that it gave itself up."""
-    heartbeat = view.state.heartbeat
+    heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
         return STALE
     names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
@@ -104,7 +105,7 @@ def terminated(view: View) -> Finding:
 
 def falling(view: View) -> Finding:
     """It sinks faster than it was ever told to."""
-    fix = view.state.fix
+    fix = view.state.motion.fix
     if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
         return STALE
     if fix.velocity_m_s[2] < -view.context.limits.fall_m_s:
@@ -115,23 +116,23 @@ def falling(view: View) -> Finding:
 def left_mission(view: View) -> Finding:
     """It is in a mode that nobody here ordered, by its own failsafe."""
     state = view.state
-    if state.heartbeat is None:
+    if state.telemetry.heartbeat is None:
         return STALE
     dialect = view.setup.dialect
     if view.setup.planned:
-        if not state.armed or state.cause is not Cause.FAILSAFE:
+        if not state.armed or state.custody.cause is not Cause.FAILSAFE:
             return OK
-        mode = mode_name(dialect, state.heartbeat.custom_mode)
+        mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
         return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
-    if is_mission_mode(dialect, state.heartbeat.custom_mode) or not state.armed:
+    if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
         return OK
-    if view.now_s - state.ordered_mode_s < view.context.limits.mode_grace_s:
+    if view.now_s - state.orders.ordered_mode_s < view.context.limits.mode_grace_s:
         return OK
-    if not state.flew_mission or _by_order(view):
+    if not state.sortie.flew_mission or _by_order(view):
         return OK  # it never was on a mission, or somebody else ordered this
-    if is_home_mode(dialect, state.heartbeat.custom_mode) and _at_its_end(view):
+    if is_home_mode(dialect, state.telemetry.heartbeat.custom_mode) and _at_its_end(view):
         return OK  # and ends a mission whose last item is a return in the mode for it
-    mode = mode_name(dialect, state.heartbeat.custom_mode)
+    mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
     return Finding(Verdict.FAIL, f"went to mode {mode} by itself{_alarm(view)}")
 
 
@@ -139,7 +140,7 @@ def battery_stepped(view: View) -> Finding:
     """Much was lost at once."""
     if not _battery_fresh(view):
         return STALE
-    limits, known = view.context.limits, view.state.battery
+    limits, known = view.context.limits, view.state.power.battery
     window_s = limits.battery_step_window_s
     long_s = 4 * window_s
     # While it fails the window moves on; and nobody may have looked while a step was in it.
@@ -164,14 +165,14 @@ def battery_plunges(view: View) -> Finding:
 def _drains(view: View, *, hurried: bool) -> Finding:
     if not _battery_fresh(view):
         return STALE
-    limits, known = view.context.limits, view.state.battery
+    limits, known = view.context.limits, view.state.power.battery
     eased = (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
     for found, threshold, which in _excesses(known, limits, hurried=hurried):
         if cusum.exceeds(found, eased * threshold, limits.battery_step_pct):
             return Finding(
                 Verdict.FAIL,
-                f"used {found.used_pct:.1f} % in {found.lasted_s(view.now_s):.0f} s where {found.expected_pct:.1f} % "
-                f"is usual{which}",
+                f"used {found.used_pct:.1f} % in {found.lasted_s(view.now_s):.0f} s where "
+                f"{found.expected_pct:.1f} % is usual{which}",
             )
     return OK
 
@@ -192,7 +193,7 @@ def _excesses(
 
 def voltage_stepped(view: View) -> Finding:
     """The voltage fell at once by more than the load explains."""
-    volts, limits = view.state.volts, view.context.limits
+    volts, limits = view.state.power.volts, view.context.limits
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
@@ -205,7 +206,7 @@ def voltage_stepped(view: View) -> Finding:
 
 def cells_weak(view: View) -> Finding:
     """A cell is near its end, or far below the others, for longer than a climb."""
-    volts, limits = view.state.volts, view.context.limits
+    volts, limits = view.state.power.volts, view.context.limits
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
@@ -238,7 +239,7 @@ def reserve_broken(view: View) -> Finding:
 
 def battery_failsafe(view: View) -> Finding:
     """The autopilot itself says that it acts on its battery."""
-    text, said_s = view.state.alarm
+    text, said_s = view.state.telemetry.alarm
     if view.now_s - said_s > view.context.limits.alarm_s or not _BATTERY_ALARM.search(text):
         return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
@@ -247,13 +248,20 @@ def battery_failsafe(view: View) -> Finding:
 
 def _shows(view: View) -> bool:
     """Return whether an alarm of the battery shows in anything besides its text."""
-    state, beat, volts = view.state, view.state.heartbeat, view.state.volts
+    state, beat, volts = view.state, view.state.telemetry.heartbeat, view.state.power.volts
     if beat is not None and (
         beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
     ):
         return True
-    low = state.battery.remaining_pct is None or state.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
-    sick = state.battery.charge_state >= LOW or state.battery_faults or state.unhealthy & BATTERY_SENSOR
+    low = (
+        state.power.battery.remaining_pct is None
+        or state.power.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
+    )
+    sick = (
+        state.power.battery.charge_state >= LOW
+        or state.power.battery_faults
+        or state.sensors.unhealthy & BATTERY_SENSOR
+    )
     return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
 
 
@@ -262,10 +270,10 @@ def battery_critical(view: View) -> Finding:
     if not _battery_fresh(view):
         return STALE
     names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-    state = view.state.battery.charge_state
+    state = view.state.power.battery.charge_state
     if state in names:
         return Finding(Verdict.FAIL, f"the autopilot reports its battery {names[state]}")
-    bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.battery_faults & bit]
+    bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.power.battery_faults & bit]
     if bits:
         return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
     return OK
@@ -273,7 +281,7 @@ def battery_critical(view: View) -> Finding:
 
 def position_jumped(view: View) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
-    off_m, at_s = view.state.jump
+    off_m, at_s = view.state.motion.jump
     limits = view.context.limits
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
@@ -283,31 +291,35 @@ def position_jumped(view: View) -> Finding:
 def stalled(view: View) -> Finding:
     """It is on its mission and does not move."""
     state, limits = view.state, view.context.limits
-    if state.fix is None or state.anchor is None or view.now_s - state.fix.at_s > limits.link_stale_s:
+    if (
+        state.motion.fix is None
+        or state.motion.anchor is None
+        or view.now_s - state.motion.fix.at_s > limits.link_stale_s
+    ):
         return STALE
-    if state.held_s is not None:
+    if state.orders.held_s is not None:
         return OK  # the operator's order
     if view.setup.planned is False and not _on_mission(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
-    stood_s = state.fix.boot_s - state.anchor.boot_s
+    stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
     if stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s):
         return Finding(Verdict.FAIL, f"has not moved for {stood_s:.0f} s")
     return OK
 
 
 def _on_mission(view: View) -> bool:
-    heartbeat = view.state.heartbeat
+    heartbeat = view.state.telemetry.heartbeat
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
 
 
 def _by_order(view: View) -> bool:
-    return abs(view.state.mode_since_s - view.state.ordered_mode_s) < view.context.limits.mode_grace_s
+    return abs(view.state.telemetry.mode_since_s - view.state.orders.ordered_mode_s) < view.context.limits.mode_grace_s
 
 
 def _at_its_end(view: View) -> bool:
     """Return whether the item that it flies to is the last of its mission but one."""
-    seq, total = view.state.item or (0, None)
+    seq, total = view.state.telemetry.item or (0, None)
     if not total or total == NO_ITEM:
         return False
     last = total if view.setup.dialect.current_counts_home else total - 1
@@ -315,19 +327,19 @@ def _at_its_end(view: View) -> bool:
 
 
 def _climbs(view: View) -> bool:
-    fix = view.state.fix
+    fix = view.state.motion.fix
     return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
 
 
 def _alarm(view: View) -> str:
     """Return what the vehicle said of it, if it did."""
-    text, said_s = view.state.alarm
+    text, said_s = view.state.telemetry.alarm
     return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""
 
 
 def _battery_fresh(view: View) -> bool:
     # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
-    fresh = view.now_s - view.state.battery.reported_s <= view.context.limits.battery_stale_s
+    fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
     # Without positions nobody knows what the flight should have cost.
     return fresh and (streams.position_fresh(view) or not view.setup.planned)
 
@@ -386,7 +398,8 @@ def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
     old = dict(state.watches)
     watches: list[tuple[str, Watch]] = []
     raised: list[tuple[Watchpoint, str]] = []
-    fine, failing = (View(context, setup, state, failed, now_s) for failed in (False, True))
+    fine = View(context, setup, state, False, now_s)
+    failing = replace(fine, failing=True) if old else fine
     for point in _BY_STAGE[state.stage]:
         since = old[point.name].failing_since_s if point.name in old else None
         finding = point.judge(fine if since is None else failing)
@@ -399,3 +412,8 @@ def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
         if since is not None:
             watches.append((point.name, Watch(since)))
     return Judgement(tuple(watches), tuple(raised))
+
+
+def remembered(state: VehicleState, judgement: Judgement) -> VehicleState:
+    """Return a vehicle with what its watchpoints have to remember."""
+    return state if judgement.watches == state.watches else replace(state, watches=judgement.watches)

@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 
 from executor.core import carried, link_quality
 from executor.core.battery import account
-from executor.core.battery.account import BatteryState
-from executor.core.battery.voltage import Report, Thresholds, VoltageState, measured
-from executor.core.changed import changed
 from executor.core.context import Scene
 from executor.core.coverage import Sample, SegmentPass, follow
+from executor.core.hearing.charge import powered, status_told
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
     Attitude,
@@ -33,7 +31,8 @@ from executor.core.messages import (
     Traffic,
     Wind,
 )
-from executor.core.vehicle import Fix, Stage, VehicleState
+from executor.core.parts import Assignment, Fix, LinkState, MotionState
+from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 
@@ -74,41 +73,44 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
-    if not isinstance(message, _ABOUT):
-        silent = state.spoke_s is not None and now_s - state.spoke_s >= context.limits.link_stale_s
-        state = changed(state, spoke_s=now_s, regained_s=now_s if silent else state.regained_s)
+    if isinstance(message, _ABOUT):
+        return Folded(_about(context, state, message, now_s))
+    silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
+    link = state.link.heard(now_s, silent=silent)
     match message:
         case Heartbeat():
-            return Folded(_beat(context, state, message, now_s))
+            return Folded(_beat(context, state, link, message, now_s))
         case Position():
-            return _positioned(context, changed(state, heard_s=now_s), message, now_s)
+            return _positioned(context, state, link, message, now_s)
         case Battery():
-            return Folded(_powered(context, state, message, now_s))
-        case SystemStatus():
-            return Folded(_status(context, state, message, now_s))
+            return Folded(state.after(link, power=powered(context, state, message, now_s)))
+        case SystemStatus(unhealthy=unhealthy):
+            sensors = replace(state.sensors, unhealthy=unhealthy)
+            return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
         case MissionCurrent(seq, total):
-            state = changed(state, heard_s=now_s, item=(seq, total), item_s=now_s)
-            return Folded(_at_item(_carries(context, state, message, now_s), seq))
+            assignment = _at_item(state, _carries(context, state, message, now_s), seq)
+            telemetry = replace(state.telemetry, item=(seq, total), item_s=now_s)
+            return Folded(state.after(link, telemetry=telemetry, assignment=assignment))
         case LandedState(on_ground):
-            return Folded(changed(state, heard_s=now_s, on_ground=on_ground))
+            return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
         case Gps():
-            return Folded(changed(state, heard_s=now_s, gps=message))
+            return Folded(state.after(link, sensors=replace(state.sensors, gps=message)))
         case Wind():
-            return Folded(changed(state, heard_s=now_s, wind=message))
+            return Folded(state.after(link, sensors=replace(state.sensors, wind=message)))
         case Attitude(roll_deg, pitch_deg):
             tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
-            tilted_s = (state.tilted_since_s or now_s) if tilted else None
-            return Folded(changed(state, heard_s=now_s, attitude=message, tilted_since_s=tilted_s))
+            tilted_s = (state.sensors.tilted_since_s or now_s) if tilted else None
+            sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
+            return Folded(state.after(link, sensors=sensors))
         case FenceStatus(breached):
-            return Folded(changed(state, heard_s=now_s, fence_breached=breached))
+            return Folded(state.after(link, sensors=replace(state.sensors, fence_breached=breached)))
         case StatusText(_, said):
-            alarm = (said, now_s) if _ALARM.search(said) and not _adds_nothing(state, said, now_s) else state.alarm
-            told = _carries(context, changed(state, heard_s=now_s, alarm=alarm), message, now_s)
-            return Folded(told, text=message)
-        case Traffic() | Radio() | OrderSeen() | StationHeard() | DoubleHeard():
-            return Folded(_about(context, state, message, now_s))
+            assignment, telemetry = _carries(context, state, message, now_s), state.telemetry
+            if _ALARM.search(said) and not _adds_nothing(state, said, now_s):
+                telemetry = replace(telemetry, alarm=(said, now_s))
+            return Folded(state.after(link, telemetry=telemetry, assignment=assignment), text=message)
         case _:
-            return Folded(changed(state, heard_s=now_s))
+            return Folded(state.after(link))
 
 
 DOUBT_S = 2.5
@@ -116,40 +118,42 @@ DOUBT_S = 2.5
 DOUBTED_FIX_S = 1.5
 
 
-def _beat(context: Scene, state: VehicleState, message: Heartbeat, now_s: float) -> VehicleState:
+def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbeat, now_s: float) -> VehicleState:
+    old, sortie, custody = state.telemetry, state.sortie, state.custody
     if not message.armed and _flies(context, state, now_s):
-        if state.doubted is None:
-            return changed(state, heard_s=now_s, doubted=(message, now_s))
-        if now_s - state.doubted[1] < DOUBT_S:
-            return changed(state, heard_s=now_s)
-    other = state.heartbeat is None or state.heartbeat.custom_mode != message.custom_mode
-    since = now_s if other else state.mode_since_s
-    armed_once = state.armed_once or message.armed
-    disarmed_s = now_s if state.armed and not message.armed else state.disarmed_s
-    unseen_s, from_s = state.unseen_until_s, state.unseen_from_boot_s
-    if state.heartbeat is not None and _was_unseen(context, state, now_s):
-        unseen_s, from_s = now_s, state.beat_boot_s
-    boot_s = None if state.fix is None else state.fix.boot_s
-    flew = state.flew_mission
-    if not flew and state.took_off and message.armed and state.name in context.vehicles:
+        if old.doubted is None:
+            return state.after(link, telemetry=replace(old, doubted=(message, now_s)))
+        if now_s - old.doubted[1] < DOUBT_S:
+            return state.after(link)
+    other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
+    since = now_s if other else old.mode_since_s
+    armed_once = sortie.armed_once or message.armed
+    disarmed_s = now_s if state.armed and not message.armed else sortie.disarmed_s
+    unseen_s, from_s = custody.unseen_until_s, custody.unseen_from_boot_s
+    if old.heartbeat is not None and _was_unseen(context, state.link, link.regained_s, now_s):
+        unseen_s, from_s = now_s, custody.beat_boot_s
+    boot_s = None if state.motion.fix is None else state.motion.fix.boot_s
+    flew = sortie.flew_mission
+    if not flew and sortie.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-    return changed(
-        state, heard_s=now_s, heartbeat_s=now_s, heartbeat=message, mode_since_s=since, armed_once=armed_once,
-        flew_mission=flew, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s,
-        disarmed_s=disarmed_s, doubted=None,
-    )  # fmt: skip
+    return state.after(
+        replace(link, heartbeat_s=now_s),
+        telemetry=replace(old, heartbeat=message, mode_since_s=since, doubted=None),
+        sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
+        custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
+    )
 
 
 def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that says that it is disarmed is seen to fly on."""
-    fix, setup = state.fix, context.vehicles.get(state.name)
-    if not state.armed or not state.took_off or fix is None or setup is None or not setup.planned:
+    fix, setup = state.motion.fix, context.vehicles.get(state.name)
+    if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
-    if now_s - fix.at_s > DOUBTED_FIX_S or state.on_ground or _killed(state, now_s):
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _killed(state, now_s):
         return False
-    if now_s - state.falls_s < DOUBT_S:
+    if now_s - state.motion.falls_s < DOUBT_S:
         return False  # who falls is not refuted by where it is
-    if state.heartbeat_s is None or now_s - state.heartbeat_s >= context.limits.heartbeat_stale_s:
+    if state.link.heartbeat_s is None or now_s - state.link.heartbeat_s >= context.limits.heartbeat_stale_s:
         return False  # that it is armed is from before a silence
     return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
 
@@ -161,7 +165,7 @@ _DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECAS
 
 def _killed(state: VehicleState, now_s: float) -> bool:
     """Return whether it says why it disarms in the air."""
-    text, said_s = state.alarm
+    text, said_s = state.telemetry.alarm
     return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
 
 
@@ -171,27 +175,27 @@ def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
     It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
     vehicle that has landed, which ends no flight.
     """
-    does = now_s - state.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
+    does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
     return does or (bool(_STOPPED.search(said)) and _rests(state, now_s))
 
 
 def _rests(state: VehicleState, now_s: float) -> bool:
     """Return whether it is seen to stand on the ground."""
-    fix = state.fix
-    if fix is None or not state.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
+    fix = state.motion.fix
+    if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
         return False
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
-def _was_unseen(context: Scene, state: VehicleState, now_s: float) -> bool:
+def _was_unseen(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
     """Return whether a heartbeat is the first one after a silence, or the first one that this process hears.
 
     One that got lost among other messages is no silence: nothing that a failsafe waits for has happened then.
     """
-    if state.heartbeat_s is None:
+    if link.heartbeat_s is None:
         return True
-    silent = state.heard_s is not None and now_s - state.heard_s >= context.limits.link_stale_s
-    return silent or (state.regained_s is not None and state.regained_s > state.heartbeat_s)
+    silent = link.heard_s is not None and now_s - link.heard_s >= context.limits.link_stale_s
+    return silent or (regained_s is not None and regained_s > link.heartbeat_s)
 
 
 def _about(
@@ -201,151 +205,85 @@ def _about(
     now_s: float,
 ) -> VehicleState:
     """Take what others say about a vehicle, which does not mean that it was heard."""
+    link = state.link
     match message:
         case StationHeard() | DoubleHeard():
-            return changed(state, strangers=noted(state.strangers, message))
+            return replace(state, link=replace(link, strangers=noted(link.strangers, message)))
         case Traffic():
-            window_s = context.limits.loss_window_s
-            return changed(state, quality=link_quality.with_traffic(state.quality, message, now_s, window_s))
+            quality = link_quality.with_traffic(link.quality, message, now_s, context.limits.loss_window_s)
+            return replace(state, link=replace(link, quality=quality))
         case Radio():
-            return changed(state, quality=link_quality.heard_radio(state.quality, message, now_s))
+            return replace(state, link=replace(link, quality=link_quality.heard_radio(link.quality, message, now_s)))
         case OrderSeen():
-            return changed(state, ordered_mode_s=now_s)
+            return replace(state, orders=replace(state.orders, ordered_mode_s=now_s))
 
 
-def _powered(context: Scene, state: VehicleState, message: Battery, now_s: float) -> VehicleState:
-    packs = state.packs
-    if message.remaining_pct is not None:
-        # Of several packs the emptiest one ends the flight.
-        packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
-    single = len(packs) <= 1  # the counters of several packs are not one account
-    if message.consumed_ah is not None and single and state.armed:
-        counted = account.with_consumed(state.battery, message.consumed_ah, now_s, context.limits)
-        state = changed(state, battery=counted)
-    charge = state.battery
-    if message.remaining_pct is not None:
-        percent = min(dict(packs).values())
-        if single and _rounds_twice(context, state):
-            state = changed(state, roundings=replace(state.roundings, rounded=percent, rounded_s=now_s))
-            percent = state.roundings.percent
-        charge = _charged(context, state, percent, message.charge_state, now_s)
-    volts = state.volts
-    if message.voltage_v and single:
-        report = Report(message.voltage_v, message.current_a, message.cells_v)
-        volts = _measured(context, state, report, now_s)
-    return changed(state, heard_s=now_s, packs=packs, battery=charge, volts=volts, battery_faults=message.faults)
-
-
-def _status(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> VehicleState:
-    charge, volts = state.battery, state.volts
-    if message.remaining_pct is not None and _unreported(context, state, now_s):
-        charge = _charged(context, state, message.remaining_pct, 0, now_s)
-    elif message.remaining_pct is not None and len(state.packs) == 1 and _rounds_twice(context, state):
-        state = changed(state, roundings=replace(state.roundings, ceiled=message.remaining_pct, ceiled_s=now_s))
-        charge = _charged(context, state, state.roundings.percent, charge.charge_state, now_s)
-    if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
-        volts = _measured(context, state, Report(message.voltage_v), now_s)
-    return changed(state, heard_s=now_s, battery=charge, volts=volts, unhealthy=message.unhealthy)
-
-
-def _measured(context: Scene, state: VehicleState, report: Report, now_s: float) -> VoltageState:
-    limits = context.limits
-    known = report.current_a is not None and report.current_a > 0
-    step = limits.voltage_step if known else limits.voltage_step_blind
-    thresholds = Thresholds(step, limits.cell_low_v, limits.cell_spread_v)
-    return measured(state.volts, report, thresholds, now_s, flying=state.armed and state.took_off)
-
-
-def _unreported(context: Scene, state: VehicleState, now_s: float) -> bool:
-    # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
-    return now_s - state.battery.reported_s > context.limits.battery_stale_s
-
-
-def _rounds_twice(context: Scene, state: VehicleState) -> bool:
-    """Return whether it rounds its percentage in two ways, and has nothing finer than that."""
-    return (
-        account.is_blind(state.battery)
-        and state.name in context.vehicles
-        and context.vehicles[state.name].dialect.rounds_twice
-    )
-
-
-def _charged(
-    context: Scene, state: VehicleState, remaining_pct: float, charge_state: int, now_s: float
-) -> BatteryState:
-    # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
-    known = state.battery
-    if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
-        return account.swapped(known, remaining_pct, charge_state, now_s, context.prior)
-    return account.with_remaining(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
-
-
-def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> VehicleState:
+def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> Assignment:
     """Take what it says of the mission on board, unless it is being given one."""
-    if state.board is None or state.pending is not None or state.stubborn or state.stage not in _ON_ITS_MISSION:
-        return state
+    old = state.assignment
+    if old.board is None or old.pending is not None or old.stubborn or state.stage not in _ON_ITS_MISSION:
+        return old
     if isinstance(message, StatusText):
-        known = carried.texted(state.carried, message.text, now_s)
+        known = carried.texted(old.carried, message.text, now_s)
     else:
-        expected = carried.items_expected(context, state.name, len(state.board.waypoint_of))
-        known = carried.after_report(state.carried, message, expected, now_s)
-    return state if known is state.carried else changed(state, carried=known)
+        expected = carried.items_expected(context, state.name, len(old.board.waypoint_of))
+        known = carried.after_report(old.carried, message, expected, now_s)
+    return old if known is old.carried else replace(old, carried=known)
 
 
-def _at_item(state: VehicleState, seq: int) -> VehicleState:
-    if state.carried.foreign_s is not None:
-        return state  # an index into a list that we do not know
-    if state.board is None or not 0 <= seq < len(state.board.waypoint_of):
-        return state
-    waypoint = state.board.waypoint_of[seq]
-    if waypoint is None or state.stage not in _ON_ITS_MISSION:
-        return state
-    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < state.waypoint:
-        return state  # both autopilots begin to count anew when the mission is over
-    return changed(state, waypoint=waypoint)
+def _at_item(state: VehicleState, assignment: Assignment, seq: int) -> Assignment:
+    if assignment.carried.foreign_s is not None:
+        return assignment  # an index into a list that we do not know
+    if assignment.board is None or not 0 <= seq < len(assignment.board.waypoint_of):
+        return assignment
+    waypoint = assignment.board.waypoint_of[seq]
+    if waypoint is None or waypoint == assignment.waypoint or state.stage not in _ON_ITS_MISSION:
+        return assignment
+    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < assignment.waypoint:
+        return assignment  # both autopilots begin to count anew when the mission is over
+    return replace(assignment, waypoint=waypoint)
 
 
-def _positioned(context: Scene, state: VehicleState, message: Position, now_s: float) -> Folded:
-    if state.fix is not None and message.boot_s <= state.fix.boot_s:
-        late_s = state.fix.boot_s - message.boot_s
-        if late_s < OVERTAKEN_S and now_s - state.fix.at_s < context.limits.link_stale_s:
-            return Folded(state)  # overtaken on the way by a newer one, or a duplicate
-        state = changed(state, rebooted_s=now_s)
+def _positioned(context: Scene, state: VehicleState, link: LinkState, message: Position, now_s: float) -> Folded:
+    last, sortie, power = state.motion.fix, state.sortie, state.power
+    rebooted_s = sortie.rebooted_s
+    if last is not None and message.boot_s <= last.boot_s:
+        if last.boot_s - message.boot_s < OVERTAKEN_S and now_s - last.at_s < context.limits.link_stale_s:
+            return Folded(state.after(link))  # overtaken on the way by a newer one, or a duplicate
+        rebooted_s = now_s
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
     fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
-    drained = state.battery
-    elapsed_s = 0.0 if state.fix is None else message.boot_s - state.fix.boot_s
+    elapsed_s = 0.0 if last is None else message.boot_s - last.boot_s
     if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
-        drained = account.drawn(drained, context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s)
-    anchor = state.anchor
+        drawn_pct = context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
+        power = replace(power, battery=account.drawn(power.battery, drawn_pct))
+    anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
-    took_off = state.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
-    jump = _jump(context, state.fix, fix, elapsed_s) or state.jump
-    away = state.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    jump = _jump(context, last, fix, elapsed_s) or state.motion.jump
+    took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
+    away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    away = took_off and away
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
-    state = changed(
-        state,
-        falls_s=now_s if falls else state.falls_s,
-        fix=fix,
-        battery=drained,
-        anchor=anchor,
-        took_off=took_off,
-        jump=jump,
-        away_once=took_off and away,
-    )
-    return _covered(context, state, Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s)))
+    if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
+        sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
+    motion = MotionState(fix, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
+    sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
+    covered = _covered(context, state, sample)
+    after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=covered.assignment)
+    return Folded(after, covered.inspected, covered.flown)
 
 
 def _jump(context: Scene, before: Fix | None, fix: Fix, elapsed_s: float) -> tuple[float, float] | None:
     """Return how far a position lies from where the velocities lead, if that is worth a word."""
     if before is None or not 0.0 < elapsed_s < JUMP_GAP_S:
         return None
-    east, north = (
-        (one + other) / 2 * elapsed_s for one, other in zip(before.velocity_m_s[:2], fix.velocity_m_s[:2], strict=True)
-    )
-    off_m = math.dist(fix.place_m, (before.place_m[0] + east, before.place_m[1] + north))
+    (east_m, north_m), (was_east, was_north, _), (is_east, is_north, _) = (
+        before.place_m, before.velocity_m_s, fix.velocity_m_s
+    )  # fmt: skip
+    led_to = (east_m + (was_east + is_east) / 2 * elapsed_s, north_m + (was_north + is_north) / 2 * elapsed_s)
+    off_m = math.dist(fix.place_m, led_to)
     # Over a longer gap a turn may have been flown in between.
     return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
 
@@ -354,34 +292,40 @@ def _apart_m(one: Fix, other: Fix) -> float:
     return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
 
 
-def _covered(context: Scene, state: VehicleState, sample: Sample) -> Folded:
-    leg = state.leg
-    if state.board is None or leg is None or not _may_count(context, state):
-        return Folded(state)
+@dataclass(frozen=True, slots=True)
+class _Covered:
+    assignment: Assignment
+    inspected: int | None = None
+    flown: SegmentPass | None = None
+
+
+def _covered(context: Scene, state: VehicleState, sample: Sample) -> _Covered:
+    old, leg = state.assignment, state.leg
+    if old.board is None or leg is None or not _may_count(context, state):
+        return _Covered(old)
     # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
-    visit = state.run_visit if state.run_visit is not None and state.run is not None else leg.visit
+    visit = old.run_visit if old.run_visit is not None and old.run is not None else leg.visit
     if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
         visit = leg.visit
     if visit is None:
-        return Folded(state)
-    track = state.board.tracks[visit]
-    run = state.run if state.run_visit == visit else None
+        return _Covered(old)
+    track = old.board.tracks[visit]
+    run = old.run if old.run_visit == visit else None
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
-    state = changed(state, run=step.run, run_visit=visit)
     if step.done:
-        return Folded(state, inspected=track.segment, flown=step.flown)
+        return _Covered(replace(old, run=step.run, run_visit=visit), track.segment, step.flown)
     if step.broken:
-        broken = (*state.runs_broken, (track.segment, step.broken))
-        return Folded(changed(state, runs_broken=broken, owed=(visit, step.broken)))
-    return Folded(state)
+        broken = (*old.runs_broken, (track.segment, step.broken))
+        return _Covered(replace(old, run=step.run, run_visit=visit, runs_broken=broken, owed=(visit, step.broken)))
+    return _Covered(replace(old, run=step.run, run_visit=visit))
 
 
 def _may_count(context: Scene, state: VehicleState) -> bool:
     """Return whether it flies its mission; a pilot may have put it back on it."""
-    if state.carried.foreign_s is not None:
+    if state.assignment.carried.foreign_s is not None:
         return False
     if state.stage is Stage.FLYING:
         return True
-    beat = state.heartbeat
+    beat = state.telemetry.heartbeat
     on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
     return state.stage is Stage.PILOT and on_mission

@@ -18,7 +18,7 @@ def noted(known: frozenset[Stranger], heard: Stranger) -> frozenset[Stranger]:
 
 def stranger_lines(before: frozenset[Stranger], now: frozenset[Stranger]) -> Iterator[str]:
     """Yield a line for who is new; the last of them says that it is."""
-    for stranger in now - before:
+    for stranger in now - before if now is not before else ():
         more = "; further ones are not named" if _count(now, stranger) == MOST_NAMED else ""
         yield f"{stranger_words(stranger)}{more}"
 

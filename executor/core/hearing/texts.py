@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import IntEnum
 
-from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.messages import ComponentText, StatusText
+from executor.core.parts import TextFlow
 from executor.core.state import FleetState
-from executor.core.vehicle import TextFlow, VehicleState
+from executor.core.vehicle import VehicleState
 from executor.core.words import count_of
 
 CRITICAL_SEVERITY, WARNING_SEVERITY = 2, 4
@@ -41,7 +41,7 @@ Told = tuple[FleetState, tuple[Command, ...]]
 
 def tell_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Told:
     """Take a text of a vehicle's autopilot."""
-    alarmed = vehicle.alarm[1] == now_s
+    alarmed = vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
         return state, ()
     rank = Rank.IMPORTANT if alarmed or text.severity <= CRITICAL_SEVERITY else Rank.WARNING
@@ -61,15 +61,15 @@ def tell_passed_over(state: FleetState, now_s: float) -> Told:
     """Say how many texts were passed over, once their window has ended."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
-        if vehicle.texts.passed_over and now_s - vehicle.texts.since_s >= WINDOW_S:
+        if vehicle.telemetry.texts.passed_over and now_s - vehicle.telemetry.texts.since_s >= WINDOW_S:
             flow, more = _begun_anew(vehicle, now_s)
-            state = state.put(changed(vehicle, texts=flow))
+            state = state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow)))
             commands += more
     return state, tuple(commands)
 
 
 def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_s: float) -> Told:
-    flow, commands = vehicle.texts, list[Command]()
+    flow, commands = vehicle.telemetry.texts, list[Command]()
     if now_s - flow.since_s >= WINDOW_S:
         flow, commands = _begun_anew(vehicle, now_s)
     if line == flow.last[0] and now_s - flow.last[1] <= AGAIN_S:
@@ -80,12 +80,12 @@ def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_
         shown = tuple(count + (other == rank) for other, count in enumerate(flow.shown))
         flow = replace(flow, last=(line, now_s), shown=shown)
         commands.append(Say(Level.WARNING, line))
-    return state.put(changed(vehicle, texts=flow)), tuple(commands)
+    return state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow))), tuple(commands)
 
 
 def _begun_anew(vehicle: VehicleState, now_s: float) -> tuple[TextFlow, list[Command]]:
     """Begin a window; say what was passed over in the last one."""
-    flow = vehicle.texts
+    flow = vehicle.telemetry.texts
     count, took_s = flow.passed_over, now_s - flow.since_s
     what = f"{vehicle.name}: {count_of(count, 'more text')} in {took_s:.0f} s"
     return TextFlow(flow.last, now_s), [Say(Level.WARNING, what)] if count else []

@@ -19,11 +19,11 @@ FLIES_M_S = 1.5
 
 def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
     """Return why an armed vehicle is taken to be down, with its place; empty if it is not."""
-    fix, limits = vehicle.fix, context.limits
+    fix, limits = vehicle.motion.fix, context.limits
     if vehicle.stage not in _SEEN or not vehicle.armed or fix is None:
         return ""
-    if vehicle.tilted_since_s is not None and now_s - vehicle.tilted_since_s >= limits.tilt_s:
-        tilt = vehicle.attitude
+    if vehicle.sensors.tilted_since_s is not None and now_s - vehicle.sensors.tilted_since_s >= limits.tilt_s:
+        tilt = vehicle.sensors.attitude
         angle_deg = 0.0 if tilt is None else max(abs(tilt.roll_deg), abs(tilt.pitch_deg))
         return f"leans by {angle_deg:.0f} degrees, {place_words(context, vehicle)}"
     if now_s - fix.at_s > limits.link_stale_s:
@@ -38,29 +38,34 @@ def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
 
 def _unsaid(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether nobody knows any more in which mode it is, and whether it is armed."""
-    return vehicle.heartbeat_s is None or now_s - max(vehicle.heartbeat_s, vehicle.excused_s) >= UNSAID_S
+    return vehicle.link.heartbeat_s is None or now_s - max(vehicle.link.heartbeat_s, vehicle.link.excused_s) >= UNSAID_S
 
 
 def _still(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle on its way home has stopped for good."""
-    fix, anchor, limits = vehicle.fix, vehicle.anchor, context.limits
-    if fix is None or anchor is None or vehicle.left_s is None or now_s - vehicle.left_s < limits.on_ground_s:
+    fix, anchor, limits = vehicle.motion.fix, vehicle.motion.anchor, context.limits
+    if (
+        fix is None
+        or anchor is None
+        or vehicle.sortie.left_s is None
+        or now_s - vehicle.sortie.left_s < limits.on_ground_s
+    ):
         return False
     low_over_pad = over_its_pad(context, vehicle) and fix.alt_rel_m > limits.airborne_m
     if low_over_pad or not (comes_home(context, vehicle) or _unsaid(vehicle, now_s)):
         return False
     stood_s = fix.boot_s - anchor.boot_s
     # On its pad it lands, and disarms some seconds later.
-    if vehicle.on_ground and not over_its_pad(context, vehicle):
+    if vehicle.telemetry.on_ground and not over_its_pad(context, vehicle):
         return stood_s >= limits.on_ground_s
     # Who hangs in the air says so, and a wreck on a hill may say the same.
-    hangs = vehicle.on_ground is False and fix.alt_rel_m > limits.off_pad_up_m
+    hangs = vehicle.telemetry.on_ground is False and fix.alt_rel_m > limits.off_pad_up_m
     return stood_s >= (limits.hangs_most_s if hangs else limits.down_s)
 
 
 def flies_again(vehicle: VehicleState) -> bool:
     """Return whether a vehicle that was found down flies after all."""
-    fix, anchor = vehicle.fix, vehicle.anchor
-    if fix is None or anchor is None or not vehicle.armed or vehicle.tilted_since_s is not None:
+    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
+    if fix is None or anchor is None or not vehicle.armed or vehicle.sensors.tilted_since_s is not None:
         return False
     return abs(fix.alt_rel_m - anchor.alt_rel_m) > FLIES_UP_M or math.hypot(*fix.velocity_m_s) > FLIES_M_S

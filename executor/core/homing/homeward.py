@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from executor.core.changed import changed
 from executor.core.commands import Command, LandNow, Level, Say, SendHome
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.events import OrderEnded, ReturnEnded
+from executor.core.parts import Cause, Errand
 from executor.core.state import FleetState
-from executor.core.vehicle import IN_THE_AIR, Cause, Errand, Stage, VehicleState
+from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode
 
@@ -54,21 +54,21 @@ class Advice:
 def comes_home(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it flies home, or lands, by itself."""
     dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.heartbeat is not None and is_home_mode(dialect, vehicle.heartbeat.custom_mode)
+    return vehicle.telemetry.heartbeat is not None and is_home_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
 
 
 def on_mission(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it is in mission mode."""
     dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.heartbeat is not None and is_mission_mode(dialect, vehicle.heartbeat.custom_mode)
+    return vehicle.telemetry.heartbeat is not None and is_mission_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
 
 
 def comes_down(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that was out there is in its landing, or on the ground again."""
-    fix = vehicle.fix
-    if vehicle.stage not in IN_THE_AIR or not vehicle.took_off:
+    fix = vehicle.motion.fix
+    if vehicle.stage not in IN_THE_AIR or not vehicle.sortie.took_off:
         return False
-    if not vehicle.armed or vehicle.on_ground:
+    if not vehicle.armed or vehicle.telemetry.on_ground:
         return True
     if on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
         return True
@@ -78,7 +78,7 @@ def comes_down(context: Context, vehicle: VehicleState) -> bool:
 
 def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # noqa: PLR0911 - one return a reason
     """Return what to do about a vehicle that should not fly its mission any more."""
-    errand = vehicle.errand or Errand(now_s)
+    errand = vehicle.orders.errand or Errand(now_s)
     if in_other_hands(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
         return Advice(Answer.LEAVE, "with its pilot, not commanded")
     if errand.land:
@@ -87,7 +87,7 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
         return Advice(Answer.LEAVE, "returning or landing by itself, not commanded")
     if not errand.force and (failsafe := _failsafe_acts(context, vehicle, now_s)) is not None:
         return failsafe
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
             return Advice(Answer.WAIT)
@@ -104,12 +104,12 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
 
 def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Advice | None:
     """Return how long a failsafe is waited for that holds before it acts; None if none acts."""
-    if vehicle.cause is not Cause.FAILSAFE or vehicle.heartbeat is None:
+    if vehicle.custody.cause is not Cause.FAILSAFE or vehicle.telemetry.heartbeat is None:
         return None
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    if vehicle.heartbeat.custom_mode != hold:
+    if vehicle.telemetry.heartbeat.custom_mode != hold:
         return Advice(Answer.LEAVE, "left to its own failsafe")
-    if now_s - vehicle.mode_since_s < context.limits.failsafe_hold_s:
+    if now_s - vehicle.telemetry.mode_since_s < context.limits.failsafe_hold_s:
         return Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
     return None
 
@@ -119,12 +119,12 @@ HANGS_S = 10.0
 
 def _hangs(vehicle: VehicleState) -> bool:
     """Return whether it has stood over its pad for longer than any mission of ours does."""
-    fix, anchor = vehicle.fix, vehicle.anchor
+    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
     return fix is not None and anchor is not None and fix.boot_s - anchor.boot_s >= HANGS_S
 
 
 def _lands(vehicle: VehicleState) -> bool:
-    fix, leg = vehicle.fix, vehicle.leg
+    fix, leg = vehicle.motion.fix, vehicle.leg
     landing = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
     return landing or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
 
@@ -133,19 +133,19 @@ def sent_home(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, land: bool = False, force: bool = False
 ) -> Stepped:
     """Let a vehicle that has left its mission come home: it is told now, or as soon as that is right."""
-    vehicle = changed(vehicle, errand=Errand(now_s, land=land, force=force))
+    vehicle = replace(vehicle, orders=replace(vehicle.orders, errand=Errand(now_s, land=land, force=force)))
     return pursued(context, state.put(vehicle), vehicle.name, now_s)
 
 
 def pursued(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     """Tell a vehicle what it is to be told, if that is right now."""
     vehicle = state.vehicles[name]
-    errand = vehicle.errand
+    errand = vehicle.orders.errand
     if errand is None or errand.told:
         return state, ()
     if vehicle.stage is not Stage.RETURNING:
-        return state.put(changed(vehicle, errand=None)), ()
-    if vehicle.stale or now_s < errand.not_before_s:
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None))), ()
+    if vehicle.link.stale or now_s < errand.not_before_s:
         return state, ()
     found = advice(context, vehicle, now_s)
     match found.answer:
@@ -160,25 +160,30 @@ def _told(
 ) -> Stepped:
     modes = context.vehicles[vehicle.name].dialect.modes
     expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
-    told = changed(vehicle, errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected))
+    told = replace(
+        vehicle,
+        orders=replace(
+            vehicle.orders, errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
+        ),
+    )
     return state.put(told), (LandNow(vehicle.name) if land else SendHome(vehicle.name),)
 
 
 def answered(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -> Stepped:
     """Take what a vehicle made of the order: what was lost or refused is told again, whatever else is not."""
     vehicle = state.vehicles[event.vehicle]
-    errand = vehicle.errand
+    errand = vehicle.orders.errand
     if errand is None or not errand.told:
         return state, ()
     if event.accepted:
-        return state.put(changed(vehicle, errand=None)), ()
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None))), ()
     if event.lost:
-        return state.put(changed(vehicle, errand=replace(errand, told=False))), ()
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=replace(errand, told=False)))), ()
     if event.refused:
         again = replace(errand, told=False, not_before_s=now_s + REFUSED_AGAIN_S)
-        return state.put(changed(vehicle, errand=again)), ()
-    done = state.put(changed(vehicle, errand=None))
-    if vehicle.heartbeat_s is None or now_s - vehicle.heartbeat_s >= UNSAID_S:
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=again))), ()
+    done = state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None)))
+    if vehicle.link.heartbeat_s is None or now_s - vehicle.link.heartbeat_s >= UNSAID_S:
         return done, ()  # nobody knows what it does
     text = f"{vehicle.name}: acknowledged the order but does not follow it; not commanded again"
     return done, (Say(Level.WARNING, text),)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from executor.core.changed import changed
 from executor.core.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
@@ -15,12 +14,13 @@ from executor.core.homing import homeward
 from executor.core.homing.homeward import on_mission, sent_home
 from executor.core.intents import Action, Intent, IntentReason, IntentRecord, Outcome
 from executor.core.operator import refusals
+from executor.core.parts import Cause
 from executor.core.places import place_words
 from executor.core.replan import replanning
 from executor.core.roster import takeover
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -72,7 +72,7 @@ def operator_step(
 
 def _received(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
     """Take an intent; one that was taken before changes nothing."""
-    if intent.id in state.intents:
+    if intent.id in state.crew.intents:
         return state, ()
     refused = refusals.reason(context, state, intent, now_s)
     wish = f"{intent.source} asks: {intent.action.value}" + (f" {intent.vehicle}" if intent.vehicle else "")
@@ -95,11 +95,11 @@ def _received(context: Context, state: FleetState, intent: Intent, now_s: float)
 
 
 def _kept(state: FleetState, record: IntentRecord) -> FleetState:
-    intents = {**state.intents, record.intent.id: record}
+    intents = {**state.crew.intents, record.intent.id: record}
     if len(intents) > KEPT_INTENTS:
         over = next((name for name, one in intents.items() if one.ended_s is not None), None)
         intents.pop(over or next(iter(intents)))
-    return changed(state, intents=MappingProxyType(intents))
+    return replace(state, crew=replace(state.crew, intents=MappingProxyType(intents)))
 
 
 def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
@@ -110,11 +110,17 @@ def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
 
 def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
-    held = replace(vehicle, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s)
+    held = replace(vehicle, orders=replace(vehicle.orders, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s))
     if vehicle.stage is Stage.PILOT:
-        held = replace(moved_to(held, Stage.FLYING), taken=None)
+        held = replace(moved_to(held, Stage.FLYING), custody=replace(held.custody, taken=None))
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    state = state.put(replace(held, ordered_modes=frozenset({hold}), cause=Cause.OURS))
+    state = state.put(
+        replace(
+            held,
+            orders=replace(held.orders, ordered_modes=frozenset({hold})),
+            custody=replace(held.custody, cause=Cause.OURS),
+        )
+    )
     return _Ordered(state, "hold commanded", (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
@@ -122,7 +128,9 @@ def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -
     vehicle = _vehicle(state, intent)
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
     mission = context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
-    state = state.put(replace(vehicle, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
+    state = state.put(
+        replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
+    )
     return _Ordered(state, "resume commanded", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name}))
 
 
@@ -145,11 +153,13 @@ def _sent_home(
 ) -> Stepped:
     """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
-        state = state.put(replace(left_plan(vehicle, Stage.LANDED, now_s), excluded=True))
+        left = left_plan(vehicle, Stage.LANDED, now_s)
+        state = state.put(replace(left, orders=replace(left.orders, excluded=True)))
         return state, (SendHome(vehicle.name),)  # in place of its start
-    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), excluded=True)
+    left = left_plan(vehicle, Stage.RETURNING, now_s)
+    left = replace(left, orders=replace(left.orders, excluded=True))
     if force:
-        left = replace(left, taken=None, cause=Cause.OURS)
+        left = replace(left, custody=replace(left.custody, taken=None, cause=Cause.OURS))
     return sent_home(context, state, left, now_s, force=force)
 
 
@@ -159,8 +169,9 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
     fault = vehicle.fault or Fault(
         FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s, FaultCode.OPERATOR_LAND
     )
-    left = replace(left_plan(vehicle, Stage.RETURNING, now_s), lands=True, excluded=True, fault=fault)
-    left = replace(left, taken=None, cause=Cause.OURS) if intent.confirmed else left
+    left = left_plan(vehicle, Stage.RETURNING, now_s)
+    left = replace(left, fault=fault, orders=replace(left.orders, lands=True, excluded=True))
+    left = replace(left, custody=replace(left.custody, taken=None, cause=Cause.OURS)) if intent.confirmed else left
     state, told = sent_home(context, state, left, now_s, land=True, force=intent.confirmed)
     others: tuple[Command, ...] = ()
     if planned:
@@ -171,12 +182,23 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
 
 def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     vehicle = _vehicle(state, intent)
-    state = state.put(replace(vehicle, excluded=True))
+    vehicle = replace(vehicle, orders=replace(vehicle.orders, excluded=True))
+    state = state.put(vehicle)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
-        return _Ordered(state.put(replace(state.vehicles[vehicle.name], cleared_s=None)), "it stays on the ground")
+        given = vehicle.assignment.pending is not None
+        vehicle = replace(
+            vehicle,
+            orders=replace(vehicle.orders, cleared_s=None),
+            assignment=replace(vehicle.assignment, pending=None),
+        )
+        state = state.put(vehicle)
+        if given:  # it would start as soon as its new mission is on board
+            state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded on the ground", now_s)
+            return _Ordered(state, "it stays on the ground", more)
+        return _Ordered(state, "it stays on the ground")
     if vehicle.stage is Stage.PILOT:
-        hold = replace(vehicle.taken, given_away=True) if vehicle.taken is not None else None
-        state = state.put(replace(state.vehicles[vehicle.name], taken=hold))
+        hold = replace(vehicle.custody.taken, given_away=True) if vehicle.custody.taken is not None else None
+        state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=hold)))
         state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
         return _Ordered(state, "it stays with its pilot; its segments are to be reassigned", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
@@ -195,7 +217,7 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
 def _others(state: FleetState, name: str) -> bool:
     gone = (Stage.LOST, Stage.RETURNING)
     return any(
-        one.name != name and one.fault is None and not one.excluded and one.stage not in gone
+        one.name != name and one.fault is None and not one.orders.excluded and one.stage not in gone
         for one in state.vehicles.values()
     )
 
@@ -205,19 +227,40 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
     if vehicle.stage is Stage.PILOT:
         state, more = takeover.given_back(context, state, vehicle, now_s)
         return _Ordered(state, "it is back in the plan", more)
-    mended = state.mended if vehicle.fault is None else (*state.mended, (vehicle.name, vehicle.fault))
+    mended = (
+        state.replanning.mended if vehicle.fault is None else (*state.replanning.mended, (vehicle.name, vehicle.fault))
+    )
     ready = replace(
-        moved_to(vehicle, Stage.GROUND), fault=None, excluded=False, stubborn=False, lands=False, held_s=None,
-        watches=(), alarm=("", float("-inf")), failures=0, armed_once=False, cleared_s=now_s, taken=None,
-    )  # fmt: skip
-    trigger = f"{vehicle.name}: is back with {vehicle.battery.remaining_pct or 0.0:.0f} % in its battery"
+        moved_to(vehicle, Stage.GROUND),
+        fault=None,
+        watches=(),
+        orders=replace(vehicle.orders, excluded=False, lands=False, held_s=None, cleared_s=now_s),
+        assignment=replace(vehicle.assignment, stubborn=False, failures=0),
+        telemetry=replace(vehicle.telemetry, alarm=("", float("-inf"))),
+        sortie=replace(vehicle.sortie, armed_once=False),
+        custody=replace(vehicle.custody, taken=None),
+    )
+    trigger = f"{vehicle.name}: is back with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
+    state = state.put(ready)
     state = replace(
-        state.put(ready), mended=mended, given_up=frozenset(), urgent=True, trigger=trigger, trigger_s=now_s,
-        considered=state.considered - {vehicle.name}, offers_over=False,
-    )  # fmt: skip
-    if state.offer is not None and len(state.offer.vehicles) > 1:
+        state,
+        replanning=replace(
+            state.replanning,
+            mended=mended,
+            urgent=True,
+            trigger=trigger,
+            trigger_s=now_s,
+            considered=state.replanning.considered - {vehicle.name},
+        ),
+        coverage=replace(state.coverage, given_up=frozenset()),
+        crew=replace(state.crew, offers_over=False),
+    )
+    if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
         # The others may be cleared in a moment: the work is shared then.
-        state = replace(state, wait_until_s=max(state.wait_until_s, now_s + SHARED_S))
+        state = replace(
+            state,
+            replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
+        )
     if replanning.orphans(context, state):
         return _Ordered(state, "it is back in the plan; re-planning with it")
     return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
@@ -230,13 +273,17 @@ def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 
 def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    briefing = replace(state.briefing, question=None, answered=intent.action.value)
-    return _Ordered(changed(state, briefing=briefing), "yes")
+    briefing = replace(state.crew.briefing, question=None, answered=intent.action.value)
+    return _Ordered(replace(state, crew=replace(state.crew, briefing=briefing)), "yes")
 
 
 def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     trigger = f"{intent.source} asks for it"
-    state = replace(state, ordered=True, trigger=trigger, trigger_s=now_s, given_up=frozenset())
+    state = replace(
+        state,
+        replanning=replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s),
+        coverage=replace(state.coverage, given_up=frozenset()),
+    )
     return _Ordered(state, "all open segments are re-planned", open=True)
 
 
@@ -245,7 +292,7 @@ def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
     commands = commands[1:]  # the first line says what the intent's own does
     text = "all vehicles ordered to return"
-    if not told and state.silent_since_s is not None:
+    if not told and state.listening.silent_since_s is not None:
         text = "no link to any vehicle; RTL will be commanded as soon as a link is back"
     elif not told:
         text = "no vehicle is on its mission; no further take-off"
@@ -255,15 +302,20 @@ def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) ->
 def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Send everybody home."""
     commands: list[Command] = [Say(Level.WARNING, "flight aborted by the operator, all vehicles return")]
-    if state.replan is not None and state.replan.solve_s is None:
-        commands.append(CancelSolve(state.replan.solve.revision))
+    if state.replanning.replan is not None and state.replanning.replan.solve_s is None:
+        commands.append(CancelSolve(state.replanning.replan.solve.revision))
     for vehicle in state.vehicles.values():
         if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and in_other_hands(vehicle)):
             commands.append(Say(Level.WARNING, f"{vehicle.name}: is with its pilot; RTL not commanded"))
         elif vehicle.stage in _ON_MISSION:
             state, more = _sent_home(context, state, vehicle, now_s)
             commands.extend(more)
-    return replace(state, recalled=True, replan=None, offer=None, launched_s=state.launched_s or now_s), tuple(commands)
+    return replace(
+        state,
+        progress=replace(state.progress, recalled=True, launched_s=state.progress.launched_s or now_s),
+        replanning=replace(state.replanning, replan=None),
+        crew=replace(state.crew, offer=None),
+    ), tuple(commands)
 
 
 _Handler = Callable[[Context, FleetState, Intent, float], _Ordered]
@@ -288,11 +340,15 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
     vehicle = state.vehicles[event.vehicle]
     actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
     state = _closed(state, event.vehicle, actions, event, now_s)
-    if event.action is Action.HOLD and not event.accepted and vehicle.held_s is not None:
+    if event.action is Action.HOLD and not event.accepted and vehicle.orders.held_s is not None:
         # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
-        state = state.put(replace(vehicle, ordered_mode_s=now_s))
-    if event.action is Action.RESUME and event.accepted and vehicle.held_s is not None:
-        gone_on = replace(vehicle, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s, anchor=None)
+        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
+    if event.action is Action.RESUME and event.accepted and vehicle.orders.held_s is not None:
+        gone_on = replace(
+            vehicle,
+            orders=replace(vehicle.orders, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s),
+            motion=replace(vehicle.motion, anchor=None),
+        )
         state = state.put(gone_on)
     if event.action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
         # It was to be stopped on the ground and is not there any more.
@@ -305,7 +361,7 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
     ]
     note = f"; {event.reason}" if event.reason else ""
     if event.action is Action.DISARM and vehicle.stage is Stage.DOWN:
-        note = f"; {place_words(context, replace(vehicle, heartbeat=None))}"
+        note = f"; {place_words(context, replace(vehicle, telemetry=replace(vehicle.telemetry, heartbeat=None)))}"
     return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
 
 
@@ -334,8 +390,8 @@ def _closed(
     state: FleetState, vehicle: str, actions: frozenset[Action], event: OrderEnded | ReturnEnded, now_s: float
 ) -> FleetState:
     """Note an answer in every intent that waits for it."""
-    intents = dict(state.intents)
-    for name, record in state.intents.items():
+    intents = dict(state.crew.intents)
+    for name, record in state.crew.intents.items():
         if record.intent.action not in actions or vehicle not in record.waiting:
             continue
         waiting = record.waiting - {vehicle}
@@ -349,35 +405,47 @@ def _closed(
             intents[name] = replace(record, outcome=Outcome.DONE, text=text, waiting=waiting, ended_s=now_s)
         else:
             intents[name] = replace(record, waiting=waiting)
-    return changed(state, intents=MappingProxyType(intents))
+    return replace(state, crew=replace(state.crew, intents=MappingProxyType(intents)))
 
 
 def settle_intents(context: Context, state: FleetState, now_s: float) -> FleetState:
     """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
     for vehicle in state.vehicles.values():
-        if vehicle.held_s is not None and _goes_on(context, vehicle, now_s):
-            state = state.put(replace(vehicle, held_s=None, anchor=None))
-        elif vehicle.held_s is None and _holds_late(context, vehicle, now_s):
-            state = state.put(replace(vehicle, held_s=now_s))
+        if vehicle.orders.held_s is not None and _goes_on(context, vehicle, now_s):
+            state = state.put(
+                replace(
+                    vehicle, orders=replace(vehicle.orders, held_s=None), motion=replace(vehicle.motion, anchor=None)
+                )
+            )
+        elif vehicle.orders.held_s is None and _holds_late(context, vehicle, now_s):
+            state = state.put(replace(vehicle, orders=replace(vehicle.orders, held_s=now_s)))
     ended = {
         name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s, code=code)
-        for name, record in state.intents.items()
+        for name, record in state.crew.intents.items()
         if record.outcome is Outcome.ACCEPTED
         for outcome, text, code in (_settlement(state, record, now_s),)
         if outcome is not None
     }
-    return changed(state, intents=MappingProxyType({**state.intents, **ended})) if ended else state
+    return (
+        replace(state, crew=replace(state.crew, intents=MappingProxyType({**state.crew.intents, **ended})))
+        if ended
+        else state
+    )
 
 
 def _goes_on(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    quiet = now_s - max(vehicle.ordered_mode_s, vehicle.mode_since_s) > OTHERS_MODE_S
-    return quiet and not vehicle.stale and on_mission(context, vehicle)
+    quiet = now_s - max(vehicle.orders.ordered_mode_s, vehicle.telemetry.mode_since_s) > OTHERS_MODE_S
+    return quiet and not vehicle.link.stale and on_mission(context, vehicle)
 
 
 def _holds_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    if vehicle.stage is not Stage.FLYING or now_s - vehicle.hold_asked_s > LATE_S or vehicle.heartbeat is None:
+    if (
+        vehicle.stage is not Stage.FLYING
+        or now_s - vehicle.orders.hold_asked_s > LATE_S
+        or vehicle.telemetry.heartbeat is None
+    ):
         return False
-    return vehicle.heartbeat.custom_mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    return vehicle.telemetry.heartbeat.custom_mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
 _Settled = tuple[Outcome | None, str, IntentReason | None]
@@ -400,12 +468,12 @@ def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> _Settl
 
 
 def _replan_settled(state: FleetState, record: IntentRecord) -> _Settled:
-    last = state.records[-1] if state.records else None
-    if last is not None and last.ended_s > record.at_s and state.replan is None:
+    last = state.replanning.records[-1] if state.replanning.records else None
+    if last is not None and last.ended_s > record.at_s and state.replanning.replan is None:
         left = f", {len(last.uncovered)} segments are left over" if last.uncovered else ""
         return Outcome.DONE, f"re-plan {last.revision} is on board{left}", None
-    if state.recalled:
+    if state.progress.recalled:
         return Outcome.FAILED, "the flight was aborted", IntentReason.ABORTED
-    if state.replan is None and not state.ordered and not state.urgent:
+    if state.replanning.replan is None and not state.replanning.ordered and not state.replanning.urgent:
         return Outcome.FAILED, "there was nothing to plan, or no vehicle to fly it", IntentReason.NOTHING_TO_PLAN
     return None, "", None

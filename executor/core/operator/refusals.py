@@ -36,11 +36,11 @@ Why = tuple[IntentReason, str] | None
 
 def reason(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:
     """Return why an intent is refused, as code and words; None if it is not."""
-    if state.finished:
+    if state.progress.finished:
         return IntentReason.OVER, "the flight is over"
     if intent.action in BEFORE:
         return _before(state, intent)
-    if state.launched_s is None:
+    if state.progress.launched_s is None:
         return IntentReason.NOT_BEGUN, NOT_BEGUN
     if intent.action in FOR_ALL:
         if intent.vehicle is not None:
@@ -76,8 +76,8 @@ def question(context: Context, state: FleetState, intent: Intent) -> str:
 
 
 def _before(state: FleetState, intent: Intent) -> Why:
-    asked = state.briefing.question
-    if state.launched_s is not None:
+    asked = state.crew.briefing.question
+    if state.progress.launched_s is not None:
         return IntentReason.BEGUN, "the flight has begun"
     if intent.vehicle is not None:
         return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
@@ -86,7 +86,7 @@ def _before(state: FleetState, intent: Intent) -> Why:
 
 
 def _silent(vehicle: VehicleState, context: Context, now_s: float) -> Why:
-    heard_s = vehicle.heard_s
+    heard_s = vehicle.link.heard_s
     if heard_s is None:
         return IntentReason.NEVER_HEARD, "no message was ever received from it"
     if now_s - heard_s >= context.limits.link_stale_s:
@@ -97,9 +97,11 @@ def _silent(vehicle: VehicleState, context: Context, now_s: float) -> Why:
 def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
     if vehicle.stage is not Stage.FLYING and vehicle.stage is not Stage.PILOT:
         return IntentReason.NOT_ON_MISSION, f"it is not on its mission, it is {vehicle.stage.value}"
-    if vehicle.held_s is not None:
+    if vehicle.orders.held_s is not None:
         return IntentReason.ON_HOLD, "it holds already"
-    if vehicle.pending is not None:
+    if vehicle.fault is not None or vehicle.orders.excluded:
+        return IntentReason.OUT_OF_PLAN, "it is out of the plan; return or land it"
+    if vehicle.assignment.pending is not None:
         return IntentReason.UPLOADING, "its new mission is being put on board; ask again in a moment"
     phase = None if vehicle.leg is None else vehicle.leg.phase
     if phase is Phase.TAKEOFF:
@@ -112,9 +114,9 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
 def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:
     if vehicle.stage is Stage.PILOT:
         return IntentReason.WITH_PILOT, "it is with its pilot, who must set mission mode; then include it"
-    if vehicle.stage is not Stage.FLYING or vehicle.held_s is None:
+    if vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is None:
         return IntentReason.NOT_ON_HOLD, f"it is not on hold, it is {vehicle.stage.value}"
-    if state.recalled:
+    if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
     return _silent(vehicle, context, now_s)
 
@@ -132,10 +134,10 @@ def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 
 def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     if vehicle.stage not in IN_THE_AIR or not vehicle.armed:
         return IntentReason.NOT_FLYING, f"it does not fly, it is {vehicle.stage.value}"
-    if vehicle.lands:
+    if vehicle.orders.lands:
         return IntentReason.LANDING, "it is landing already"
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         return IntentReason.POSITION_UNKNOWN, "its position is not known"
@@ -157,7 +159,7 @@ def _from_line_m(context: Context, place_m: tuple[float, float]) -> float:
 def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
     if vehicle.fault is not None:
         return IntentReason.OUT_OF_PLAN, f"it is out of the plan already: {vehicle.fault.reason}"
-    if vehicle.excluded:
+    if vehicle.orders.excluded:
         return IntentReason.OUT_OF_PLAN, "it is out of the plan already"
     return None
 
@@ -165,22 +167,27 @@ def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
 def _include(  # noqa: PLR0911 - one return for each reason
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float
 ) -> Why:
-    setup, remaining = context.vehicles[vehicle.name], vehicle.battery.remaining_pct
+    setup, remaining = context.vehicles[vehicle.name], vehicle.power.battery.remaining_pct
     if vehicle.stage is Stage.PILOT:
         return _from_its_pilot(state, vehicle)
     if vehicle.stage not in _ON_GROUND or vehicle.armed:
         return IntentReason.NOT_AT_REST, f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
-    if state.recalled:
+    if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
     if silent := _silent(vehicle, context, now_s):
         return silent
-    if vehicle.tilted_since_s is not None:
+    if vehicle.sensors.tilted_since_s is not None:
         return IntentReason.TILTED, "it is tilted, it may have tipped over"
-    if vehicle.cleared_s is not None:
+    if vehicle.orders.cleared_s is not None:
         return IntentReason.CLEARED, "it is cleared for take-off already"
-    if vehicle.fault is None and not vehicle.excluded and not vehicle.stubborn and not open_segments(context, state):
+    if (
+        vehicle.fault is None
+        and not vehicle.orders.excluded
+        and not vehicle.assignment.stubborn
+        and not open_segments(context, state)
+    ):
         return IntentReason.IN_PLAN, "it is in the plan already, and no segment is left over"
-    if vehicle.fix is None or math.dist(vehicle.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+    if vehicle.motion.fix is None or math.dist(vehicle.motion.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
         return IntentReason.OFF_PAD, "it is not on its pad, where its climb and landing are planned"
     if remaining is None or remaining < setup.reserve_pct + LEAST_SPARE_PCT:
         shown = "unknown" if remaining is None else f"{remaining:.0f} %"
@@ -192,11 +199,11 @@ def _include(  # noqa: PLR0911 - one return for each reason
 
 
 def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> Why:
-    if vehicle.taken is None or vehicle.taken.returned_s is None:
+    if vehicle.custody.taken is None or vehicle.custody.taken.returned_s is None:
         return IntentReason.WITH_PILOT, "it is with its pilot, who must set mission mode first"
     if vehicle.fault is not None:
         return IntentReason.OUT_OF_PLAN, f"it is out of the plan: {vehicle.fault.reason}"
-    return (IntentReason.ABORTED, "the flight was aborted") if state.recalled else None
+    return (IntentReason.ABORTED, "the flight was aborted") if state.progress.recalled else None
 
 
 def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:  # noqa: ARG001
@@ -208,22 +215,22 @@ def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 
 
 def _replan(context: Context, state: FleetState, now_s: float) -> Why:
-    if state.recalled:
+    if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
-    if state.replan is not None or state.ordered:
+    if state.replanning.replan is not None or state.replanning.ordered:
         return IntentReason.REPLANNING, "a re-plan is under way"
     offers = [offer for vehicle in state.vehicles.values() if (offer := replanning.survivor(context, vehicle, now_s))]
     if not offers:
         return IntentReason.NO_VEHICLE, "no vehicle can take a new route now"
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
-    if not freed and not state.given_up and not replanning.orphans(context, state):
+    if not freed and not state.coverage.given_up and not replanning.orphans(context, state):
         return IntentReason.NOTHING_TO_PLAN, "nothing is left to re-plan"
     return None
 
 
 def _abort(context: Context, state: FleetState, now_s: float) -> Why:  # noqa: ARG001
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
-    if not flies and state.offer is None:
+    if not flies and state.crew.offer is None:
         return IntentReason.NO_VEHICLE, "no vehicle is on a mission"
     return None
 

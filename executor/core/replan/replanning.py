@@ -7,7 +7,6 @@ from types import MappingProxyType
 
 from executor.core import projection
 from executor.core.battery import account
-from executor.core.changed import changed
 from executor.core.commands import Command, Compose, Level, Say, Solve, Survivor, Upload
 from executor.core.context import Context, FlyAgain
 from executor.core.events import MissionsWanted, NewRoute, SolveEnded
@@ -38,7 +37,7 @@ Some 10 ms for fifty vehicles, whose missions together would take a third of a s
 
 def orphans(context: Context, state: FleetState) -> frozenset[int]:
     """Return the segments that are not inspected, not given up, and on nobody's way."""
-    wanted = context.wanted - set(state.inspected) - state.given_up
+    wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up
     for vehicle in state.on_mission():
         wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()}
     return frozenset(wanted)
@@ -47,34 +46,40 @@ def orphans(context: Context, state: FleetState) -> frozenset[int]:
 def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
     """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
     # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
-    heard = state.heard_s is not None and not state.stale and now_s - state.heard_s < context.limits.link_stale_s
-    out = state.fault is not None or state.stubborn or state.excluded or state.held_s is not None
-    out = out or state.carried.doubted()
-    if out or not heard or state.battery.remaining_pct is None:
+    heard = (
+        state.link.heard_s is not None
+        and not state.link.stale
+        and now_s - state.link.heard_s < context.limits.link_stale_s
+    )
+    out = (
+        state.fault is not None or state.assignment.stubborn or state.orders.excluded or state.orders.held_s is not None
+    )
+    out = out or state.assignment.carried.doubted()
+    if out or not heard or state.power.battery.remaining_pct is None:
         return None
     if state.stage in {Stage.GROUND, Stage.LANDED}:
-        if state.tilted_since_s is not None:
+        if state.sensors.tilted_since_s is not None:
             return None  # it lies on its side
         if context.fly_again is not FlyAgain.AUTO and not _cleared(state, now_s):
             return None
         return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
-    if state.stage not in {Stage.FLYING, Stage.STARTING} or state.board is None or state.fix is None:
+    if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
         return None
     if not _on_its_mission(context, state, now_s):
         return None
     kept = _kept(context, state)
     if kept is None:
         return None
-    if kept > state.waypoint:
-        start, spent = state.board.places_m[kept - 1], projection.modelled_to_reach_pct(state, kept - 1)
+    if kept > state.assignment.waypoint:
+        start, spent = state.assignment.board.places_m[kept - 1], projection.modelled_to_reach_pct(state, kept - 1)
     else:
-        start, spent = state.fix.place_m, 0.0
-    return _offer(context, state, start, spent * account.factor(state.battery), airborne=True, kept=kept)
+        start, spent = state.motion.fix.place_m, 0.0
+    return _offer(context, state, start, spent * account.factor(state.power.battery), airborne=True, kept=kept)
 
 
 def _on_its_mission(context: Context, state: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle in the air says that it flies its mission: after an absence of ours it may not."""
-    beat, beat_s = state.heartbeat, state.heartbeat_s
+    beat, beat_s = state.telemetry.heartbeat, state.link.heartbeat_s
     if beat is None or beat_s is None or now_s - beat_s >= context.limits.heartbeat_stale_s:
         return False
     return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
@@ -82,26 +87,34 @@ def _on_its_mission(context: Context, state: VehicleState, now_s: float) -> bool
 
 def heard_again(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Plan anew for a vehicle that was silent at the last re-plan, if that left something over which it may reach."""
-    left = frozenset(state.records[-1].uncovered) & state.given_up if state.records else frozenset()
-    out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.considered
-    if out or not left or state.recalled:
+    left = (
+        frozenset(state.replanning.records[-1].uncovered) & state.coverage.given_up
+        if state.replanning.records
+        else frozenset()
+    )
+    out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.replanning.considered
+    if out or not left or state.progress.recalled:
         return state
     trigger = f"{vehicle.name}: link regained"
-    return replace(state, given_up=state.given_up - left, urgent=True, trigger=trigger, trigger_s=now_s)
+    return replace(
+        state,
+        coverage=replace(state.coverage, given_up=state.coverage.given_up - left),
+        replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
+    )
 
 
 def _cleared(state: VehicleState, now_s: float) -> bool:
     """Return whether the crew has said that it may take off, just now."""
-    return state.cleared_s is not None and now_s - state.cleared_s <= CLEARED_S
+    return state.orders.cleared_s is not None and now_s - state.orders.cleared_s <= CLEARED_S
 
 
 def _kept(context: Context, state: VehicleState) -> int | None:
     """Return how many waypoints must stay: the visit under way or flown to, and what is over before the upload is."""
-    board = state.board
+    board = state.assignment.board
     if board is None:
         return None
     waypoints = board.path.waypoints
-    kept = state.waypoint
+    kept = state.assignment.waypoint
     while kept < len(waypoints):
         if waypoints[kept].phase in {Phase.TAKEOFF, Phase.TRANSIT, Phase.INSPECT}:
             # A visit is finished once it is flown to. After its end the next leg may be replaced while it is flown.
@@ -124,51 +137,65 @@ def _offer(
     context: Context, state: VehicleState, start_m: tuple[float, float], spent_pct: float, *, airborne: bool, kept: int
 ) -> Survivor:
     setup = context.vehicles[state.name]
-    remaining = state.battery.remaining_pct or 0.0
+    remaining = state.power.battery.remaining_pct or 0.0
     # The site's budget is in the planning model's terms; in flight it stands for what such a route really costs.
     allowed = setup.budget_pct * context.overhead + context.fixed_pct
-    left = min(remaining - setup.reserve_pct, allowed - state.battery.used_pct)
+    left = min(remaining - setup.reserve_pct, allowed - state.power.battery.used_pct)
     still_fixed = context.landing_pct if airborne else context.fixed_pct
     budget = left - spent_pct - still_fixed - QUANTUM_PCT
     tail: tuple[int, ...] = ()
-    if state.board is not None and airborne:
-        ahead = {waypoint.visit for waypoint in state.board.path.waypoints[kept:]}
-        tail = tuple(visit for index, visit in enumerate(state.board.visits) if index in ahead)
+    if state.assignment.board is not None and airborne:
+        ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
+        tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
     return Survivor(state.name, start_m, max(0.0, budget), projection.consumption(context, state), airborne, tail, kept)
 
 
 def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Begin a re-plan if there is a need for one and somebody to do it."""
     alone = orphans(context, state)
-    if state.replan is not None or state.recalled or state.launched_s is None or state.silent_since_s is not None:
+    if (
+        state.replanning.replan is not None
+        or state.progress.recalled
+        or state.progress.launched_s is None
+        or state.listening.silent_since_s is not None
+    ):
         return state, ()
-    if not alone and not state.ordered:
-        return changed(state, orphans_since_s=None, urgent=False), ()
-    since = now_s if state.orphans_since_s is None else state.orphans_since_s
-    state = replace(state, orphans_since_s=since)
-    if now_s < state.wait_until_s or (not state.urgent and not state.ordered and now_s - since < PROOF_GRACE_S):
+    if not alone and not state.replanning.ordered:
+        return replace(state, replanning=replace(state.replanning, orphans_since_s=None, urgent=False)), ()
+    since = now_s if state.replanning.orphans_since_s is None else state.replanning.orphans_since_s
+    state = replace(state, replanning=replace(state.replanning, orphans_since_s=since))
+    if now_s < state.replanning.wait_until_s or (
+        not state.replanning.urgent and not state.replanning.ordered and now_s - since < PROOF_GRACE_S
+    ):
         return state, ()
     offers = tuple(offer for vehicle in state.vehicles.values() if (offer := survivor(context, vehicle, now_s)))
     if not offers:
-        return _nobody(context, replace(state, ordered=False), alone)
-    if not state.urgent and not state.ordered:
+        return _nobody(context, replace(state, replanning=replace(state.replanning, ordered=False)), alone)
+    if not state.replanning.urgent and not state.replanning.ordered:
         state, alone = _count_attempts(state, alone)
         if not alone:
             return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _under_way(state, offers)
     if not alone and not freed:
-        return replace(state, ordered=False), ()
-    trigger = state.trigger if state.urgent or state.ordered else _unasked(context, state, alone)
-    revision = state.revision + 1
-    solve = Solve(revision, tuple(sorted((alone | freed) - set(state.inspected))), offers, trigger)
-    begun_s = state.trigger_s if state.urgent or state.ordered else now_s
+        return replace(state, replanning=replace(state.replanning, ordered=False)), ()
+    trigger = (
+        state.replanning.trigger
+        if state.replanning.urgent or state.replanning.ordered
+        else _unasked(context, state, alone)
+    )
+    revision = state.replanning.revision + 1
+    solve = Solve(revision, tuple(sorted((alone | freed) - set(state.coverage.inspected))), offers, trigger)
+    begun_s = state.replanning.trigger_s if state.replanning.urgent or state.replanning.ordered else now_s
     state = replace(
         state,
-        revision=revision,
-        replan=Replan(solve, begun_s, ordered=state.ordered),
-        urgent=False,
-        ordered=False,
-        considered=frozenset(offer.vehicle for offer in offers),
+        replanning=replace(
+            state.replanning,
+            revision=revision,
+            replan=Replan(solve, begun_s, ordered=state.replanning.ordered),
+            urgent=False,
+            ordered=False,
+            considered=frozenset(offer.vehicle for offer in offers),
+        ),
     )
     names = ", ".join(offer.vehicle for offer in offers)
     text = f"re-plan {revision}: {count_of(len(alone), 'segment')} without a vehicle ({trigger}); planning for {names}"
@@ -189,7 +216,10 @@ def _under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int
 def _unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
     """Return why segments are without a vehicle that no fault left behind."""
     passed = {
-        segment_of(visit) for vehicle in state.vehicles.values() if vehicle.board for visit in vehicle.board.visits
+        segment_of(visit)
+        for vehicle in state.vehicles.values()
+        if vehicle.assignment.board
+        for visit in vehicle.assignment.board.visits
     }
     if alone <= passed:
         return f"not proven to be inspected: {listed(context, alone)}"
@@ -197,23 +227,36 @@ def _unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
 
 
 def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
-    attempts = {**state.attempts, **{segment: state.attempts.get(segment, 0) + 1 for segment in alone}}
+    attempts = {
+        **state.coverage.attempts,
+        **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in alone},
+    }
     hopeless = frozenset(segment for segment in alone if attempts[segment] > ATTEMPTS)
-    state = replace(state, attempts=MappingProxyType(attempts), given_up=state.given_up | hopeless)
+    state = replace(
+        state,
+        coverage=replace(
+            state.coverage, attempts=MappingProxyType(attempts), given_up=state.coverage.given_up | hopeless
+        ),
+    )
     return state, alone - hopeless
 
 
 def _nobody(context: Context, state: FleetState, alone: frozenset[int]) -> tuple[FleetState, tuple[Command, ...]]:
     back = any(
-        one.stage is Stage.RETURNING and one.fault is None and not one.excluded for one in state.vehicles.values()
+        one.stage is Stage.RETURNING and one.fault is None and not one.orders.excluded
+        for one in state.vehicles.values()
     )
     if state.on_mission() or not alone:
         return state, ()  # somebody is landing, or about to: it may fly again
     if back and context.fly_again is FlyAgain.AUTO:
         return state, ()
-    state = replace(state, given_up=state.given_up | alone, urgent=False)
+    state = replace(
+        state,
+        coverage=replace(state.coverage, given_up=state.coverage.given_up | alone),
+        replanning=replace(state.replanning, urgent=False),
+    )
     waiting = any(
-        one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.excluded
+        one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.orders.excluded
         for one in state.vehicles.values()
     )
     who = "no vehicle in the air can take over" if waiting else "no vehicle is left to inspect"
@@ -224,11 +267,12 @@ def solved(
     context: Context, state: FleetState, event: SolveEnded, now_s: float
 ) -> tuple[FleetState, tuple[Command, ...]]:
     """Take the solver's answer: check that it still fits, then upload."""
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
         return state, ()  # made stale by a newer fault
     if event.routes is None:
-        state = replace(wanted_again(state, plan), wait_until_s=now_s + RETRY_S)
+        state = wanted_again(state, plan)
+        state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + RETRY_S))
         return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
     late = [offer.vehicle for offer in plan.solve.survivors if not still_fits(state.vehicles[offer.vehicle], offer)]
     if late:
@@ -243,7 +287,8 @@ def solved(
         if (visits := routes.get(offer.vehicle, ())) != offer.tail
     )
     for route in unmade:
-        state = state.put(replace(state.vehicles[route.vehicle], pending=event.revision))
+        vehicle = state.vehicles[route.vehicle]
+        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=event.revision)))
     names = ", ".join(sorted(route.vehicle for route in unmade)) or "no vehicle"
     text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
     lines: list[Command] = [Say(Level.INFO, text)]
@@ -258,8 +303,17 @@ def solved(
         unmade=unmade,
         pending=frozenset(route.vehicle for route in unmade),
     )
-    given_up = state.given_up | set(event.uncovered)
-    state, commands = _compose(context, replace(state, replan=plan, given_up=given_up), plan, now_s)
+    given_up = state.coverage.given_up | set(event.uncovered)
+    state, commands = _compose(
+        context,
+        replace(
+            state,
+            replanning=replace(state.replanning, replan=plan),
+            coverage=replace(state.coverage, given_up=given_up),
+        ),
+        plan,
+        now_s,
+    )
     return state, (*lines, *commands)
 
 
@@ -267,7 +321,7 @@ def composed(
     context: Context, state: FleetState, event: MissionsWanted, now_s: float
 ) -> tuple[FleetState, tuple[Command, ...]]:
     """Make some more missions of a re-plan."""
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is None or plan.solve.revision != event.revision:
         return state, ()
     return _compose(context, state, plan, now_s)
@@ -294,7 +348,7 @@ def _compose(context: Context, state: FleetState, plan: Replan, now_s: float) ->
     plan = replace(plan, unmade=tuple(unmade))
     if unmade:
         commands.append(Compose(plan.solve.revision))
-    state, ended = ended_if_done(replace(state, replan=plan), now_s)
+    state, ended = ended_if_done(replace(state, replanning=replace(state.replanning, replan=plan)), now_s)
     return state, (*commands, *ended)
 
 
@@ -312,24 +366,32 @@ def all_made(context: Context, state: FleetState, plan: Replan) -> Replan:
 def let_go(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -> tuple[FleetState, Replan, Say]:
     """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
-    state = state.put(replace(state.vehicles[name], pending=None))
-    state = replace(state, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
+    vehicle = state.vehicles[name]
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=None)))
+    state = replace(
+        state, replanning=replace(state.replanning, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
+    )
     return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned again for it")
 
 
 def wanted_again(state: FleetState, plan: Replan) -> FleetState:
     """Give a re-plan up; the next one has the same reason and is as old."""
-    wanted = replace(state, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
-    return replace(wanted, ordered=plan.ordered)
+    wanted = replace(
+        state,
+        replanning=replace(
+            state.replanning, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s
+        ),
+    )
+    return replace(wanted, replanning=replace(wanted.replanning, ordered=plan.ordered))
 
 
 def still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
     """Return whether a vehicle has not flown past what it offered."""
-    if vehicle.fault is not None or vehicle.excluded or vehicle.held_s is not None:
+    if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
         return False
     if not offer.airborne:
         return vehicle.stage in {Stage.GROUND, Stage.LANDED}
-    return vehicle.stage in {Stage.FLYING, Stage.STARTING} and vehicle.waypoint <= offer.kept
+    return vehicle.stage in {Stage.FLYING, Stage.STARTING} and vehicle.assignment.waypoint <= offer.kept
 
 
 def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
@@ -342,7 +404,7 @@ def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> boo
     """
     if vehicle.stage is Stage.RETURNING or comes_down(context, vehicle):
         return False  # it is left to its way home, and to its landing
-    return mixed or (not vehicle.excluded and vehicle.stage not in {Stage.PILOT, Stage.DOWN, Stage.LOST})
+    return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.DOWN, Stage.LOST})
 
 
 def _new_mission(context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> NewMission:
@@ -350,17 +412,17 @@ def _new_mission(context: Context, vehicle: VehicleState, offer: Survivor, visit
 
     In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
     """
-    if not offer.airborne or vehicle.board is None:
+    if not offer.airborne or vehicle.assignment.board is None:
         return NewMission(flight_path(context.setup, vehicle.name, visits), visits, fresh=True)
-    kept = {waypoint.visit for waypoint in vehicle.board.path.waypoints[: offer.kept]}
-    stay = tuple(visit for index, visit in enumerate(vehicle.board.visits) if index in kept)
-    path = continue_path(context.setup, vehicle.board.path, offer.kept, visits)
+    kept = {waypoint.visit for waypoint in vehicle.assignment.board.path.waypoints[: offer.kept]}
+    stay = tuple(visit for index, visit in enumerate(vehicle.assignment.board.visits) if index in kept)
+    path = continue_path(context.setup, vehicle.assignment.board.path, offer.kept, visits)
     return NewMission(path, (*stay, *visits), fresh=False)
 
 
 def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Close the re-plan once every new mission is on board, or known not to come on board."""
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is None or plan.solve_s is None or plan.pending:
         return state, ()
     record = ReplanRecord(
@@ -373,7 +435,12 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
         ended_s=now_s,
         upload_s=now_s - plan.solved_s,
     )
-    state = replace(state, replan=None, records=(*state.records, record), orphans_since_s=None)
+    state = replace(
+        state,
+        replanning=replace(
+            state.replanning, replan=None, records=(*state.replanning.records, record), orphans_since_s=None
+        ),
+    )
     since_s = record.ended_s - record.begun_s
     text = f"re-plan {record.revision} is on board" + (
         f", {since_s:.1f} s after it was needed" if since_s <= OLD_NEED_S else ""

@@ -7,15 +7,16 @@ of each would be empty; a vehicle whose link is regained is taken up where it is
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, Scene
+from executor.core.parts import Before, OnBoard
 from executor.core.replan import replanning
 from executor.core.resume.inference import NOTHING, flown_meanwhile
 from executor.core.state import FleetState
-from executor.core.vehicle import Before, OnBoard, Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -27,50 +28,61 @@ ENDURES = 1.5
 
 def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before | None:
     """Return where a vehicle on its mission is now, before all links are lost; None for one that is not on it."""
-    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.fix is None or vehicle.board is None:
+    if (
+        vehicle.stage not in {Stage.STARTING, Stage.FLYING}
+        or vehicle.motion.fix is None
+        or vehicle.assignment.board is None
+    ):
         return None
-    percent = vehicle.battery.remaining_pct
-    return Before(vehicle.fix, vehicle.waypoint, vehicle.run, vehicle.run_visit, percent, until_s)
+    percent = vehicle.power.battery.remaining_pct
+    return Before(
+        vehicle.motion.fix,
+        vehicle.assignment.waypoint,
+        vehicle.assignment.run,
+        vehicle.assignment.run_visit,
+        percent,
+        until_s,
+    )
 
 
 def began(state: FleetState, since_s: float) -> FleetState:
     """Keep where all vehicles were when all links were lost: a run with such a gap proves nothing."""
     for vehicle in state.vehicles.values():
-        before = vehicle.before or before_of(vehicle, since_s)
-        if before is not vehicle.before:
-            state = state.put(changed(vehicle, before=before, run=None))
+        before = vehicle.assignment.before or before_of(vehicle, since_s)
+        if before is not vehicle.assignment.before:
+            state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=before, run=None)))
     return state
 
 
 def endures_s(context: Scene, vehicle: VehicleState) -> float:
     """Return how long a vehicle can fly at most from when it was heard last."""
-    percent = vehicle.battery.remaining_pct
+    percent = vehicle.power.battery.remaining_pct
     return ENDURES * (100.0 if percent is None else percent) / min(context.draws_pct_s)
 
 
 def may_fly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that is not heard may still be in the air."""
-    return vehicle.spoke_s is not None and now_s - vehicle.spoke_s < endures_s(context, vehicle)
+    return vehicle.link.spoke_s is not None and now_s - vehicle.link.spoke_s < endures_s(context, vehicle)
 
 
 def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
     """Take up a vehicle whose link is regained after all were lost; None as long as it has not said enough."""
-    before = vehicle.before
+    before = vehicle.assignment.before
     if before is None:
         return state, ()
     since_s = before.until_s
     asked = math.isinf(since_s)  # after a restart it was asked already
-    if asked or vehicle.fix is None or vehicle.heartbeat_s is None or vehicle.board is None:
-        return state.put(changed(vehicle, before=None)), ()
-    if vehicle.stale or vehicle.regained_s is None or vehicle.regained_s <= since_s:
+    if asked or vehicle.motion.fix is None or vehicle.link.heartbeat_s is None or vehicle.assignment.board is None:
+        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), ()
+    if vehicle.link.stale or vehicle.link.regained_s is None or vehicle.link.regained_s <= since_s:
         return None
-    said = vehicle.fix.at_s > since_s and vehicle.heartbeat_s > since_s
-    item = vehicle.item_s is not None and vehicle.item_s > since_s
+    said = vehicle.motion.fix.at_s > since_s and vehicle.link.heartbeat_s > since_s
+    item = vehicle.telemetry.item_s is not None and vehicle.telemetry.item_s > since_s
     if said and (item or not vehicle.armed):
-        return caught_up(context, state, vehicle, vehicle.board, None)
-    if now_s - vehicle.regained_s < CATCH_UP_S:
+        return caught_up(context, state, vehicle, vehicle.assignment.board, None)
+    if now_s - vehicle.link.regained_s < CATCH_UP_S:
         return None
-    return state.put(changed(vehicle, before=None)), ()
+    return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), ()
 
 
 def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
@@ -83,18 +95,29 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
         board: What it carries.
         seq: The item that it flies to; None where its state has that.
     """
-    waypoint = vehicle.waypoint
+    waypoint = vehicle.assignment.waypoint
     if seq is not None and 0 <= seq < len(board.waypoint_of):
         waypoint = board.waypoint_of[seq] or waypoint
-    found = NOTHING if vehicle.before is None else flown_meanwhile(context, vehicle, board, waypoint)
-    took_off = vehicle.took_off or not vehicle.armed
-    run, visit = (vehicle.run, vehicle.run_visit) if found.joins is None else (found.run, found.joins)
-    vehicle = changed(vehicle, before=None, waypoint=waypoint, took_off=took_off, run=run, run_visit=visit)
+    found = NOTHING if vehicle.assignment.before is None else flown_meanwhile(context, vehicle, board, waypoint)
+    took_off = vehicle.sortie.took_off or not vehicle.armed
+    run, visit = (
+        (vehicle.assignment.run, vehicle.assignment.run_visit) if found.joins is None else (found.run, found.joins)
+    )
+    vehicle = replace(
+        vehicle,
+        assignment=replace(vehicle.assignment, before=None, waypoint=waypoint, run=run, run_visit=visit),
+        sortie=replace(vehicle.sortie, took_off=took_off),
+    )
     state = state.put(vehicle)
-    new = [segment for segment in found.segments if segment not in state.inspected]
-    inspected = {**state.inspected, **dict.fromkeys(new, vehicle.name)}
+    new = [segment for segment in found.segments if segment not in state.coverage.inspected]
+    inspected = {**state.coverage.inspected, **dict.fromkeys(new, vehicle.name)}
     marked = set(new) if found.joins is None else {*new, board.tracks[found.joins].segment}
-    state = changed(state, inspected=MappingProxyType(inspected), inferred=state.inferred | marked)
+    state = replace(
+        state,
+        coverage=replace(
+            state.coverage, inspected=MappingProxyType(inspected), inferred=state.coverage.inferred | marked
+        ),
+    )
     if found.why_not:
         text = f"{vehicle.name}: what it flew meanwhile does not count: {found.why_not}"
         return state, (Say(Level.WARNING, text),)

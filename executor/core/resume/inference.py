@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from executor.core.battery import account
 from executor.core.context import Context
 from executor.core.coverage import SPEED_FACTOR, Run, Sample, run_joined
-from executor.core.vehicle import Before, Fix, OnBoard, VehicleState
+from executor.core.parts import Before, Fix, OnBoard
+from executor.core.vehicle import VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode
 from missions.geometry import locate
@@ -56,7 +57,7 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         board: The mission that it was found to carry.
         waypoint: Of that mission, the end of the leg under way.
     """
-    before, fix = state.before, state.fix
+    before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
         return NOTHING
     elapsed_s = fix.boot_s - before.fix.boot_s
@@ -88,8 +89,8 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
 
 def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> str:
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
-    before, fix, dialect = state.before, state.fix, context.vehicles[state.name].dialect
-    if state.heartbeat is None or not is_mission_mode(dialect, state.heartbeat.custom_mode):
+    before, fix, dialect = state.assignment.before, state.motion.fix, context.vehicles[state.name].dialect
+    if state.telemetry.heartbeat is None or not is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode):
         return "it is not on its mission any more"
     if before is None or waypoint < before.waypoint:
         return "its mission went back"
@@ -99,10 +100,10 @@ def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: 
 
 def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: float) -> Inferred:
     """Look at a vehicle that is on the ground again: when it landed nobody knows, but what it used tells how far."""
-    before, fix, setup = state.before, state.fix, context.vehicles[state.name]
+    before, fix, setup = state.assignment.before, state.motion.fix, context.vehicles[state.name]
     if before is None or fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
         return Inferred(why_not="it is not on its pad")
-    if state.heartbeat is None or is_home_mode(setup.dialect, state.heartbeat.custom_mode):
+    if state.telemetry.heartbeat is None or is_home_mode(setup.dialect, state.telemetry.heartbeat.custom_mode):
         return Inferred(why_not="it came home by itself")
     if setup.failsafe_s is not None and elapsed_s >= setup.failsafe_s:
         # PX4 goes back to its mission mode once it has disarmed, however it came home.
@@ -114,10 +115,10 @@ def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: fl
     visits = _passed(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(board, visits):
         return Inferred(why_not=f"{elapsed_s:.0f} s are too short for its way of {expected_s:.0f} s")
-    if before.remaining_pct is None or state.battery.remaining_pct is None:
+    if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return Inferred(why_not="its consumption is not known")
-    expected_pct = account.factor(state.battery) * (left * first.energy_pct + sum(leg.energy_pct for leg in rest))
-    used_pct = before.remaining_pct - state.battery.remaining_pct
+    expected_pct = account.factor(state.power.battery) * (left * first.energy_pct + sum(leg.energy_pct for leg in rest))
+    used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
         return Inferred(why_not=f"it used {used_pct:.0f} % where its way costs {expected_pct:.0f} %")
     return Inferred(tuple(segment_of(board.visits[visit]) for visit in visits))

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from executor.core.battery.voltage import VoltageState
-from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say, Start, Upload
 from executor.core.context import Context, FlyAgain
 from executor.core.endings import Ending
@@ -48,23 +47,30 @@ def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
     """Begin to listen again: nothing of the time in between is held against anybody."""
     for vehicle in state.vehicles.values():
         state = state.put(
-            changed(
+            replace(
                 vehicle,
-                before=vehicle.before or before_of(vehicle),
-                errand=None if vehicle.errand is None else replace(vehicle.errand, told=False),
-                heard_s=None if vehicle.heard_s is None else now_s,
-                heartbeat_s=None,
-                excused_s=now_s,
-                run=None,
-                anchor=None,
                 watches=(),
-                stale=False,
-                volts=VoltageState(highest_v=vehicle.volts.highest_v),
-                quality=LinkQuality(),
+                assignment=replace(
+                    vehicle.assignment, before=vehicle.assignment.before or before_of(vehicle), run=None
+                ),
+                orders=replace(
+                    vehicle.orders,
+                    errand=None if vehicle.orders.errand is None else replace(vehicle.orders.errand, told=False),
+                ),
+                link=replace(
+                    vehicle.link,
+                    heard_s=None if vehicle.link.heard_s is None else now_s,
+                    heartbeat_s=None,
+                    excused_s=now_s,
+                    stale=False,
+                    quality=LinkQuality(),
+                ),
+                motion=replace(vehicle.motion, anchor=None),
+                power=replace(vehicle.power, volts=VoltageState(highest_v=vehicle.power.volts.highest_v)),
             )
         )
-    absences = (*state.absences, Absence(now_s, event.away_s, restarted=True))
-    state = changed(state, tick_s=None, silent_since_s=None, absences=absences)
+    absences = (*state.listening.absences, Absence(now_s, event.away_s, restarted=True))
+    state = replace(state, listening=replace(state.listening, tick_s=None, silent_since_s=None, absences=absences))
     said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
     return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
 
@@ -81,8 +87,10 @@ def found_on(
         items: What is on board; None if it could not be read.
         seq: The item that it flies to.
     """
-    vehicle, plan, dialect = state.vehicles[name], state.replan, context.vehicles[name].dialect
-    paths = {} if vehicle.board is None else {vehicle.board.revision: vehicle.board.path}
+    vehicle, plan, dialect = state.vehicles[name], state.replanning.replan, context.vehicles[name].dialect
+    paths = (
+        {} if vehicle.assignment.board is None else {vehicle.assignment.board.revision: vehicle.assignment.board.path}
+    )
     if plan is not None and name in plan.missions:
         paths[plan.solve.revision] = plan.missions[name].path
     matches = []
@@ -96,11 +104,11 @@ def found_on(
 def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
     """Take up every vehicle where it is."""
     state = _really_away(state, event)
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is not None and plan.solve_s is None:
         state = replanning.wanted_again(state, plan)  # the solver died with the ground station
     elif plan is not None and plan.unmade:
-        state = replace(state, replan=replanning.all_made(context, state, plan))
+        state = replace(state, replanning=replace(state.replanning, replan=replanning.all_made(context, state, plan)))
     commands: list[Command] = []
     ended: list[Event] = []
     strange: list[tuple[str, str]] = []
@@ -108,7 +116,8 @@ def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -
     for found in event.found:
         if not found.heard:
             commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
-            state = state.put(changed(state.vehicles[found.vehicle], before=None))
+            vehicle = state.vehicles[found.vehicle]
+            state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
             continue
         state, one = _taken_up(context, state, found, now_s)
         commands += one.commands
@@ -127,14 +136,19 @@ def _really_away(state: FleetState, event: Resumed) -> FleetState:
     """Take the vehicles' word for how long it was: their clocks ran on, ours may have been set."""
     heard = {found.vehicle for found in event.found if found.heard}
     gaps = [
-        vehicle.fix.boot_s - vehicle.before.fix.boot_s
+        vehicle.motion.fix.boot_s - vehicle.assignment.before.fix.boot_s
         for vehicle in state.vehicles.values()
-        if vehicle.name in heard and vehicle.fix is not None and vehicle.before is not None
+        if vehicle.name in heard and vehicle.motion.fix is not None and vehicle.assignment.before is not None
     ]
-    if not state.absences or not gaps:
+    if not state.listening.absences or not gaps:
         return state
-    last = state.absences[-1]
-    return changed(state, absences=(*state.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps))))
+    last = state.listening.absences[-1]
+    return replace(
+        state,
+        listening=replace(
+            state.listening, absences=(*state.listening.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps)))
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,18 +161,20 @@ class _Taken:
 
 
 def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -> tuple[FleetState, _Taken]:
-    vehicle, plan = state.vehicles[found.vehicle], state.replan
+    vehicle, plan = state.vehicles[found.vehicle], state.replanning.replan
     if plan is not None and found.vehicle in plan.pending:
         return _half_uploaded(context, state, plan, found, now_s)
-    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.board is None:
-        return state.put(changed(vehicle, before=None)), _Taken()
-    match = found.against(vehicle.board.revision)
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
+        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _Taken()
+    match = found.against(vehicle.assignment.board.revision)
     if match is not None and not match.whole and vehicle.armed:
         why = f"carries another mission than the one that was put on board, from item {match.alike} on"
-        return state.put(changed(vehicle, before=None)), _Taken(strange=((found.vehicle, why),))
+        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _Taken(
+            strange=((found.vehicle, why),)
+        )
     if vehicle.stage is Stage.STARTING:
         return _started(context, state, vehicle, now_s)
-    state, said = caught_up(context, state, vehicle, vehicle.board, found.seq)
+    state, said = caught_up(context, state, vehicle, vehicle.assignment.board, found.seq)
     return state, _Taken(said)
 
 
@@ -169,7 +185,7 @@ def _half_uploaded(
     vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
     revision = plan.solve.revision
     new = found.against(revision)
-    board = vehicle.board
+    board = vehicle.assignment.board
     said: tuple[Command, ...] = ()
     if new is not None and new.whole:
         ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason=""),)
@@ -197,7 +213,8 @@ def _half_uploaded(
                 ),
             )
         )
-    state = state.put(changed(state.vehicles[found.vehicle], before=None))
+    vehicle = state.vehicles[found.vehicle]
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
     again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
     return state, _Taken(said, again=(Say(Level.WARNING, text), again))
@@ -229,12 +246,14 @@ def _stranded(
 
 def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[Command, ...], now_s: float) -> Stepped:
     """Send the rest of a mission, unless others have flown a part of it meanwhile and it can still be let go of."""
-    name, plan = found.vehicle, state.replan
+    name, plan = found.vehicle, state.replanning.replan
     if plan is None:
         return state, again
     vehicle, mission = state.vehicles[name], plan.missions[name]
-    flown = {segment for visit in mission.visits if state.inspected.get(segment := segment_of(visit), name) != name}
-    old = None if vehicle.board is None else found.against(vehicle.board.revision)
+    flown = {
+        segment for visit in mission.visits if state.coverage.inspected.get(segment := segment_of(visit), name) != name
+    }
+    old = None if vehicle.assignment.board is None else found.against(vehicle.assignment.board.revision)
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
     why = f"others flew {replanning.listed(context, frozenset(flown))} of its new mission meanwhile"
@@ -245,19 +264,19 @@ def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[
 
 def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, _Taken]:
     """Look what became of a vehicle that had been told to take off."""
-    name, heartbeat, fix = vehicle.name, vehicle.heartbeat, vehicle.fix
-    vehicle = changed(vehicle, before=None)
+    name, heartbeat, fix = vehicle.name, vehicle.telemetry.heartbeat, vehicle.motion.fix
+    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, before=None))
     state = state.put(vehicle)
     if vehicle.armed and heartbeat is not None and fix is not None:
         dialect = context.vehicles[name].dialect
         if is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m:
             return state, _Taken(ended=(StartEnded(name, accepted=True, reason=""),))
-    had_pct, has_pct = vehicle.began_pct, vehicle.battery.remaining_pct
+    had_pct, has_pct = vehicle.power.began_pct, vehicle.power.battery.remaining_pct
     if not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT:
         text = f"{name}: has flown and landed meanwhile"
         return state.put(moved_to(vehicle, Stage.LANDED)), _Taken((Say(Level.INFO, text),))
     if context.fly_again is FlyAgain.AUTO:
-        state = state.put(changed(vehicle, ordered_mode_s=now_s))
+        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
         return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
     # The crew's yes is from before: somebody may stand at the pad by now.
     if vehicle.armed:

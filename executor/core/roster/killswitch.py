@@ -24,15 +24,21 @@ _STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
 
 def kill_heard(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
     """Leave a vehicle on the ground that says that its kill switch is on."""
-    stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.excluded
-    if state.launched_s is None or not stands or not _ON.search(text.text):
+    stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.orders.excluded
+    if state.progress.launched_s is None or not stands or not _ON.search(text.text):
         return state, ()
     name, starting = vehicle.name, vehicle.stage is Stage.STARTING
     commands: tuple[Command, ...] = (HandsOff(name),)
     if starting:
         vehicle = left_plan(vehicle, Stage.LANDED, now_s)
-    given = starting or vehicle.pending is not None
-    state = state.put(replace(vehicle, excluded=True, cleared_s=None, pending=None))
+    given = starting or vehicle.assignment.pending is not None
+    state = state.put(
+        replace(
+            vehicle,
+            orders=replace(vehicle.orders, excluded=True, cleared_s=None),
+            assignment=replace(vehicle.assignment, pending=None),
+        )
+    )
     if given:
         state, more = withdrawn(state, name, f"{name}: its kill switch is on", now_s)
         commands = (*commands, *more)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from executor.core.changed import changed
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.replan import replanning
@@ -29,20 +28,20 @@ def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle on the ground may take off by the clearance that it has."""
     if context.fly_again is FlyAgain.AUTO:
         return True
-    return vehicle.cleared_s is not None and now_s - vehicle.cleared_s <= CLEARED_S
+    return vehicle.orders.cleared_s is not None and now_s - vehicle.orders.cleared_s <= CLEARED_S
 
 
 def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
-    setup, fix = context.vehicles[vehicle.name], vehicle.fix
-    out = not _is_well(vehicle) or vehicle.stubborn or vehicle.excluded or vehicle.armed
-    out = out or vehicle.tilted_since_s is not None
-    if out or vehicle.stage not in _ON_GROUND or vehicle.pending is not None or fix is None:
+    setup, fix = context.vehicles[vehicle.name], vehicle.motion.fix
+    out = not _is_well(vehicle) or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
+    out = out or vehicle.sensors.tilted_since_s is not None
+    if out or vehicle.stage not in _ON_GROUND or vehicle.assignment.pending is not None or fix is None:
         return False
     if vehicle.stage is Stage.LANDED and context.fly_again is FlyAgain.NEVER:
         return False
-    heard = vehicle.heard_s is not None and now_s - vehicle.heard_s < context.limits.link_stale_s
-    spare_pct = (vehicle.battery.remaining_pct or 0.0) - setup.reserve_pct
+    heard = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
+    spare_pct = (vehicle.power.battery.remaining_pct or 0.0) - setup.reserve_pct
     on_pad = math.dist(fix.place_m, setup.pad_m) <= context.limits.off_pad_m
     return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
 
@@ -56,13 +55,13 @@ def _is_well(vehicle: VehicleState) -> bool:
 
 def open_segments(context: Context, state: FleetState) -> frozenset[int]:
     """Return what nobody flies and somebody might."""
-    hopeless = {segment for segment, tries in state.attempts.items() if tries > replanning.ATTEMPTS}
-    return (replanning.orphans(context, state) | state.given_up) - set(state.inspected) - hopeless
+    hopeless = {segment for segment, tries in state.coverage.attempts.items() if tries > replanning.ATTEMPTS}
+    return (replanning.orphans(context, state) | state.coverage.given_up) - set(state.coverage.inspected) - hopeless
 
 
 def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    remaining = vehicle.battery.remaining_pct or 0.0
+    remaining = vehicle.power.battery.remaining_pct or 0.0
     spare_pct = remaining - context.vehicles[vehicle.name].reserve_pct - context.fixed_pct
     ends_m, pad_m, travel = context.setup.network.ends_m, context.vehicles[vehicle.name].pad_m, context.travel
     reach = set()
@@ -77,30 +76,41 @@ def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[in
 
 def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Offer, change or withdraw what the crew may say yes to."""
-    if context.fly_again is FlyAgain.AUTO or state.launched_s is None or state.recalled or state.finished:
+    if (
+        context.fly_again is FlyAgain.AUTO
+        or state.progress.launched_s is None
+        or state.progress.recalled
+        or state.progress.finished
+    ):
         return _without(state), ()
-    if state.offers_over or state.replan is not None or state.urgent or state.ordered or now_s < state.wait_until_s:
+    if (
+        state.crew.offers_over
+        or state.replanning.replan is not None
+        or state.replanning.urgent
+        or state.replanning.ordered
+        or now_s < state.replanning.wait_until_s
+    ):
         return state, ()
-    ready = [one for one in state.vehicles.values() if idle(context, one, now_s) and one.cleared_s is None]
+    ready = [one for one in state.vehicles.values() if idle(context, one, now_s) and one.orders.cleared_s is None]
     wanted = open_segments(context, state)
     able = {one.name: reach for one in ready if wanted and (reach := within_reach(context, one, wanted))}
     if not able or _others_will(context, state, now_s):
         return _without(state), ()
-    if state.offer is None and _lands_soon(state) and now_s - (state.offer_wanted_s or now_s) < LANDING_S:
-        return changed(state, offer_wanted_s=state.offer_wanted_s or now_s), ()
+    if state.crew.offer is None and _lands_soon(state) and now_s - (state.crew.offer_wanted_s or now_s) < LANDING_S:
+        return replace(state, crew=replace(state.crew, offer_wanted_s=state.crew.offer_wanted_s or now_s)), ()
     segments = tuple(sorted(frozenset[int]().union(*able.values())))
-    if state.offer is not None and state.offer.vehicles == tuple(able):
-        if state.offer.segments != segments:
-            state = changed(state, offer=replace(state.offer, segments=segments))
+    if state.crew.offer is not None and state.crew.offer.vehicles == tuple(able):
+        if state.crew.offer.segments != segments:
+            state = replace(state, crew=replace(state.crew, offer=replace(state.crew.offer, segments=segments)))
         return _expired(context, state, now_s)
     offer = Offer(tuple(able), segments, now_s)
-    state = changed(state, offer=offer, offer_wanted_s=state.offer_wanted_s or now_s)
+    state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
     return state, (Say(Level.FAULT, f"{offer_words(context, offer)}; include each that may take off"),)
 
 
 def awaits_answer(state: FleetState) -> bool:
     """Return whether the crew is still to answer."""
-    return state.offer is not None
+    return state.crew.offer is not None
 
 
 def offer_words(context: Context, offer: Offer) -> str:
@@ -114,9 +124,9 @@ def offer_words(context: Context, offer: Offer) -> str:
 
 
 def _without(state: FleetState) -> FleetState:
-    if state.offer is None and state.offer_wanted_s is None:
+    if state.crew.offer is None and state.crew.offer_wanted_s is None:
         return state
-    return changed(state, offer=None, offer_wanted_s=None)
+    return replace(state, crew=replace(state.crew, offer=None, offer_wanted_s=None))
 
 
 def _others_will(context: Context, state: FleetState, now_s: float) -> bool:
@@ -128,7 +138,7 @@ def _others_will(context: Context, state: FleetState, now_s: float) -> bool:
 
 def _lands_soon(state: FleetState) -> bool:
     return any(
-        not vehicle.excluded
+        not vehicle.orders.excluded
         and (vehicle.fault is None or vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION})
         and (
             vehicle.stage is Stage.RETURNING
@@ -144,15 +154,21 @@ def _lands_soon(state: FleetState) -> bool:
 
 def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
     """End an offer that nobody answered, once nothing else is left to wait for."""
-    offer = state.offer
+    offer = state.crew.offer
     aloft = any(one.stage in IN_THE_AIR or one.stage is Stage.STARTING for one in state.vehicles.values())
     if offer is None or aloft:
-        return state if offer is None else changed(state, offer=replace(offer, alone_since_s=None)), ()
+        return state if offer is None else replace(
+            state, crew=replace(state.crew, offer=replace(offer, alone_since_s=None))
+        ), ()
     if offer.alone_since_s is None:
-        return changed(state, offer=replace(offer, alone_since_s=now_s)), ()
+        return replace(state, crew=replace(state.crew, offer=replace(offer, alone_since_s=now_s))), ()
     if now_s - offer.alone_since_s < context.offer_s:
         return state, ()
     left = open_segments(context, state)
-    state = changed(state, offer=None, offers_over=True, given_up=state.given_up | left)
+    state = replace(
+        state,
+        crew=replace(state.crew, offer=None, offers_over=True),
+        coverage=replace(state.coverage, given_up=state.coverage.given_up | left),
+    )
     text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {len(left)} segments are left over"
     return state, (Say(Level.WARNING, text),)

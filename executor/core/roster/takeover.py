@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.changed import changed
 from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.context import Context
 from executor.core.custody.causes import held_unseen
 from executor.core.homing.homeward import on_mission
+from executor.core.parts import Cause, TakenOver
 from executor.core.places import over_its_pad, place_words
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Stage, TakenOver, VehicleState, moved_to
+from executor.core.vehicle import Stage, VehicleState, moved_to
 from missions.autopilots.modes import mode_name
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -26,27 +26,30 @@ RETURNED_AFTER_S = 1.0
 
 def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Let go of a vehicle that a person has taken; its segments are kept for it for a while."""
-    beat = vehicle.heartbeat
+    beat = vehicle.telemetry.heartbeat
     mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
     on_ground = vehicle.stage in {Stage.GROUND, Stage.LANDED}
     had_work = vehicle.stage in {Stage.FLYING, Stage.STARTING} and bool(vehicle.remaining_visits())
     # Another station's mission is flown in the mode that ours was.
-    since_s = max(vehicle.mode_since_s, vehicle.carried.foreign_s or 0.0)
-    since_s = since_s if vehicle.taken is None else vehicle.taken.since_s
-    hold = replace(vehicle.taken or TakenOver(since_s, given_away=not had_work), returned_s=None)
+    since_s = max(vehicle.telemetry.mode_since_s, vehicle.assignment.carried.foreign_s or 0.0)
+    since_s = since_s if vehicle.custody.taken is None else vehicle.custody.taken.since_s
+    hold = replace(vehicle.custody.taken or TakenOver(since_s, given_away=not had_work), returned_s=None)
     if vehicle.fault is not None:
         hold = replace(hold, given_away=True)
     vehicle = replace(
-        moved_to(vehicle, Stage.PILOT), taken=hold, errand=None, held_s=None, run=None, cleared_s=None, anchor=None,
-        cause=Cause.PERSON,
-    )  # fmt: skip
+        moved_to(vehicle, Stage.PILOT),
+        custody=replace(vehicle.custody, taken=hold, cause=Cause.PERSON),
+        orders=replace(vehicle.orders, errand=None, held_s=None, cleared_s=None),
+        assignment=replace(vehicle.assignment, run=None),
+        motion=replace(vehicle.motion, anchor=None),
+    )
     state, more = _unsolved(state.put(vehicle), vehicle.name)
     if on_ground:
         text = f"{vehicle.name}: armed on the ground, not from here, mode {mode}: keep clear of it"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     kept = f"; its segments are kept for {context.pilot_grace_s:g} s" if not hold.given_away else ""
-    if vehicle.carried.foreign_s is not None:
-        what = f"{vehicle.name}: carries another mission than ours ({vehicle.carried.words})"
+    if vehicle.assignment.carried.foreign_s is not None:
+        what = f"{vehicle.name}: carries another mission than ours ({vehicle.assignment.carried.words})"
         text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     text = f"{vehicle.name}: with its pilot, mode {mode}; not commanded from here{kept}"
@@ -58,20 +61,27 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
 
 def _unsolved(state: FleetState, name: str) -> Stepped:
     """Plan anew without a vehicle if it is part of what is being solved; what goes on board already goes on."""
-    plan = state.replan
+    plan = state.replanning.replan
     if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:
         return state, ()
-    again = replace(state, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
-    return replace(again, ordered=plan.ordered), (CancelSolve(plan.solve.revision),)
+    again = replace(
+        state,
+        replanning=replace(
+            state.replanning, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s
+        ),
+    )
+    return replace(again, replanning=replace(again.replanning, ordered=plan.ordered)), (
+        CancelSolve(plan.solve.revision),
+    )
 
 
 def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that is with its pilot."""
-    hold = vehicle.taken or TakenOver(now_s)
+    hold = vehicle.custody.taken or TakenOver(now_s)
     if not vehicle.armed:
         return _landed(context, state, vehicle)
-    ours = vehicle.carried.foreign_s is None
-    returned = ours and on_mission(context, vehicle) and now_s - vehicle.mode_since_s >= RETURNED_AFTER_S
+    ours = vehicle.assignment.carried.foreign_s is None
+    returned = ours and on_mission(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= RETURNED_AFTER_S
     if returned is not (hold.returned_s is not None):
         return _returned(context, state, vehicle, hold, now_s, returned=returned)
     if hold.returned_s is None and not hold.given_away and now_s - hold.since_s >= context.pilot_grace_s:
@@ -82,9 +92,11 @@ def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
 def _returned(
     context: Context, state: FleetState, vehicle: VehicleState, hold: TakenOver, now_s: float, *, returned: bool
 ) -> Stepped:
-    state = state.put(changed(vehicle, taken=replace(hold, returned_s=now_s if returned else None)))
+    state = state.put(
+        replace(vehicle, custody=replace(vehicle.custody, taken=replace(hold, returned_s=now_s if returned else None)))
+    )
     if not returned:
-        beat = vehicle.heartbeat
+        beat = vehicle.telemetry.heartbeat
         mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
         return state, (Say(Level.WARNING, f"{vehicle.name}: taken over by its pilot again, mode {mode}"),)
     if vehicle.fault is not None:
@@ -99,30 +111,41 @@ def _returned(
 
 
 def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold: TakenOver, now_s: float) -> Stepped:
-    state = state.put(changed(vehicle, taken=replace(hold, given_away=True)))
-    who = "with its pilot" if vehicle.carried.foreign_s is None else "on another station's mission"
+    state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=replace(hold, given_away=True))))
+    who = "with its pilot" if vehicle.assignment.carried.foreign_s is None else "on another station's mission"
     trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"
     state, more = withdrawn(state, vehicle.name, trigger, now_s)
     return state, (Say(Level.WARNING, f"{trigger}; its segments are free for the others"), *more)
 
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
-    fix = vehicle.fix
+    fix = vehicle.motion.fix
     fell = fix is not None and fix.alt_rel_m > context.limits.off_pad_up_m and over_its_pad(context, vehicle)
     place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
-    state = state.put(replace(moved_to(vehicle, stage), taken=None, excluded=True, run=None, place_told=bool(place)))
+    state = state.put(
+        replace(
+            moved_to(vehicle, stage),
+            custody=replace(vehicle.custody, taken=None),
+            orders=replace(vehicle.orders, excluded=True),
+            assignment=replace(vehicle.assignment, run=None),
+            sortie=replace(vehicle.sortie, place_told=bool(place)),
+        )
+    )
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
-    if not place and not vehicle.took_off:
+    if not place and not vehicle.sortie.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
-    elif not place and vehicle.rebooted_s is not None:
+    elif not place and vehicle.sortie.rebooted_s is not None:
         text = f"{vehicle.name}: is disarmed on its pad; its autopilot has rebooted; it stays until it is included"
     elif not place:
         text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"
-    hold = vehicle.taken
+    hold = vehicle.custody.taken
     trigger = f"{vehicle.name}: landed by its pilot"
     if hold is not None and not hold.given_away:
-        state = replace(state, urgent=True, trigger=trigger, trigger_s=vehicle.heard_s or 0.0)
+        state = replace(
+            state,
+            replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=vehicle.link.heard_s or 0.0),
+        )
     return state, (Say(Level.FAULT if place else Level.INFO, text),)
 
 
@@ -133,15 +156,20 @@ def given_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     """
     modes = context.vehicles[vehicle.name].dialect.modes
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
-    hold = vehicle.taken
+    hold = vehicle.custody.taken
     back = replace(
-        moved_to(vehicle, Stage.FLYING), taken=None, cause=Cause.OURS, run=None, anchor=None, excluded=False,
-        ordered_mode_s=now_s, ordered_modes=frozenset({modes.mission.custom_mode}),
-    )  # fmt: skip
+        moved_to(vehicle, Stage.FLYING),
+        custody=replace(vehicle.custody, taken=None, cause=Cause.OURS),
+        assignment=replace(vehicle.assignment, run=None),
+        motion=replace(vehicle.motion, anchor=None),
+        orders=replace(
+            vehicle.orders, excluded=False, ordered_mode_s=now_s, ordered_modes=frozenset({modes.mission.custom_mode})
+        ),
+    )
     state = state.put(back)
     if hold is not None and hold.given_away:
         trigger = f"{vehicle.name}: is back in the plan"
-        state = replace(state, ordered=True, trigger=trigger, trigger_s=now_s)
+        state = replace(state, replanning=replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s))
     text = f"{vehicle.name}: is back in the plan, from its pilot"
     commands: tuple[Command, ...] = (Resume(vehicle.name, speed_m_s),) if speed_m_s > 0 else ()
     return state, (Say(Level.INFO, text), *commands)

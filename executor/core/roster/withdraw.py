@@ -23,7 +23,7 @@ def declare(context: Context, state: FleetState, vehicle: VehicleState, fault: F
     """Declare a fault: the vehicle is brought home where it can be, and its segments are reassigned."""
     kind, why, now_s = fault.kind, fault.reason, fault.detected_s
     left = _left_by(state, vehicle)
-    down = vehicle.armed_once and not vehicle.armed
+    down = vehicle.sortie.armed_once and not vehicle.armed
     commands: tuple[Command, ...] = ()
     if kind is FaultKind.LINK:
         stage, then = Stage.LOST, last_heard(context, vehicle)
@@ -35,11 +35,12 @@ def declare(context: Context, state: FleetState, vehicle: VehicleState, fault: F
         stage, then = Stage.LANDED, ""
     elif in_other_hands(vehicle):
         stage, then = Stage.PILOT, "with its pilot, not commanded"
-    elif vehicle.stage is Stage.STARTING and not vehicle.took_off:
+    elif vehicle.stage is Stage.STARTING and not vehicle.sortie.took_off:
         stage, then, commands = Stage.RETURNING, "disarm commanded", (Disarm(vehicle.name, force=False),)
     else:
         stage, then = Stage.RETURNING, ""
-    state = state.put(replace(left_plan(vehicle, stage, now_s), fault=fault, place_told=kind is FaultKind.DOWN))
+    gone = left_plan(vehicle, stage, now_s)
+    state = state.put(replace(gone, fault=fault, sortie=replace(gone.sortie, place_told=kind is FaultKind.DOWN)))
     if stage is Stage.RETURNING and not then:
         then = _words(context, state, vehicle.name, now_s)
         state, commands = homeward.sent_home(context, state, state.vehicles[vehicle.name], now_s)
@@ -51,7 +52,7 @@ def declare(context: Context, state: FleetState, vehicle: VehicleState, fault: F
 
 def _at_home(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that has disarmed lies where, and as, a landed one does."""
-    stood = not vehicle.took_off or mission_over(context, vehicle)
+    stood = not vehicle.sortie.took_off or mission_over(context, vehicle)
     return over_its_pad(context, vehicle) and stood and not fell(context, vehicle)
 
 
@@ -60,7 +61,7 @@ def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:
     match found.answer:
         case Answer.RETURN:
             waits = "no link; RTL will be commanded as soon as the link is back"
-            return waits if state.vehicles[name].stale else "RTL commanded"
+            return waits if state.vehicles[name].link.stale else "RTL commanded"
         case Answer.LAND:
             return "over its pad, landing commanded"
         case _:
@@ -70,15 +71,18 @@ def _words(context: Context, state: FleetState, name: str, now_s: float) -> str:
 def _left_by(state: FleetState, vehicle: VehicleState) -> frozenset[int]:
     if vehicle.stage not in {Stage.FLYING, Stage.STARTING, Stage.PILOT}:
         return frozenset()
-    return frozenset(segment_of(visit) for visit in vehicle.remaining_visits()) - set(state.inspected)
+    return frozenset(segment_of(visit) for visit in vehicle.remaining_visits()) - set(state.coverage.inspected)
 
 
 def _handed_on(state: FleetState, name: str, left: frozenset[int]) -> str:
     """Return what becomes of what a vehicle leaves; nothing where it leaves nothing."""
-    if not left or state.recalled:
+    if not left or state.progress.recalled:
         return ""
     others = any(
-        one.name != name and one.fault is None and not one.excluded and one.stage in {Stage.STARTING, Stage.FLYING}
+        one.name != name
+        and one.fault is None
+        and not one.orders.excluded
+        and one.stage in {Stage.STARTING, Stage.FLYING}
         for one in state.vehicles.values()
     )
     what = count_of(len(left), "segment")
@@ -88,21 +92,28 @@ def _handed_on(state: FleetState, name: str, left: frozenset[int]) -> str:
 def left_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:
     """Return a vehicle that does not fly its mission any more."""
     return replace(
-        moved_to(vehicle, stage), ordered_mode_s=now_s, run=None, pending=None, held_s=None, errand=None, anchor=None,
-        left_s=now_s, owed=None, cleared_s=None,
-    )  # fmt: skip
+        moved_to(vehicle, stage),
+        orders=replace(vehicle.orders, ordered_mode_s=now_s, held_s=None, errand=None, cleared_s=None),
+        assignment=replace(vehicle.assignment, run=None, pending=None, owed=None),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
 
 
 def withdrawn(state: FleetState, name: str, trigger: str, now_s: float) -> Stepped:
     """Plan around a vehicle at once: a re-plan that is being solved counted on it, one that is put on board goes on."""
-    plan = state.replan
+    plan = state.replanning.replan
     solving = plan is not None and plan.solve_s is None
     before = [plan.solve.trigger] if plan is not None and solving else []
-    before += [state.trigger] if state.urgent and state.trigger not in before else []
-    state = replace(state, urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
+    before += [state.replanning.trigger] if state.replanning.urgent and state.replanning.trigger not in before else []
+    state = replace(
+        state, replanning=replace(state.replanning, urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
+    )
     if plan is not None and solving:
-        return replace(state, replan=None), (CancelSolve(plan.solve.revision),)
+        return replace(state, replanning=replace(state.replanning, replan=None)), (CancelSolve(plan.solve.revision),)
     if plan is not None and name in plan.pending:
-        state = replace(state, replan=replace(plan, pending=plan.pending - {name}))
+        state = replace(
+            state, replanning=replace(state.replanning, replan=replace(plan, pending=plan.pending - {name}))
+        )
         return replanning.ended_if_done(state, now_s)
     return state, ()

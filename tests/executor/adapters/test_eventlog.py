@@ -179,7 +179,7 @@ def test_a_flight_from_its_log_gives_the_same_commands(tmp_path: Path) -> None:
     flight.finish()
     log.close()
     assert log.lost == 0
-    assert len(flight.state.records) >= 2
+    assert len(flight.state.replanning.records) >= 2
 
     state = fleet.initial(dict(ready.boards))
     again: list[tuple[float, Command]] = []

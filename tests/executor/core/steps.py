@@ -13,10 +13,11 @@ from executor.core.context import Context, FlyAgain
 from executor.core.events import Event, IntentReceived, Tick
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Heartbeat
+from executor.core.parts import Errand, Fix, OnBoard, TakenOver
 from executor.core.state import FleetState, NewMission, Replan, Told
-from executor.core.vehicle import Errand, Fault, FaultCode, FaultKind, Fix, OnBoard, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import continue_path, flight_path
-from tests.executor.builders import vehicle
+from tests.executor.builders import flat, vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
 
 Changes = dict[str, Any]
@@ -26,20 +27,21 @@ HOLD = 17
 LAND = 9
 
 
-def flight_of(*vehicles: VehicleState, **given: Any) -> FleetState:
+def flight_of(*vehicles: VehicleState, **facts: Any) -> FleetState:
     """Return a flight that began 100 s ago; who is not given stands on its pad and is not heard."""
     there = {name: vehicle(FLEET, name) for name in FLEET.boards} | {one.name: one for one in vehicles}
-    return replace(FleetState(MappingProxyType(there), launched_s=NOW_S - 100.0), **given)
+    return with_facts(FleetState(MappingProxyType(there)), **({"launched_s": NOW_S - 100.0} | facts))
 
 
 def changes(before: object, after: object) -> Changes:
     """Return the fields of a dataclass that are others now, with what they are."""
     found: Changes = {}
-    for one in fields(before):  # type: ignore[arg-type]
-        was, now = getattr(before, one.name), getattr(after, one.name)
-        if one.name not in NOT_SHOWN and was is not now and was != now:
-            found[one.name] = dict(now) if isinstance(now, Mapping) else now
-    if all(told == Told() for told in getattr(after, "told", {}).values()):
+    held = flat(after)
+    for name, was in flat(before).items():
+        now = held[name]
+        if name not in NOT_SHOWN and was is not now and was != now:
+            found[name] = dict(now) if isinstance(now, Mapping) else now
+    if all(told == Told() for told in found.get("told", {}).values()):
         found.pop("told", None)  # nobody was told anything
     return found
 
@@ -185,5 +187,5 @@ TERMINATED = Fault(FaultKind.INTERRUPTION, "reports that its flight is terminate
 WHY: Changes = {"trigger": "uav1: interruption, reports that its flight is terminated", "trigger_s": NOW_S}
 URGENT = {"urgent": True} | WHY
 TAKEN = TakenOver(NOW_S - 10.0)
-SECOND = replace(flying(), name="uav2", board=FLEET.boards["uav2"])
+SECOND = with_facts(flying(), name="uav2", board=FLEET.boards["uav2"])
 """Another one that flies its mission."""

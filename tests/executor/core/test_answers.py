@@ -10,8 +10,10 @@ import pytest
 from executor.core.commands import Level, Say, SendHome
 from executor.core.events import OrderEnded, ReturnEnded, Tick
 from executor.core.intents import Action, IntentReason, Outcome
+from executor.core.parts import Errand
 from executor.core.state import ReplanRecord
-from executor.core.vehicle import Errand, Stage
+from executor.core.vehicle import Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -247,7 +249,7 @@ ROWS = [
     ),
     Row(
         "it acknowledged and is not heard",
-        replace(COMES, heartbeat_s=NOW_S - 5.0),
+        with_facts(COMES, heartbeat_s=NOW_S - 5.0),
         returns(accepted=False, reason="flies on"),
         [Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)")],
         {"uav1": {"errand": None}},
@@ -255,7 +257,7 @@ ROWS = [
     ),
     Row(
         "it acknowledged and was just heard",
-        replace(COMES, heartbeat_s=NOW_S - 4.9),
+        with_facts(COMES, heartbeat_s=NOW_S - 4.9),
         returns(accepted=False, reason="flies on"),
         [
             Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)"),
@@ -266,7 +268,7 @@ ROWS = [
     ),
     Row(
         "it acknowledged and was never heard",
-        replace(COMES, heartbeat_s=None),
+        with_facts(COMES, heartbeat_s=None),
         returns(accepted=False, reason="flies on"),
         [Say(Level.WARNING, "uav1: did not acknowledge RTL (flies on)")],
         {"uav1": {"errand": None}},
@@ -274,18 +276,18 @@ ROWS = [
     ),
     Row(
         "it answers what it was not told",
-        replace(COMES, errand=Errand(NOW_S)),
+        with_facts(COMES, errand=Errand(NOW_S)),
         returns(accepted=False, reason="no", refused=True),
         [Say(Level.WARNING, "uav1: refused RTL (no)")],
         {},
         {},
     ),
     Row("somebody else has sent on who held", SENT_ON, Tick(), [], {"uav1": {"anchor": None, "held_s": None}}, {}),
-    Row("who held flies on since a moment", replace(SENT_ON, mode_since_s=NOW_S - 20.0), Tick(), [], {}, {}),
-    Row("who was just told to hold flies on", replace(SENT_ON, ordered_mode_s=NOW_S - 20.0), Tick(), [], {}, {}),
+    Row("who held flies on since a moment", with_facts(SENT_ON, mode_since_s=NOW_S - 20.0), Tick(), [], {}, {}),
+    Row("who was just told to hold flies on", with_facts(SENT_ON, ordered_mode_s=NOW_S - 20.0), Tick(), [], {}, {}),
     Row(
         "who held and is not heard may hold",
-        replace(SENT_ON, stale=True, heard_s=NOW_S - 4.0, spoke_s=NOW_S - 4.0),
+        with_facts(SENT_ON, stale=True, heard_s=NOW_S - 4.0, spoke_s=NOW_S - 4.0),
         Tick(),
         [],
         {},
@@ -293,11 +295,11 @@ ROWS = [
         beside=(SECOND,),
     ),
     Row("who holds late holds", HELD_LATE, Tick(), [], {"uav1": {"held_s": NOW_S}}, {}),
-    Row("who holds later does so by itself", replace(HELD_LATE, hold_asked_s=NOW_S - 120.1), Tick(), [], {}, {}),
-    Row("who was told to hold and flies does not hold", replace(HELD_LATE, heartbeat=beat()), Tick(), [], {}, {}),
+    Row("who holds later does so by itself", with_facts(HELD_LATE, hold_asked_s=NOW_S - 120.1), Tick(), [], {}, {}),
+    Row("who was told to hold and flies does not hold", with_facts(HELD_LATE, heartbeat=beat()), Tick(), [], {}, {}),
     Row(
         "who holds late on its way home only comes home",
-        replace(HELD_LATE, stage=Stage.RETURNING, left_s=NOW_S, errand=Errand(NOW_S, told=True)),
+        with_facts(HELD_LATE, stage=Stage.RETURNING, left_s=NOW_S, errand=Errand(NOW_S, told=True)),
         Tick(),
         [],
         {},

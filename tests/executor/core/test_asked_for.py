@@ -11,8 +11,10 @@ import pytest
 from executor.core.battery.account import BatteryState
 from executor.core.intents import Action, Intent
 from executor.core.operator import refusals
+from executor.core.parts import Cause
 from executor.core.state import Briefing, Offer, Question
-from executor.core.vehicle import Cause, Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import BATTERY_FAULT, HOLD, TAKEN, beat, flight_of, landed, plan_of, rounded
 from tests.missions.builders import network_of
@@ -135,8 +137,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 (PILOTS, {}),
                 (PILOTS, {"recalled": True}),
                 (replace(PILOTS, fault=BATTERY_FAULT), {}),
-                (replace(PILOTS, taken=TAKEN), {}),
-                (replace(PILOTS, taken=None), {}),
+                (with_facts(PILOTS, taken=TAKEN), {}),
+                (with_facts(PILOTS, taken=None), {}),
             )
         ],
         [
@@ -150,7 +152,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "back in the plan that is in it",
         lambda: [
-            refused(Action.INCLUDE, "uav1", replace(STANDS, **one), **given)
+            refused(Action.INCLUDE, "uav1", with_facts(STANDS, **one), **given)
             for one, given in (
                 ({}, {}),
                 ({}, {"inspected": dict.fromkeys(range(6), "uav2")}),

@@ -13,6 +13,7 @@ from executor.core.connection import parse_connection
 from executor.core.context import Context
 from executor.core.hearing import texts
 from executor.core.messages import ComponentText, DoubleHeard, ParamValue, Position, StationHeard, StatusText, Version
+from executor.core.parts import TextFlow
 from executor.core.preflight import checks, parameters
 from executor.core.preflight.checks import (
     Check,
@@ -23,9 +24,8 @@ from executor.core.preflight.parameters import (
     Change,
     Kept,
 )
-from executor.core.vehicle import TextFlow
 from missions import ARDUPILOT, PX4, Pad
-from tests.executor.builders import fleet_of
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import flight_of, rounded
 
@@ -33,7 +33,7 @@ CONTEXT = FLEET.context
 UNEVEN = fleet_of(autopilot="px4").context
 PLACE = Position(5.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
 FACTS = Facts("uav1", replace(DISARMED, vehicle_type=2), PLACE, 95.0, Version(4, 7, 0), {})
-BOARD = flying().board
+BOARD = flying().assignment.board
 assert BOARD is not None
 PATH = BOARD.path
 FENCE = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_ALT_MAX": 80.0, "FENCE_RADIUS": 900.0}
@@ -72,7 +72,7 @@ def shown(*said: tuple[float, int, str], alarmed: bool = False, aboard: bool = F
     """Return which of the texts (seconds, severity, words) are shown, and what is said at the end."""
     state, found = flight_of(flying()), list[Command]()
     for at_s, severity, what in said:
-        one = replace(state.vehicles["uav1"], alarm=(what, at_s)) if alarmed else state.vehicles["uav1"]
+        one = with_facts(state.vehicles["uav1"], alarm=(what, at_s)) if alarmed else state.vehicles["uav1"]
         if aboard:
             state, more = texts.said_aboard(state, one, ComponentText(100, severity, what), at_s)
         else:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
 
 import pytest
 
@@ -20,16 +19,18 @@ from executor.core.hearing.speaker import Speaker
 from executor.core.intents import Action
 from executor.core.limits import Limits
 from executor.core.link_quality import LinkQuality
+from executor.core.parts import Cause, Errand, TakenOver, TextFlow, Watch
 from executor.core.ports import LinkCounts
 from executor.core.recording import Skipped
 from executor.core.state import Absence, Briefing, FleetState, Replan, Told
-from executor.core.vehicle import Cause, Errand, Stage, TakenOver, TextFlow, VehicleState, Watch
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import flat
 from tests.executor.core.steps import Changes, rounded
 
 
 def told(value: object) -> Changes:
     """Return what a dataclass holds, by name."""
-    return {one.name: getattr(value, one.name) for one in fields(value)}  # type: ignore[arg-type]
+    return flat(value)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [

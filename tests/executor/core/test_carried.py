@@ -22,7 +22,7 @@ def honest(autopilot: str = "ardupilot") -> Story:
     """Return a flight whose vehicles say how many items they carry, as those on board."""
     flight = under_way(fleet_of(autopilot=autopilot))
     for name, craft in flight.crafts.items():
-        board = flight.vehicle(name).board
+        board = flight.vehicle(name).assignment.board
         assert board is not None
         craft.counts, leg = True, craft.leg
         craft.load(board.path)
@@ -36,7 +36,7 @@ def honest(autopilot: str = "ardupilot") -> Story:
 def test_our_own_mission_is_ours(autopilot: str) -> None:
     flight = honest(autopilot)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == []
 
 
@@ -53,7 +53,7 @@ def test_a_mission_of_another_length_is_another_stations(autopilot: str) -> None
     assert line.startswith("uav2: carries another mission than ours (4 items where ours has ")
     flight.pass_s(60.0)
     assert flight.sent_home() == []
-    assert 2 not in flight.state.inspected or flight.state.inspected[2] != "uav2"
+    assert 2 not in flight.state.coverage.inspected or flight.state.coverage.inspected[2] != "uav2"
 
 
 def test_its_segments_are_kept_for_a_while_though_its_mode_is_as_old_as_the_flight() -> None:
@@ -98,7 +98,7 @@ def test_a_text_alone_takes_no_vehicle(text: str) -> None:
     assert flight.given(ReadMission) == [ReadMission("uav2")]
     assert "uav2: reported a new mission; verified by read-back, it is ours" in flight.said(Level.WARNING)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == []
 
 
@@ -135,9 +135,9 @@ def test_nobody_is_blamed_for_a_question_that_went_into_a_silence() -> None:
     craft.unreadable = True
     flight.happen(Heard("uav2", StatusText(6, "Flight plan received")))
     craft.mute = True
-    flight.run(lambda: flight.vehicle("uav2").stale)
+    flight.run(lambda: flight.vehicle("uav2").link.stale)
     flight.happen(MissionRead(Found("uav2", heard=True, seq=None, items=None, matches=())))
-    assert flight.vehicle("uav2").carried.foreign_s is None
+    assert flight.vehicle("uav2").assignment.carried.foreign_s is None
     craft.mute = craft.unreadable = False
     flight.run(lambda: any("verified by read-back, it is ours" in line for line in flight.said(Level.WARNING)))
 
@@ -159,7 +159,7 @@ def test_one_report_alone_says_nothing() -> None:
     flight = honest()
     flight.happen(Heard("uav2", MissionCurrent(3, 4)))
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == []
 
 
@@ -170,7 +170,7 @@ def test_our_own_upload_is_nobody_elses() -> None:
     flight.run(lambda: bool(flight.uploads()))
     name = flight.uploads()[0].vehicle
     flight.happen(Heard(name, MissionCurrent(3, 2)))
-    flight.run(lambda: flight.vehicle(name).pending is None)
+    flight.run(lambda: flight.vehicle(name).assignment.pending is None)
     flight.happen(Heard(name, StatusText(6, "Flight plan received")))
     flight.pass_s(3.0)
     assert flight.stage(name) is Stage.FLYING
@@ -187,7 +187,7 @@ def test_it_is_back_once_it_carries_ours_and_the_operator_says_so() -> None:
     flight.pass_s(5.0)
     assert flight.ask(Action.INCLUDE, "uav2", "then").outcome is Outcome.DONE
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_no_mission_at_all_is_not_ours_either() -> None:

@@ -8,8 +8,9 @@ from executor.core.battery.account import BatteryState
 from executor.core.commands import AskStreams, Level, Say
 from executor.core.events import Tick
 from executor.core.messages import Heartbeat
+from executor.core.parts import Cause, Errand
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, flying
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
 
@@ -161,8 +162,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 "
-                    "m over its home"
+                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 m "
+                    "over its home"
                 ),
             )
         ],
@@ -184,8 +185,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 "
-                    "m over its home"
+                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 m "
+                    "over its home"
                 ),
             )
         ],

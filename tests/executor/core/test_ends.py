@@ -11,8 +11,10 @@ from executor.core import coverage
 from executor.core.commands import AskStreams, Finish, Level, Say
 from executor.core.coverage import Run, Sample, _Pace
 from executor.core.events import Tick
+from executor.core.parts import Before, Cause, Errand, Fix, Watch
 from executor.core.state import Absence, Offer, Told
-from executor.core.vehicle import Before, Cause, Errand, Fault, FaultCode, FaultKind, Fix, Stage, Watch
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -42,7 +44,9 @@ CAME_HOME = flying(
     run=RUN,
 )  # fmt: skip
 AWAY = Absence(NOW_S - 2.0, 20.0, restarted=False)
-ALONE = flying(heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, heartbeat_s=NOW_S - 10.0, run=CAME_HOME.run, run_visit=0)
+ALONE = flying(
+    heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, heartbeat_s=NOW_S - 10.0, run=CAME_HOME.assignment.run, run_visit=0
+)
 WAS = Before(at(age_s=70.0), 1, None, None, 95.0, NOW_S - 70.0)
 BACK = flying(before=WAS, regained_s=NOW_S - 1.0, spoke_s=NOW_S, mode_since_s=NOW_S - 90.0)
 
@@ -95,7 +99,7 @@ ROWS = [
     ),
     Row(
         "something is left, and nobody can",
-        replace(STANDS, battery=pack(10.0)),
+        with_facts(STANDS, battery=pack(10.0)),
         Tick(),
         [Finish("6 segments are not inspected")],
         {},
@@ -259,7 +263,7 @@ ROWS = [
     ),
     Row(
         "who held as we were away comes home",
-        replace(CAME_HOME, heartbeat=beat(HOLD)),
+        with_facts(CAME_HOME, heartbeat=beat(HOLD)),
         Tick(),
         [Say(Level.WARNING, "uav1: ended its mission while the ground station was away; it comes home")],
         {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
@@ -364,14 +368,14 @@ ROWS = [
     ),
     Row(
         "nobody is heard for a minute",
-        replace(ALONE, heard_s=NOW_S - 60.0, spoke_s=NOW_S - 60.0),
+        with_facts(ALONE, heard_s=NOW_S - 60.0, spoke_s=NOW_S - 60.0),
         Tick(),
         [
             Say(
                 Level.FAULT,
                 (
-                    "no message from any vehicle for 60 s; in the air at last contact: uav1. The flight stays open and "
-                    "resumes with the first link regained"
+                    "no message from any vehicle for 60 s; in the air at last contact: uav1. The flight stays "
+                    "open and resumes with the first link regained"
                 ),
             ),
             Say(Level.WARNING, "uav1: no message for 60.0 s"),
@@ -399,7 +403,7 @@ ROWS = [
     ),
     Row(
         "nobody was heard, and nobody can fly any more",
-        replace(ALONE, heard_s=NOW_S - 9000.0, spoke_s=NOW_S - 9000.0),
+        with_facts(ALONE, heard_s=NOW_S - 9000.0, spoke_s=NOW_S - 9000.0),
         Tick(),
         [
             Say(Level.WARNING, "uav1: no message for 9000.0 s"),
@@ -436,7 +440,7 @@ ROWS = [
     ),
     Row(
         "somebody link regained",
-        replace(ALONE, heard_s=NOW_S, spoke_s=NOW_S),
+        with_facts(ALONE, heard_s=NOW_S, spoke_s=NOW_S),
         Tick(),
         [Say(Level.INFO, "links regained")],
         {"uav1": {"excused_s": NOW_S}, "uav2": {"heard_s": NOW_S, "excused_s": NOW_S}},
@@ -446,11 +450,11 @@ ROWS = [
             "absences": (Absence(until_s=NOW_S, pause_s=60.0, restarted=False, deaf=True),),
         },
         {"silent_since_s": NOW_S - 60.0, "silence_told_s": NOW_S - 5.0},
-        beside=(replace(SECOND, heard_s=NOW_S - 60.0),),
+        beside=(with_facts(SECOND, heard_s=NOW_S - 60.0),),
     ),
     Row(
         "who is heard again has not said where it is",
-        replace(BACK, fix=at(age_s=70.0)),
+        with_facts(BACK, fix=at(age_s=70.0)),
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 70 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
@@ -458,7 +462,7 @@ ROWS = [
     ),
     Row(
         "who is heard again has not said where it is for five seconds",
-        replace(BACK, fix=at(age_s=70.0), regained_s=NOW_S - 5.0),
+        with_facts(BACK, fix=at(age_s=70.0), regained_s=NOW_S - 5.0),
         Tick(),
         [
             Say(Level.WARNING, "uav1: no position for 70 s, while other messages come"),
@@ -488,7 +492,7 @@ ROWS = [
     ),
     Row(
         "who is heard again has not said its mode",
-        replace(BACK, heartbeat_s=NOW_S - 71.0),
+        with_facts(BACK, heartbeat_s=NOW_S - 71.0),
         Tick(),
         [Say(Level.WARNING, "uav1: no HEARTBEAT for 71 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
@@ -496,7 +500,7 @@ ROWS = [
     ),
     Row(
         "who is heard again has not said its item",
-        replace(BACK, item_s=NOW_S - 71.0),
+        with_facts(BACK, item_s=NOW_S - 71.0),
         Tick(),
         [
             Say(Level.WARNING, "uav1: no report of its current waypoint for 71 s, while other messages come"),
@@ -507,15 +511,15 @@ ROWS = [
     ),
     Row(
         "who is heard again and stands has no item to say",
-        replace(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
+        with_facts(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
         Tick(),
         [
             Say(Level.WARNING, "uav1: what it flew meanwhile does not count: 70 s are too short for its way of 154 s"),
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed over its pad in mid-mission; last position "
-                    "49.600138, 15.599467, 0 m over its home"
+                    "uav1: interruption, disarmed over its pad in mid-mission; last position 49.600138, "
+                    "15.599467, 0 m over its home"
                 ),
             ),
         ],
@@ -531,25 +535,21 @@ ROWS = [
                 "left_s": NOW_S,
             }
         },
-        {
-            "urgent": True,
-            "trigger": "uav1: interruption, disarmed over its pad in mid-mission",
-            "trigger_s": NOW_S,
-        },
+        {"urgent": True, "trigger": "uav1: interruption, disarmed over its pad in mid-mission", "trigger_s": NOW_S},
     ),
-    Row("who is heard again is not heard yet", replace(BACK, regained_s=NOW_S - 71.0), Tick(), [], {}, {}),
+    Row("who is heard again is not heard yet", with_facts(BACK, regained_s=NOW_S - 71.0), Tick(), [], {}, {}),
     Row(
         "who is heard again was asked already",
-        replace(BACK, before=replace(WAS, until_s=-math.inf)),
+        with_facts(BACK, before=replace(WAS, until_s=-math.inf)),
         Tick(),
         [],
         {"uav1": {"before": None}},
         {},
     ),
-    Row("who is heard again has no position", replace(BACK, fix=None), Tick(), [], {"uav1": {"before": None}}, {}),
+    Row("who is heard again has no position", with_facts(BACK, fix=None), Tick(), [], {"uav1": {"before": None}}, {}),
     Row(
         "who is heard again is at fault before it is taken up",
-        replace(BACK, heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, item_s=NOW_S - 71.0, stale=True),
+        with_facts(BACK, heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, stale=True, item_s=NOW_S - 71.0),
         Tick(),
         [
             Say(
@@ -571,10 +571,14 @@ ROWS = [
     ),
     Row(
         "who is heard again is where it can be",
-        replace(
+        with_facts(
             BACK,
             before=replace(
-                WAS, fix=replace(at(age_s=40.0), place_m=(150.0, -5.0)), waypoint=2, run=CAME_HOME.run, run_visit=0
+                WAS,
+                fix=replace(at(age_s=40.0), place_m=(150.0, -5.0)),
+                waypoint=2,
+                run=CAME_HOME.assignment.run,
+                run_visit=0,
             ),
             waypoint=3,
             fix=replace(at(), place_m=(250.0, -5.0)),
@@ -596,10 +600,14 @@ ROWS = [
     ),
     Row(
         "who is heard again is where it cannot be",
-        replace(
+        with_facts(
             BACK,
             before=replace(
-                WAS, fix=replace(at(age_s=60.0), place_m=(150.0, -5.0)), waypoint=2, run=CAME_HOME.run, run_visit=0
+                WAS,
+                fix=replace(at(age_s=60.0), place_m=(150.0, -5.0)),
+                waypoint=2,
+                run=CAME_HOME.assignment.run,
+                run_visit=0,
             ),
             waypoint=3,
             fix=replace(at(), place_m=(250.0, -5.0)),

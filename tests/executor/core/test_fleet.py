@@ -22,13 +22,13 @@ RTL, LAND, SMART_RTL = 6, 9, 21
 def test_a_flight_without_a_fault(autopilot: str) -> None:
     flight = story(fleet_of(autopilot=autopilot))
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
     assert flight.given(Finish) == [Finish("every segment is inspected")]
     assert flight.solves() == []
     assert flight.said(Level.WARNING) == []
-    assert flight.state.separation is not None
-    assert flight.state.separation.least_m >= 5.0
+    assert flight.state.progress.separation is not None
+    assert flight.state.progress.separation.least_m >= 5.0
 
 
 def test_nothing_flies_before_the_launch() -> None:
@@ -49,9 +49,9 @@ def test_a_silent_link_is_a_fault_at_its_time_out() -> None:
     assert fault is not None
     assert (fault.kind, fault.detected_s) == (FaultKind.LINK, found_s)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
-    assert 2 not in [segment for segment, by in flight.state.inspected.items() if by == "uav2"]
-    [record] = flight.state.records
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+    assert 2 not in [segment for segment, by in flight.state.coverage.inspected.items() if by == "uav2"]
+    [record] = flight.state.replanning.records
     assert (record.feasible, record.uncovered, record.begun_s) == (True, (), found_s)
     assert record.ended_s - record.begun_s < 2.0
 
@@ -120,13 +120,13 @@ def test_a_lost_vehicle_that_comes_back_is_told_to_return_and_never_goes_on() ->
     flight.step()
     assert flight.stage("uav2") is Stage.RETURNING
     assert flight.sent_home() == ["uav2"]
-    before = dict(flight.state.inspected)
+    before = dict(flight.state.coverage.inspected)
     flight.finish()
     assert flight.stage("uav2") is Stage.LANDED
-    assert not {"uav2"} & {by for segment, by in flight.state.inspected.items() if segment not in before}
+    assert not {"uav2"} & {by for segment, by in flight.state.coverage.inspected.items() if segment not in before}
     assert all(offer.vehicle != "uav2" for problem in flight.solves() for offer in problem.survivors)
     assert flight.given(Start).count(Start("uav2")) == 1
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def back_and_refusing(answers: list[ReturnEnded]) -> Story:
@@ -199,7 +199,7 @@ def test_a_lost_vehicle_that_landed_in_mission_mode_is_told_to_return_and_stays_
     assert flight.sent_home() == ["uav2"]
     assert flight.given(Start).count(Start("uav2")) == 1
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.vehicle("uav2").stage is Stage.LANDED
 
 
@@ -238,7 +238,7 @@ def test_a_battery_failsafe_that_brings_it_home_or_down_is_not_overruled(mode: i
     assert flight.sent_home() == []
     flight.crafts["uav2"].go_home()
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_vehicle_that_disarms_on_its_pad_instead_of_taking_off_is_planned_around() -> None:
@@ -252,7 +252,7 @@ def test_a_vehicle_that_disarms_on_its_pad_instead_of_taking_off_is_planned_arou
     flight.finish()
     assert flight.said(Level.FAULT)[0].startswith("uav2: interruption, disarmed on its pad before it took off")
     assert flight.given(Start).count(Start("uav2")) == 1
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_start_that_fails_is_tried_again() -> None:
@@ -262,7 +262,7 @@ def test_a_start_that_fails_is_tried_again() -> None:
     flight.launch()
     flight.finish()
     assert flight.given(Start).count(Start("uav2")) == 3
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.WARNING) == ["uav2: did not start (arm: denied); trying again"] * 2
 
 
@@ -280,7 +280,7 @@ def test_a_start_that_a_new_mission_breaks_off_is_gone_on_with(airborne: bool) -
     flight.finish()
     assert [upload.vehicle for upload in flight.uploads()].count("uav3") == 1
     assert flight.given(Start).count(Start("uav3")) == (1 if airborne else 2)
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.stage("uav3") is Stage.LANDED
 
 
@@ -290,7 +290,7 @@ def test_a_vehicle_that_never_starts_is_planned_around() -> None:
     flight.launch()
     flight.finish()
     assert flight.vehicle("uav2").stage is Stage.LANDED
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.sent_home() == []
 
 
@@ -306,7 +306,7 @@ def test_a_vehicle_that_armed_and_did_not_confirm_its_start_is_told_to_return() 
     flight.finish()
     assert flight.given(LandNow) == [LandNow("uav2")], "it did take off, and is over its pad"
     assert flight.stage("uav2") is Stage.LANDED
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_vehicle_that_armed_and_stands_is_told_to_disarm() -> None:
@@ -320,7 +320,7 @@ def test_a_vehicle_that_armed_and_stands_is_told_to_disarm() -> None:
     flight.finish()
     assert flight.stage("uav2") is Stage.LANDED
     assert flight.sent_home() == []
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_battery_step_sends_the_vehicle_home() -> None:
@@ -334,7 +334,7 @@ def test_a_battery_step_sends_the_vehicle_home() -> None:
     assert fault.kind is FaultKind.BATTERY
     flight.finish()
     assert flight.stage("uav2") is Stage.LANDED
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_the_first_reason_stands() -> None:
@@ -362,7 +362,7 @@ def test_a_vehicle_that_goes_down_away_from_its_pad() -> None:
     assert flight.said(Level.FAULT)[1].startswith("uav2: down at 49.59")
     assert flight.sent_home() == []
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_the_operator_sends_everybody_home() -> None:
@@ -372,7 +372,7 @@ def test_the_operator_sends_everybody_home() -> None:
     flight.finish()
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
     assert flight.solves() == []
-    assert len(flight.state.inspected) < 6
+    assert len(flight.state.coverage.inspected) < 6
 
 
 def test_a_warning_text_is_shown_once() -> None:

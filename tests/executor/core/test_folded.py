@@ -32,8 +32,9 @@ from executor.core.messages import (
     Traffic,
     Wind,
 )
-from executor.core.vehicle import Fix, Stage, VehicleState
-from tests.executor.builders import fleet_of, vehicle
+from executor.core.parts import Fix
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import flat, fleet_of, vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import (
     AUTO,
     DISARMED,
@@ -63,7 +64,7 @@ def folded(one: VehicleState, message: FlightMessage, context: Context = CONTEXT
     changed = changes(one, found.state)
     for name in ("battery", "volts", "quality", "carried", "roundings"):
         if name in changed:
-            changed[name] = changes(getattr(one, name), changed[name])
+            changed[name] = changes(flat(one)[name], changed[name])
     for name in ("spoke_s", "heard_s"):
         if changed.get(name) == NOW_S:
             del changed[name]  # it was heard
@@ -90,7 +91,7 @@ def moved(one: VehicleState, message: Position) -> Changes:
     for name in ("spoke_s", "heard_s", "fix"):
         changed.pop(name, None)
     if "battery" in changed:
-        changed["battery"] = changed["battery"].modelled_pct - one.battery.modelled_pct
+        changed["battery"] = changed["battery"].modelled_pct - one.power.battery.modelled_pct
     if "anchor" in changed:
         changed["anchor"] = changed["anchor"].boot_s
     return changed
@@ -102,9 +103,9 @@ def inspects(*places: tuple[float, float], later: Changes | None = None, **given
     for t_s, east_m in places:
         message = placed(100.0 - PAD_E + east_m, 15.0, boot_s=NOW_S + t_s, north_m=-5.0)
         step = fold.fold(CONTEXT, one, message, NOW_S + t_s)
-        one = replace(step.state, **(later or {})) if t_s > 16.0 else step.state
+        one = with_facts(step.state, **(later or {})) if t_s > 16.0 else step.state
         found += [(t_s, step.inspected)] if step.inspected is not None else []
-    return found, one.run_visit, one.runs_broken, one.owed
+    return found, one.assignment.run_visit, one.assignment.runs_broken, one.assignment.owed
 
 
 ALONG = tuple((4.0 * step, 12.0 * step - 1.0) for step in range(10))
@@ -651,7 +652,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "items",
         lambda: [
-            fold.fold(CONTEXT, flying(waypoint=waypoint), MissionCurrent(seq, None), NOW_S).state.waypoint
+            fold.fold(CONTEXT, flying(waypoint=waypoint), MissionCurrent(seq, None), NOW_S).state.assignment.waypoint
             for waypoint, seq in ((2, 0), (2, 1), (2, 9), (2, 10), (2, -1), (5, 4), (4, 4), (5, 9))
         ],
         [2, 0, 5, 2, 2, 5, 2, 5],
@@ -664,7 +665,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 vehicle(PX4_FLEET, "uav1", stage=Stage.FLYING, waypoint=1),
                 MissionCurrent(seq, None),
                 NOW_S,
-            ).state.waypoint
+            ).state.assignment.waypoint
             for seq in (-1, 0, 1, 3)
         ],
         [1, 0, 1, 2],
@@ -677,7 +678,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "items in other stages",
         lambda: [
-            fold.fold(CONTEXT, flying(stage=stage), MissionCurrent(7, None), NOW_S).state.waypoint for stage in Stage
+            fold.fold(CONTEXT, flying(stage=stage), MissionCurrent(7, None), NOW_S).state.assignment.waypoint
+            for stage in Stage
         ],
         [2, 4, 4, 2, 4, 2, 2, 4],
     ),

@@ -11,13 +11,15 @@ from executor.core import fleet
 from executor.core.commands import HandsOff, Level, Say, SendHome
 from executor.core.events import Heard
 from executor.core.messages import FlightMessage, MissionCurrent, Position, StationHeard, StatusText
+from executor.core.parts import Cause, Errand, TakenOver, TextFlow
 from executor.core.state import Separation
-from executor.core.vehicle import Cause, Errand, Stage, TakenOver, TextFlow, VehicleState
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, PAD_N, RTL, at, flying
 from tests.executor.core.steps import HOLD, LOW, SECOND, SENT_HOME, TAKEN, Row, beat, flight_of
 
 GONE = flying(stage=Stage.LOST, heard_s=NOW_S - 50.0, heartbeat_s=NOW_S - 50.0, spoke_s=NOW_S - 50.0)
-LOST_ON_PAD = replace(GONE, fix=LOW, heartbeat=DISARMED)
+LOST_ON_PAD = with_facts(GONE, fix=LOW, heartbeat=DISARMED)
 HEARD = {"heard_s": NOW_S, "spoke_s": NOW_S}
 SAID = HEARD | {"heartbeat_s": NOW_S, "beat_boot_s": NOW_S}
 REGAINED = SAID | {"regained_s": NOW_S, "unseen_until_s": NOW_S}
@@ -37,7 +39,7 @@ def other(
 ) -> VehicleState:
     """Return another one in the air, so far east of 100 m, seen some time ago."""
     fix = replace(at(up_m=up_m, age_s=age_s), place_m=(100.0 + east_m, PAD_N + north_m), velocity_m_s=velocity_m_s)
-    return replace(SECOND, fix=fix)
+    return with_facts(SECOND, fix=fix)
 
 
 def position(up_m: float = 20.0) -> Heard:
@@ -78,7 +80,7 @@ ROWS = [
     ),
     Row(
         "who was lost and was taken",
-        replace(GONE, cause=Cause.PERSON),
+        with_facts(GONE, cause=Cause.PERSON),
         said(beat(HOLD)),
         [
             Say(Level.WARNING, "uav1: link regained"),
@@ -100,7 +102,7 @@ ROWS = [
     ),
     Row(
         "who was lost, with its pilot all the time",
-        replace(GONE, taken=TAKEN, heartbeat=beat(HOLD), cause=Cause.PERSON),
+        with_facts(GONE, taken=TAKEN, cause=Cause.PERSON, heartbeat=beat(HOLD)),
         said(beat(HOLD)),
         [
             Say(Level.WARNING, "uav1: link regained"),
@@ -131,7 +133,7 @@ ROWS = [
     ),
     Row(
         "who was lost in its pilot's hands is not switched",
-        replace(LOST_ON_PAD, taken=TakenOver(NOW_S - 90.0)),
+        with_facts(LOST_ON_PAD, taken=TakenOver(NOW_S - 90.0)),
         said(beat(armed=False)),
         [
             Say(
@@ -163,7 +165,7 @@ ROWS = [
     ),
     Row(
         "who was lost and lies somewhere",
-        replace(GONE, heartbeat=DISARMED),
+        with_facts(GONE, heartbeat=DISARMED),
         said(beat(armed=False)),
         [Say(Level.FAULT, "uav1: link regained, down at 49.600138, 15.603617, disarmed")],
         {
@@ -273,7 +275,7 @@ SEPARATIONS = [
     ("another that was seen too long ago", flying(), position(), other(0.0, 30.0, age_s=1.6), None, None),
     ("another on the ground", flying(), position(), other(0.0, 1.9), None, None),
     ("another just in the air", flying(), position(), other(0.0, 2.0), None, 18.0),
-    ("another that is not armed", flying(), position(), replace(other(0.0, 30.0), heartbeat=DISARMED), None, None),
+    ("another that is not armed", flying(), position(), with_facts(other(0.0, 30.0), heartbeat=DISARMED), None, None),
     ("one that is on the ground itself", flying(), position(1.9), other(0.0, 30.0), None, None),
     ("one that is just in the air itself", flying(), position(2.0), other(0.0, 30.0), None, 28.0),
     ("one that is not armed itself", flying(heartbeat=DISARMED), position(), other(0.0, 30.0), None, None),
@@ -289,11 +291,11 @@ def test_how_near_two_came(
     before = None if least_m is None else Separation(least_m, ("a", "b"), 0.0)
     after, _ = fleet.step(FLEET.context, flight_of(one, other, separation=before), event, NOW_S)
     if expected_m is None:
-        assert after.separation is before
+        assert after.progress.separation is before
     else:
-        assert after.separation is not None
-        assert (after.separation.between, after.separation.at_s) == (("uav1", "uav2"), NOW_S)
-        assert after.separation.least_m == pytest.approx(expected_m)
+        assert after.progress.separation is not None
+        assert (after.progress.separation.between, after.progress.separation.at_s) == (("uav1", "uav2"), NOW_S)
+        assert after.progress.separation.least_m == pytest.approx(expected_m)
 
 
 def test_an_inspection_is_kept_with_how_it_was_flown_by_who_came_first() -> None:
@@ -303,6 +305,6 @@ def test_an_inspection_is_kept_with_how_it_was_flown_by_who_came_first() -> None
             lat_deg, lon_deg = FLEET.context.frame.to_wgs84_deg(99.0 + 12.0 * step, -5.0)
             place = Position(NOW_S + 4.0 * step, lat_deg, lon_deg, 465.0, 15.0, 0.0, 3.0, 0.0, None)
             state, _ = fleet.step(FLEET.context, state, said(place), NOW_S + 4.0 * step)
-        assert dict(state.inspected) == (before or {0: "uav1"})
-        assert list(state.flown) == ([] if before else [0])
-        assert before or state.flown[0].mean_m_s == pytest.approx(3.0)
+        assert dict(state.coverage.inspected) == (before or {0: "uav1"})
+        assert list(state.coverage.flown) == ([] if before else [0])
+        assert before or state.coverage.flown[0].mean_m_s == pytest.approx(3.0)

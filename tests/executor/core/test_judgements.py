@@ -12,9 +12,10 @@ from executor.core import places
 from executor.core.custody import causes
 from executor.core.homing import down, homeward
 from executor.core.messages import Attitude, Heartbeat
+from executor.core.parts import Cause, Errand
 from executor.core.state import Absence
-from executor.core.vehicle import Cause, Errand, Stage, VehicleState
-from tests.executor.builders import fleet_of, vehicle
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import fleet_of, vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, pack
 from tests.executor.core.steps import HOLD, HOMEWARD, LAND, STILL, TAKEN, Changes, beat, landed, over_pad, rounded
 
@@ -26,15 +27,15 @@ PX4_HOLD, PX4_MISSION, PX4_RTL, PX4_LAND = (number << 24 | 4 << 16 for number in
 
 def advice(**given: Any) -> str:
     """Return what is to be done, and why."""
-    found = homeward.advice(CONTEXT, replace(COMES, **given), NOW_S)
+    found = homeward.advice(CONTEXT, with_facts(COMES, **given), NOW_S)
     return f"{found.answer.value}: {found.words}"
 
 
 def caused(mode: int, before: VehicleState, **given: Any) -> str:
     """Return the cause of a mode that is new, and whether nothing can change that."""
-    after = replace(before, heartbeat=beat(mode), mode_since_s=NOW_S, **given)
+    after = with_facts(before, **given, heartbeat=beat(mode), mode_since_s=NOW_S)
     judged = causes.judged(CONTEXT, (), before, after, NOW_S)
-    return judged.cause.value + (", for certain" if judged.certain else "")
+    return judged.custody.cause.value + (", for certain" if judged.custody.certain else "")
 
 
 def ends(mode: int, **given: Any) -> str:
@@ -44,7 +45,7 @@ def ends(mode: int, **given: Any) -> str:
         "uav1",
         **{"stage": Stage.FLYING, "heartbeat": Heartbeat(12, PX4_MISSION, True, 4), "waypoint": 5, **given},
     )
-    after = replace(before, heartbeat=Heartbeat(12, mode, True, 4), mode_since_s=NOW_S)
+    after = with_facts(before, heartbeat=Heartbeat(12, mode, True, 4), mode_since_s=NOW_S)
     return causes.cause_of(PX4_FLEET.context, (), before, after, NOW_S).value
 
 
@@ -202,12 +203,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("the first mode that is heard", lambda: caused(HOLD, flying(heartbeat=None, cause=Cause.FAILSAFE)), "ours"),
     (
         "who disarms is nobody's",
-        lambda: causes.judged(CONTEXT, (), flying(), flying(heartbeat=DISARMED, cause=Cause.PERSON), NOW_S).cause,
+        lambda: (
+            causes.judged(CONTEXT, (), flying(), flying(heartbeat=DISARMED, cause=Cause.PERSON), NOW_S).custody.cause
+        ),
         Cause.OURS,
     ),
     (
         "nobody's mode",
-        lambda: causes.judged(CONTEXT, (), flying(), flying(heartbeat=None, cause=Cause.PERSON), NOW_S).cause,
+        lambda: causes.judged(CONTEXT, (), flying(), flying(heartbeat=None, cause=Cause.PERSON), NOW_S).custody.cause,
         Cause.PERSON,
     ),
     (
@@ -256,7 +259,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             causes.judged(
                 CONTEXT, (), flying(), flying(heartbeat=beat(RTL, status=status), mode_since_s=NOW_S), NOW_S
-            ).cause
+            ).custody.cause
             for status in (4, 5, 6)
         ],
         [Cause.PERSON, Cause.FAILSAFE, Cause.FAILSAFE],
@@ -297,7 +300,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     flying(heartbeat=beat(before), ordered_modes=frozenset({RTL, LAND})),
                     flying(heartbeat=beat(after), ordered_modes=frozenset({RTL, LAND})),
                     NOW_S,
-                ).ordered_modes
+                ).orders.ordered_modes
             )
             for before, after in ((RTL, HOLD), (RTL, LAND), (AUTO, HOLD), (AUTO, RTL))
         ],
@@ -448,7 +451,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     certain=certain,
                 ),
                 NOW_S,
-            ).cause
+            ).custody.cause
             for since_s, certain in ((4.0, False), (4.1, False), (1.0, True))
         ],
         [Cause.FAILSAFE, Cause.PERSON, Cause.PERSON],

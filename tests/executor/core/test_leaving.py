@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from executor.core.commands import LandNow, Level, Say, SendHome, Solve, Survivor
 from executor.core.events import Tick
+from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.state import Replan
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import NOW_S, RTL, flying, volts
 from tests.executor.core.steps import (
     FAILS,
@@ -63,13 +63,10 @@ ROWS = [
     ),
     Row(
         "a fault that leaves nothing",
-        replace(FAILS, waypoint=5),
+        with_facts(FAILS, waypoint=5),
         Tick(),
         [
-            Say(
-                Level.FAULT,
-                ("uav1: interruption, reports that its flight is terminated; landing, not commanded"),
-            ),
+            Say(Level.FAULT, ("uav1: interruption, reports that its flight is terminated; landing, not commanded")),
             Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1"),
         ],
         {"uav1": LEAVES | {"fault": TERMINATED, "errand": Errand(NOW_S)}},
@@ -78,14 +75,14 @@ ROWS = [
     ),
     Row(
         "a fault that leaves one segment to others",
-        replace(FAILS, waypoint=3),
+        with_facts(FAILS, waypoint=3),
         Tick(),
         [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 "
-                    "segment to be reassigned"
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 segment to be "
+                    "reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -97,14 +94,14 @@ ROWS = [
     ),
     Row(
         "a fault that leaves one segment to nobody",
-        replace(FAILS, waypoint=3),
+        with_facts(FAILS, waypoint=3),
         Tick(),
         [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 "
-                    "segment left without a vehicle"
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 segment left "
+                    "without a vehicle"
                 ),
             ),
             SendHome("uav1"),
@@ -112,7 +109,7 @@ ROWS = [
         {"uav1": SENT_HOME | {"fault": TERMINATED}},
         URGENT | {"orphans_since_s": NOW_S},
         {"recalled": False, "wait_until_s": NOW_S + 9.0},
-        beside=(replace(SECOND, excluded=True),),
+        beside=(with_facts(SECOND, excluded=True),),
     ),
     Row(
         "a fault while another reason for a re-plan stands",
@@ -128,7 +125,7 @@ ROWS = [
     ),
     Row(
         "a fault over the pad is a landing",
-        replace(FAILS, fix=over_pad(20.0), waypoint=1),
+        with_facts(FAILS, fix=over_pad(20.0), waypoint=1),
         Tick(),
         [
             Say(
@@ -142,7 +139,7 @@ ROWS = [
     ),
     Row(
         "a fault over the pad, where it lands by itself",
-        replace(FAILS, fix=over_pad(20.0), waypoint=5, anchor=None),
+        with_facts(FAILS, fix=over_pad(20.0), anchor=None, waypoint=5),
         Tick(),
         [
             Say(
@@ -169,8 +166,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; returning or landing "
-                    "by itself, not commanded"
+                    "uav1: interruption, reports that its flight is terminated; returning or landing by "
+                    "itself, not commanded"
                 ),
             )
         ],
@@ -179,7 +176,7 @@ ROWS = [
     ),
     Row(
         "a fault of who starts and stands",
-        replace(FAILS, stage=Stage.STARTING, took_off=False, fix=LOW, armed_once=True),
+        with_facts(FAILS, stage=Stage.STARTING, took_off=False, armed_once=True, fix=LOW),
         Tick(),
         [],
         {},
@@ -187,12 +184,12 @@ ROWS = [
     ),
     Row(
         "a fault of who starts and has not armed",
-        replace(
+        with_facts(
             FAILS,
             stage=Stage.STARTING,
             took_off=False,
-            fix=LOW,
             armed_once=False,
+            fix=LOW,
             heartbeat=beat(armed=False, status=8),
         ),
         Tick(),
@@ -202,7 +199,7 @@ ROWS = [
     ),
     Row(
         "a fault of who is with its pilot",
-        replace(FAILS, stage=Stage.PILOT, taken=TakenOver(NOW_S - 5.0), cause=Cause.PERSON),
+        with_facts(FAILS, stage=Stage.PILOT, taken=TakenOver(NOW_S - 5.0), cause=Cause.PERSON),
         Tick(),
         [Say(Level.FAULT, "uav1: its pilot has set mission mode again; include it to have it in the plan again")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 5.0, returned_s=NOW_S)}},
@@ -210,14 +207,14 @@ ROWS = [
     ),
     Row(
         "a fault with something owed and ordered",
-        replace(
+        with_facts(
             FAILS,
             owed=(0, "why"),
+            pending=4,
+            run_visit=0,
             held_s=NOW_S - 5.0,
             cleared_s=NOW_S - 5.0,
-            pending=4,
             errand=Errand(NOW_S),
-            run_visit=0,
         ),
         Tick(),
         [
@@ -235,8 +232,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 2 "
-                    "segments to be reassigned"
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 2 segments to "
+                    "be reassigned"
                 ),
             ),
             SendHome("uav1"),

@@ -8,21 +8,11 @@ from executor.core.carried import Carried
 from executor.core.commands import AskStreams, HandsOff, Level, Say, SendHome
 from executor.core.events import Tick
 from executor.core.messages import Attitude
+from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, RTL, at, flying
-from tests.executor.core.steps import (
-    BATTERY_FAULT,
-    HOLD,
-    HOMEWARD,
-    LOW,
-    SECOND,
-    SENT_HOME,
-    STILL,
-    Row,
-    beat,
-    over_pad,
-)
+from tests.executor.core.steps import BATTERY_FAULT, HOLD, HOMEWARD, LOW, SECOND, SENT_HOME, STILL, Row, beat, over_pad
 
 EMERGENCY_HOMEWARD = HOMEWARD | {"heartbeat": beat(RTL, status=6)}
 ROWS = [

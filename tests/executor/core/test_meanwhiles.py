@@ -11,9 +11,9 @@ import pytest
 from executor.core import coverage
 from executor.core.battery.account import BatteryState
 from executor.core.coverage import Run, Sample, _Pace
+from executor.core.parts import Before
 from executor.core.resume import inference
 from executor.core.resume.inference import Inferred
-from executor.core.vehicle import Before
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
 

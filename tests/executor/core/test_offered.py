@@ -14,6 +14,7 @@ from executor.core.context import Context, FlyAgain
 from executor.core.roster import offers
 from executor.core.state import Offer
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -33,9 +34,9 @@ from tests.executor.core.steps import (
 
 STANDS = landed(stage=Stage.LANDED)
 OPEN: Changes = {"given_up": frozenset({0, 2, 4})}
-TWO = (STANDS, replace(STANDS, name="uav2", fix=replace(LOW, place_m=FLEET.context.vehicles["uav2"].pad_m)))
+TWO = (STANDS, with_facts(STANDS, name="uav2", fix=replace(LOW, place_m=FLEET.context.vehicles["uav2"].pad_m)))
 OFFER = Offer(("uav1",), (0, 2, 4), NOW_S - 50.0)
-LANDS = replace(SECOND, waypoint=4)
+LANDS = with_facts(SECOND, waypoint=4)
 
 
 def idle(one: VehicleState, context: Context = CREW) -> bool:
@@ -79,7 +80,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who is not ready",
         lambda: [
-            idle(replace(STANDS, **given))
+            idle(with_facts(STANDS, **given))
             for given in (
                 {"stubborn": True},
                 {"excluded": True},
@@ -94,23 +95,23 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "until when one is heard",
-        lambda: [idle(replace(STANDS, heard_s=NOW_S - age_s)) for age_s in (2.9, 3.0)],
+        lambda: [idle(with_facts(STANDS, heard_s=NOW_S - age_s)) for age_s in (2.9, 3.0)],
         [True, False],
     ),
     (
         "how far from its pad one may stand",
-        lambda: [idle(replace(STANDS, fix=over_pad(north_m=-north_m))) for north_m in (15.0, 15.1)],
+        lambda: [idle(with_facts(STANDS, fix=over_pad(north_m=-north_m))) for north_m in (15.0, 15.1)],
         [True, False],
     ),
     (
         "how much its battery must hold",
-        lambda: [idle(replace(STANDS, battery=pack(percent))) for percent in (20.0, 19.9)],
+        lambda: [idle(with_facts(STANDS, battery=pack(percent))) for percent in (20.0, 19.9)],
         [True, False],
     ),
     (
         "whose word for the pad counts",
         lambda: [
-            offers.may_take_off(CREW, replace(STANDS, cleared_s=cleared_s), NOW_S)
+            offers.may_take_off(CREW, with_facts(STANDS, cleared_s=cleared_s), NOW_S)
             for cleared_s in (None, NOW_S - 120.0, NOW_S - 120.1)
         ],
         [False, True, False],
@@ -132,14 +133,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what one can reach",
         lambda: [
-            sorted(offers.within_reach(CREW, replace(STANDS, battery=pack(percent)), frozenset(range(6))))
+            sorted(offers.within_reach(CREW, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))))
             for percent in (16.0, 18.0, 18.5, 19.0, 19.5, 20.0, 21.0)
         ],
         [[], [], [], [], [0], [0], [0, 1, 2]],
     ),
     (
         "who has not reported its battery reaches nothing",
-        lambda: offers.within_reach(CREW, replace(STANDS, battery=BatteryState()), frozenset({0})),
+        lambda: offers.within_reach(CREW, with_facts(STANDS, battery=BatteryState()), frozenset({0})),
         frozenset(),
     ),
     (
@@ -212,7 +213,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         ([], {}, {"offer": None, "offer_wanted_s": None}),
     ),
-    ("an offer of who was cleared already", lambda: looked(replace(STANDS, cleared_s=5.0)), ([], {}, {})),
+    ("an offer of who was cleared already", lambda: looked(with_facts(STANDS, cleared_s=5.0)), ([], {}, {})),
     ("an offer while somebody in the air can", lambda: looked(STANDS, SECOND, given_up=frozenset({2})), ([], {}, {})),
     (
         "an offer while somebody in the air could, but not what was given up",
@@ -222,8 +223,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Say(
                     Level.FAULT,
                     (
-                        "uav1 can take over 4 segments (segment 0, segment 1, segment 4, segment 5): is the pad "
-                        "of uav1 clear of people?; include each that may take off"
+                        "uav1 can take over 4 segments (segment 0, segment 1, segment 4, segment 5): is the "
+                        "pad of uav1 clear of people?; include each that may take off"
                     ),
                 )
             ],
@@ -233,12 +234,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an offer waits for who lands soon",
-        lambda: looked(STANDS, replace(LANDS, held_s=5.0)),
+        lambda: looked(STANDS, with_facts(LANDS, held_s=5.0)),
         ([], {}, {"offer_wanted_s": NOW_S}),
     ),
     (
         "an offer has waited for who lands soon",
-        lambda: looked(STANDS, replace(LANDS, held_s=5.0), offer_wanted_s=NOW_S - 180.0),
+        lambda: looked(STANDS, with_facts(LANDS, held_s=5.0), offer_wanted_s=NOW_S - 180.0),
         (
             [
                 Say(
@@ -255,13 +256,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an offer has not waited long enough",
-        lambda: looked(STANDS, replace(LANDS, held_s=5.0), offer_wanted_s=NOW_S - 179.9),
+        lambda: looked(STANDS, with_facts(LANDS, held_s=5.0), offer_wanted_s=NOW_S - 179.9),
         ([], {}, {}),
     ),
     (
         "for whom an offer waits",
         lambda: [
-            looked(STANDS, replace(SECOND, **given))[2].get("offer") is None
+            looked(STANDS, with_facts(SECOND, **given))[2].get("offer") is None
             for given in (
                 {"stage": Stage.RETURNING},
                 {"stage": Stage.RETURNING, "excluded": True},
@@ -291,7 +292,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an offer that stands while somebody flies",
         lambda: looked(
-            STANDS, replace(SECOND, held_s=5.0), offer=replace(OFFER, alone_since_s=5.0), offer_wanted_s=5.0
+            STANDS, with_facts(SECOND, held_s=5.0), offer=replace(OFFER, alone_since_s=5.0), offer_wanted_s=5.0
         ),
         ([], {}, {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 4, 5), since_s=NOW_S - 50.0)}),
     ),
@@ -299,7 +300,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "an offer that stands while somebody starts",
         lambda: looked(
             STANDS,
-            replace(SECOND, held_s=5.0, stage=Stage.STARTING),
+            with_facts(SECOND, stage=Stage.STARTING, held_s=5.0),
             offer=replace(OFFER, alone_since_s=5.0),
             offer_wanted_s=5.0,
         ),
@@ -373,12 +374,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             "uav1 can take over 1 segment (segment 2): is the pad of uav1 clear of people?",
             (
-                "uav1 and uav2 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, "
-                "segment 4, segment 5): are the pads of uav1 and uav2 clear of people?"
+                "uav1 and uav2 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment "
+                "4, segment 5): are the pads of uav1 and uav2 clear of people?"
             ),
             (
-                "uav1 can take over 7 segments (segment 0, segment 1, segment 2, segment 3, segment 4, "
-                "segment 5, ...): is the pad of uav1 clear of people?"
+                "uav1 can take over 7 segments (segment 0, segment 1, segment 2, segment 3, segment 4, segment "
+                "5, ...): is the pad of uav1 clear of people?"
             ),
         ],
     ),

@@ -9,7 +9,9 @@ import pytest
 from executor.core.carried import Carried
 from executor.core.commands import CancelSolve, HandsOff, Level, Resume, Say
 from executor.core.events import Tick
-from executor.core.vehicle import Cause, Errand, Stage, TakenOver
+from executor.core.parts import Cause, Errand, TakenOver
+from executor.core.vehicle import Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, RTL, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -26,14 +28,12 @@ from tests.executor.core.steps import (
 )
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN, mode_since_s=NOW_S - 10.0)
-RETURNED = replace(PILOTS, heartbeat=beat(), mode_since_s=NOW_S - 1.0)
+RETURNED = with_facts(PILOTS, heartbeat=beat(), mode_since_s=NOW_S - 1.0)
 DOWN_AGAIN = landed(stage=Stage.PILOT, taken=TAKEN, cause=Cause.PERSON)
 TAKES = flying(heartbeat=beat(HOLD), cause=Cause.PERSON, mode_since_s=NOW_S - 5.0)
 SOLVING = plan_of(solve_s=None)
 FOREIGN = Carried(foreign_s=NOW_S - 3.0, words="none at all")
-UNSEEN = replace(
-    TAKES, mode_since_s=NOW_S - 5.0, unseen_until_s=NOW_S - 5.0, unseen_from_boot_s=NOW_S - 90.0,
-)  # fmt: skip
+UNSEEN = with_facts(TAKES, mode_since_s=NOW_S - 5.0, unseen_until_s=NOW_S - 5.0, unseen_from_boot_s=NOW_S - 90.0)
 ANSWERS = replace(FLEET.context, pilot_returns=True)
 
 
@@ -41,7 +41,7 @@ ROWS = [
     Row("with a pilot for a while", PILOTS, Tick(), [], {}, {}),
     Row(
         "with a pilot for longer than its work is kept",
-        replace(PILOTS, taken=TakenOver(NOW_S - 30.0)),
+        with_facts(PILOTS, taken=TakenOver(NOW_S - 30.0)),
         Tick(),
         [Say(Level.WARNING, "uav1: with its pilot for 30 s; its segments are free for the others")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 30.0, given_away=True)}},
@@ -49,7 +49,7 @@ ROWS = [
     ),
     Row(
         "with a pilot for just less than its work is kept",
-        replace(PILOTS, taken=TakenOver(NOW_S - 29.9)),
+        with_facts(PILOTS, taken=TakenOver(NOW_S - 29.9)),
         Tick(),
         [],
         {},
@@ -57,13 +57,13 @@ ROWS = [
     ),
     Row(
         "with a pilot for long, its work given away",
-        replace(PILOTS, taken=TakenOver(NOW_S - 90.0, given_away=True)),
+        with_facts(PILOTS, taken=TakenOver(NOW_S - 90.0, given_away=True)),
         Tick(),
         [],
         {},
         {},
     ),
-    Row("with a pilot, nobody knows since when", replace(PILOTS, taken=None), Tick(), [], {}, {}),
+    Row("with a pilot, nobody knows since when", with_facts(PILOTS, taken=None), Tick(), [], {}, {}),
     Row(
         "back on its mission",
         RETURNED,
@@ -72,8 +72,10 @@ ROWS = [
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
         {},
     ),
-    Row("back on its mission for less than a second", replace(RETURNED, mode_since_s=NOW_S - 0.9), Tick(), [], {}, {}),
-    Row("back on its mission, which is not ours", replace(RETURNED, carried=FOREIGN), Tick(), [], {}, {}),
+    Row(
+        "back on its mission for less than a second", with_facts(RETURNED, mode_since_s=NOW_S - 0.9), Tick(), [], {}, {}
+    ),
+    Row("back on its mission, which is not ours", with_facts(RETURNED, carried=FOREIGN), Tick(), [], {}, {}),
     Row(
         "back on its mission with a fault",
         replace(RETURNED, fault=BATTERY_FAULT),
@@ -107,7 +109,7 @@ ROWS = [
     ),
     Row(
         "back on its mission where that is enough, its work given away",
-        replace(RETURNED, taken=replace(TAKEN, given_away=True), excluded=True, anchor=LOW),
+        with_facts(RETURNED, taken=replace(TAKEN, given_away=True), excluded=True, anchor=LOW),
         Tick(),
         [Say(Level.INFO, "uav1: is back in the plan, from its pilot"), Resume(vehicle="uav1", speed_m_s=3.0)],
         {
@@ -126,7 +128,7 @@ ROWS = [
     ),
     Row(
         "back on its mission where that is enough, and beyond it",
-        replace(RETURNED, waypoint=6),
+        with_facts(RETURNED, waypoint=6),
         Tick(),
         [Say(Level.INFO, "uav1: is back in the plan, from its pilot")],
         {
@@ -144,7 +146,7 @@ ROWS = [
     ),
     Row(
         "back on its mission for a while, past the time that its work is kept",
-        replace(RETURNED, taken=TakenOver(NOW_S - 40.0, returned_s=NOW_S - 20.0)),
+        with_facts(RETURNED, taken=TakenOver(NOW_S - 40.0, returned_s=NOW_S - 20.0)),
         Tick(),
         [],
         {},
@@ -152,7 +154,7 @@ ROWS = [
     ),
     Row(
         "taken again",
-        replace(PILOTS, taken=replace(TAKEN, returned_s=NOW_S - 5.0)),
+        with_facts(PILOTS, taken=replace(TAKEN, returned_s=NOW_S - 5.0)),
         Tick(),
         [Say(Level.WARNING, "uav1: taken over by its pilot again, mode HOLD")],
         {"uav1": {"taken": TAKEN}},
@@ -168,7 +170,7 @@ ROWS = [
     ),
     Row(
         "on the ground again, its work given away",
-        replace(DOWN_AGAIN, taken=replace(TAKEN, given_away=True)),
+        with_facts(DOWN_AGAIN, taken=replace(TAKEN, given_away=True)),
         Tick(),
         [Say(Level.INFO, "uav1: landed by its pilot; it stays on the ground until it is included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
@@ -176,7 +178,7 @@ ROWS = [
     ),
     Row(
         "on the ground again, nobody knows since when it was taken",
-        replace(DOWN_AGAIN, taken=None),
+        with_facts(DOWN_AGAIN, taken=None),
         Tick(),
         [Say(Level.INFO, "uav1: landed by its pilot; it stays on the ground until it is included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True}},
@@ -184,7 +186,7 @@ ROWS = [
     ),
     Row(
         "on the ground again without having flown",
-        replace(DOWN_AGAIN, took_off=False),
+        with_facts(DOWN_AGAIN, took_off=False),
         Tick(),
         [Say(Level.INFO, "uav1: disarmed by its pilot on its pad; it stays there until it is included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
@@ -192,7 +194,7 @@ ROWS = [
     ),
     Row(
         "on the ground away from its pad",
-        replace(DOWN_AGAIN, fix=STILL),
+        with_facts(DOWN_AGAIN, fix=STILL),
         Tick(),
         [
             Say(
@@ -205,7 +207,7 @@ ROWS = [
     ),
     Row(
         "disarmed high over its pad",
-        replace(DOWN_AGAIN, fix=over_pad(5.1)),
+        with_facts(DOWN_AGAIN, fix=over_pad(5.1)),
         Tick(),
         [
             Say(
@@ -218,7 +220,7 @@ ROWS = [
     ),
     Row(
         "disarmed on a hill over its pad",
-        replace(DOWN_AGAIN, fix=over_pad(5.0)),
+        with_facts(DOWN_AGAIN, fix=over_pad(5.0)),
         Tick(),
         [Say(Level.INFO, "uav1: landed by its pilot; it stays on the ground until it is included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
@@ -226,7 +228,7 @@ ROWS = [
     ),
     Row(
         "on the ground again without a position",
-        replace(DOWN_AGAIN, fix=None),
+        with_facts(DOWN_AGAIN, fix=None),
         Tick(),
         [Say(Level.INFO, "uav1: landed by its pilot; it stays on the ground until it is included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
@@ -234,7 +236,7 @@ ROWS = [
     ),
     Row(
         "taken with everything under way",
-        replace(TAKES, errand=Errand(NOW_S), held_s=5.0, cleared_s=5.0),
+        with_facts(TAKES, errand=Errand(NOW_S), held_s=5.0, cleared_s=5.0),
         Tick(),
         [
             Say(
@@ -256,7 +258,7 @@ ROWS = [
     ),
     Row(
         "taken with nothing left to fly",
-        replace(TAKES, waypoint=5),
+        with_facts(TAKES, waypoint=5),
         Tick(),
         [Say(Level.FAULT, "uav1: with its pilot, mode HOLD; not commanded from here"), HandsOff("uav1")],
         {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 5.0, given_away=True)}},
@@ -362,7 +364,7 @@ ROWS = [
     ),
     Row(
         "taken in a silence for less",
-        replace(UNSEEN, unseen_from_boot_s=NOW_S - 19.9),
+        with_facts(UNSEEN, unseen_from_boot_s=NOW_S - 19.9),
         Tick(),
         [
             Say(
@@ -375,7 +377,7 @@ ROWS = [
     ),
     Row(
         "held by what may be its failsafe in a long silence",
-        replace(UNSEEN, cause=Cause.FAILSAFE),
+        with_facts(UNSEEN, cause=Cause.FAILSAFE),
         Tick(),
         [
             Say(
@@ -400,7 +402,7 @@ ROWS = [
     ),
     Row(
         "a mode that a later text explains",
-        replace(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
+        with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
         Tick(),
         [],
         {"uav1": {"cause": Cause.FAILSAFE}},
@@ -408,7 +410,7 @@ ROWS = [
     ),
     Row(
         "a mode that a text explains too late",
-        replace(TAKES, mode_since_s=NOW_S - 4.1, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
+        with_facts(TAKES, mode_since_s=NOW_S - 4.1, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
         Tick(),
         [
             Say(Level.FAULT, "uav1: with its pilot, mode RTL; not commanded from here; its segments are kept for 30 s"),
@@ -419,7 +421,7 @@ ROWS = [
     ),
     Row(
         "a mode that nobody else can have chosen",
-        replace(TAKES, mode_since_s=NOW_S - 0.5, certain=True, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
+        with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S), certain=True),
         Tick(),
         [],
         {},

@@ -11,6 +11,7 @@ from executor.core.homing.down import flies_again, found_down
 from executor.core.messages import Heartbeat
 from executor.core.places import at_rest, coordinates, last_heard, place_words, where
 from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, DISARMED, NOW_S, RTL, at, flying
 
 PLACE = "{:.6f}, {:.6f}".format(*CONTEXT.frame.to_wgs84_deg(*at().place_m))
@@ -37,7 +38,7 @@ def moving(east_m_s: float = 0.0, north_m_s: float = 0.0, up_m_s: float = 0.0, a
     ("state", "rests"),
     [
         (moving(), True),
-        (replace(moving(), disarmed_s=NOW_S - 2.9), False),
+        (with_facts(moving(), disarmed_s=NOW_S - 2.9), False),
         (moving(age_s=1.5), True),
         (moving(age_s=1.6), False),
         (moving(0.49), True),
@@ -45,7 +46,7 @@ def moving(east_m_s: float = 0.0, north_m_s: float = 0.0, up_m_s: float = 0.0, a
         (moving(0.0, 0.5), False),
         (moving(0.0, 0.0, -0.5), False),
         (moving(0.3, 0.3, -0.3), False),
-        (replace(moving(), fix=None), False),
+        (with_facts(moving(), fix=None), False),
     ],
 )
 def test_who_has_disarmed_lies_where_it_is_seen_to_lie(state: VehicleState, *, rests: bool) -> None:
@@ -121,11 +122,11 @@ def test_whether_it_is_armed_is_said_where_that_is_known() -> None:
 )
 def test_who_was_found_down_and_flies(state: VehicleState, *, flies: bool) -> None:
     still = replace(at(), velocity_m_s=(0.0, 0.0, 0.0))
-    fix = state.fix
+    fix = state.motion.fix
     if fix is not None and fix.velocity_m_s == at().velocity_m_s:
-        state = replace(state, fix=replace(fix, velocity_m_s=(0.0, 0.0, 0.0)))
-    if state.anchor is not None:
-        state = replace(state, anchor=still)
+        state = with_facts(state, fix=replace(fix, velocity_m_s=(0.0, 0.0, 0.0)))
+    if state.motion.anchor is not None:
+        state = with_facts(state, anchor=still)
     assert flies_again(state) is flies
 
 

@@ -12,6 +12,7 @@ from executor.core.battery import account
 from executor.core.battery.kalman import BatteryEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
 
 BOARD = mission()
@@ -65,7 +66,7 @@ def thirsty(factor: float, remaining_pct: float = 60.0) -> VehicleState:
 def test_what_is_learned_of_the_consumption_counts() -> None:
     state = thirsty(1.5)
     modelled_pct = projection.modelled_to_reach_pct(state, LAST)
-    assert account.factor(state.battery) == 1.5
+    assert account.factor(state.power.battery) == 1.5
     assert projection.to_finish_pct(state) == pytest.approx(1.5 * modelled_pct)
     assert projection.consumption(CONTEXT, state) == pytest.approx(1.5 * CONTEXT.overhead)
     ahead = projection.at_landing(CONTEXT, state, SETUP)
@@ -82,7 +83,7 @@ def test_the_way_home_is_straight_at_eight_metres_a_second_and_down_at_one() -> 
 
 
 def test_where_no_mission_is_known_it_is_the_way_home_that_counts() -> None:
-    for state in (replace(thirsty(1.0), board=None), replace(thirsty(1.0), stage=Stage.RETURNING)):
+    for state in (with_facts(thirsty(1.0), board=None), replace(thirsty(1.0), stage=Stage.RETURNING)):
         ahead, home_pct = (
             projection.at_landing(CONTEXT, state, SETUP),
             projection.modelled_to_return_pct(CONTEXT, state, SETUP),
@@ -98,8 +99,8 @@ def test_a_landing_far_above_the_floor_is_no_question_and_one_below_it_is() -> N
     assert home_pct is not None
 
     def chance(remaining_pct: float, **changes: object) -> float | None:
-        state = replace(thirsty(1.0, remaining_pct), board=None)
-        return projection.landing_chance_below(CONTEXT, replace(state, **changes), SETUP, 15.0)  # type: ignore[arg-type]
+        state = with_facts(thirsty(1.0, remaining_pct), board=None)
+        return projection.landing_chance_below(CONTEXT, with_facts(state, **changes), SETUP, 15.0)
 
     assert chance(15.0 + 10.0 + 3.0 * home_pct + 0.1) == 0.0
     assert chance(15.0 + home_pct) == pytest.approx(0.5, abs=0.05)

@@ -14,6 +14,7 @@ from executor.core.events import MissionsWanted, NewRoute, SolveEnded
 from executor.core.replan import replanning
 from executor.core.state import Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -330,7 +331,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "nobody is left",
         lambda: begun(
             flying(fault=BATTERY_FAULT),
-            replace(SECOND, excluded=True),
+            with_facts(SECOND, excluded=True),
             replace(SECOND, name="uav3", stage=Stage.LOST),
             **WANTS,
         ),
@@ -338,14 +339,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "nobody is in the air",
-        lambda: begun(flying(fault=BATTERY_FAULT), replace(SECOND, excluded=True), **WANTS),
+        lambda: begun(flying(fault=BATTERY_FAULT), with_facts(SECOND, excluded=True), **WANTS),
         ([], {}, {"orphans_since_s": NOW_S}),
     ),
     (
         "nobody in the air can, and who has landed could",
         lambda: begun(
-            replace(landed(stage=Stage.LANDED), heard_s=None),
-            replace(SECOND, excluded=True),
+            with_facts(landed(stage=Stage.LANDED), heard_s=None),
+            with_facts(SECOND, excluded=True),
             replace(SECOND, name="uav3", fault=BATTERY_FAULT),
             **WANTS,
         ),
@@ -766,6 +767,6 @@ def test_so_many_ways_are_made_in_one_turn(ways: int, made: int, monkeypatch: py
     )  # fmt: skip
     before = flight_of(replan=plan)
     after, commands = replanning.composed(CONTEXT, before, MissionsWanted(4), NOW_S)
-    assert after.replan is not None
-    assert [route.vehicle for route in after.replan.unmade] == list(names[made:])
+    assert after.replanning.replan is not None
+    assert [route.vehicle for route in after.replanning.replan.unmade] == list(names[made:])
     assert [one for one in commands if isinstance(one, Compose)] == [Compose(4)] * (made < 3)

@@ -18,10 +18,12 @@ from executor.core.coverage import Run, Sample, _Pace
 from executor.core.endings import Ending
 from executor.core.events import Found, Match, NewRoute, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.link_quality import LinkQuality
+from executor.core.parts import Before, Errand, Watch
 from executor.core.resume import resuming
 from executor.core.state import Absence, Replan, ReplanRecord
-from executor.core.vehicle import Before, Errand, Stage, VehicleState, Watch
+from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath, MissionItem, encode
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, mission
 from tests.executor.core.steps import (
     CREW,
@@ -108,8 +110,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "everything that a pause leaves is begun anew",
         lambda: reopened(
-            replace(flying(), **LEFT),
-            replace(SECOND, heard_s=None, before=WAS),
+            with_facts(flying(), **LEFT),
+            with_facts(SECOND, heard_s=None, before=WAS),
             notes=("the log ends in the midst",),
             tick_s=5.0,
             silent_since_s=5.0,
@@ -209,7 +211,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what it carries where nothing was put",
-        lambda: compared(ITEMS, GOING, replace(GETS, board=None)),
+        lambda: compared(ITEMS, GOING, with_facts(GETS, board=None)),
         Found(vehicle="uav1", heard=True, seq=5, items=10, matches=(HALF,)),
     ),
     (
@@ -330,17 +332,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a start has become a flight",
-        lambda: taken_up(replace(STARTS, before=WAS), found(OURS)),
+        lambda: taken_up(with_facts(STARTS, before=WAS), found(OURS)),
         ([], (StartEnded(vehicle="uav1", accepted=True, reason=""),), (), {"uav1": {"before": None}}, {}),
     ),
     (
         "a start has become a flight in another mode",
-        lambda: taken_up(replace(STARTS, heartbeat=beat(HOLD), fix=over_pad(2.1)), found(OURS)),
+        lambda: taken_up(with_facts(STARTS, heartbeat=beat(HOLD), fix=over_pad(2.1)), found(OURS)),
         ([], (StartEnded(vehicle="uav1", accepted=True, reason=""),), (), {}, {}),
     ),
     (
         "a start has not become a flight",
-        lambda: taken_up(replace(STARTS, heartbeat=beat(HOLD), fix=over_pad(2.0)), found(OURS)),
+        lambda: taken_up(with_facts(STARTS, heartbeat=beat(HOLD), fix=over_pad(2.0)), found(OURS)),
         (
             [Say(Level.INFO, "uav1: had not started yet; trying again"), Start("uav1")],
             (),
@@ -351,7 +353,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a start has become a flight, which nobody can say where",
-        lambda: taken_up(replace(STARTS, fix=None), found(OURS)),
+        lambda: taken_up(with_facts(STARTS, fix=None), found(OURS)),
         (
             [Say(Level.INFO, "uav1: had not started yet; trying again"), Start("uav1")],
             (),
@@ -362,12 +364,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a start waits for the crew",
-        lambda: taken_up(replace(STARTS, heartbeat=beat(HOLD)), found(OURS), context=CREW),
+        lambda: taken_up(with_facts(STARTS, heartbeat=beat(HOLD)), found(OURS), context=CREW),
         ([], (), (("uav1", "was armed and had not taken off when the ground station went away"),), {}, {}),
     ),
     (
         "a start has not armed",
-        lambda: taken_up(replace(STARTS, heartbeat=DISARMED), found(OURS)),
+        lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED), found(OURS)),
         (
             [Say(Level.INFO, "uav1: had not started yet; trying again"), Start("uav1")],
             (),
@@ -378,7 +380,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a start has not armed, and waits for the crew",
-        lambda: taken_up(replace(STARTS, heartbeat=DISARMED), found(OURS), context=CREW),
+        lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED), found(OURS), context=CREW),
         (
             [Say(Level.WARNING, "uav1: had not started yet; it stays on the ground")],
             (),
@@ -389,13 +391,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a start has become a landing",
-        lambda: taken_up(replace(STARTS, heartbeat=DISARMED, began_pct=93.1), found(OURS)),
+        lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED, began_pct=93.1), found(OURS)),
         ([Say(Level.INFO, "uav1: has flown and landed meanwhile")], (), (), {"uav1": {"stage": Stage.LANDED}}, {}),
     ),
     (
         "a start of an unknown battery",
         lambda: [
-            taken_up(replace(STARTS, heartbeat=DISARMED, **given), found(OURS))[0]
+            taken_up(with_facts(STARTS, **given, heartbeat=DISARMED), found(OURS))[0]
             for given in ({"began_pct": None}, {"battery": BatteryState()})
         ],
         [
@@ -433,7 +435,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "its old mission is on board, and the new one does not fit any more",
-        lambda: taken_up(replace(GETS, waypoint=5), found(OURS, HALF, seq=8), replan=GOING),
+        lambda: taken_up(with_facts(GETS, waypoint=5), found(OURS, HALF, seq=8), replan=GOING),
         (
             [
                 Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned again for it"),
@@ -598,7 +600,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "it stands at the end of what came on board, coming home",
-        lambda: taken_up(replace(GETS, heartbeat=beat(RTL)), found(THEIRS, HALF, seq=5, items=6), replan=GOING),
+        lambda: taken_up(with_facts(GETS, heartbeat=beat(RTL)), found(THEIRS, HALF, seq=5, items=6), replan=GOING),
         (
             [
                 Say(Level.WARNING, "uav1: the new mission of re-plan 4 is incomplete on board; uploading it again"),

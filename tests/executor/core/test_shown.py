@@ -14,9 +14,10 @@ from executor.core.commands import Level, Solve, Survivor
 from executor.core.intents import Action, IntentRecord
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Wind
+from executor.core.parts import Cause, TakenOver
 from executor.core.replan import what_if
 from executor.core.state import Offer, Outlook, SaidLine, Separation
-from executor.core.vehicle import Cause, FaultCode, Stage, TakenOver, VehicleState
+from executor.core.vehicle import FaultCode, Stage, VehicleState
 from executor.core.view import (
     BatteryView,
     IntentView,
@@ -29,6 +30,7 @@ from executor.core.view import (
     TakenView,
     WindView,
 )
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -304,7 +306,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how long its pilot has it",
         lambda: [
-            seen(replace(PILOTS, taken=taken), "taken")["taken"]
+            seen(with_facts(PILOTS, taken=taken), "taken")["taken"]
             for taken in (
                 TAKEN,
                 TakenOver(NOW_S - 40.0),
@@ -589,9 +591,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             what_if.if_lost(CONTEXT, flight_of(*vehicles, revision=4, inspected={5: "uav3"}), "uav1", NOW_S)
             for vehicles in (
                 (flying(), SECOND),
-                (flying(), replace(SECOND, held_s=5.0)),
+                (flying(), with_facts(SECOND, held_s=5.0)),
                 (flying(),),
-                (flying(), replace(SECOND, excluded=True)),
+                (flying(), with_facts(SECOND, excluded=True)),
             )
         ],
         [

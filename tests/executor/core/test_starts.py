@@ -10,11 +10,13 @@ from executor.core import coverage
 from executor.core.carried import Carried
 from executor.core.commands import Disarm, LandNow, Level, Say, Start
 from executor.core.coverage import Sample
+from executor.core.endings import Ending
 from executor.core.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.messages import Heartbeat
+from executor.core.parts import Cause, Errand
 from executor.core.state import Briefing, Outlook, Question
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage
-from tests.executor.builders import fleet_of
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying, mission
 from tests.executor.core.steps import CREW, HOLD, LAND, LOW, Changes, Row, beat, over_pad
 
@@ -22,13 +24,13 @@ READY = flying(
     stage=Stage.GROUND, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, fix=LOW, anchor=None
 )
 STARTS = replace(READY, stage=Stage.STARTING)
-ARMED = replace(STARTS, heartbeat=beat(), armed_once=True)
+ARMED = with_facts(STARTS, heartbeat=beat(), armed_once=True)
 RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
 USED: Changes = {
     "run": RUN, "took_off": True, "anchor": LOW, "errand": Errand(NOW_S), "owed": (0, "why"),
     "rebooted_s": 1.0, "away_once": True, "armed_once": True, "waypoint": 5, "carried": Carried(id=7),
 }  # fmt: skip
-BARE = replace(READY, name="uav2", board=None)
+BARE = with_facts(READY, name="uav2", board=None)
 PX4 = fleet_of(autopilot="px4")
 
 
@@ -39,7 +41,7 @@ def ended(*, accepted: bool = False, armed: bool = False) -> StartEnded:
 ROWS = [
     Row(
         "a launch",
-        replace(READY, **USED),
+        with_facts(READY, **USED),
         LaunchOrdered(),
         [Start("uav1"), Start("uav2"), Start("uav3")],
         {
@@ -78,7 +80,7 @@ ROWS = [
     ),
     Row(
         "a launch of an autopilot without a guided start",
-        replace(READY, heartbeat=Heartbeat(12, 0, False, 3)),
+        with_facts(READY, heartbeat=Heartbeat(12, 0, False, 3)),
         LaunchOrdered(),
         [Start("uav1"), Start("uav2"), Start("uav3")],
         {
@@ -135,7 +137,7 @@ ROWS = [
     ),
     Row(
         "a launch of who was heard lately",
-        replace(READY, heard_s=NOW_S - 14.9),
+        with_facts(READY, heard_s=NOW_S - 14.9),
         LaunchOrdered(),
         [Start("uav1")],
         {
@@ -156,7 +158,7 @@ ROWS = [
     ),
     Row(
         "a launch of who was not heard lately",
-        replace(READY, heard_s=NOW_S - 15.0),
+        with_facts(READY, heard_s=NOW_S - 15.0),
         LaunchOrdered(),
         [Start("uav1")],
         {
@@ -170,11 +172,11 @@ ROWS = [
             "uav3": {"excused_s": NOW_S},
         },
         {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
-        beside=(replace(BARE, heard_s=None), replace(BARE, name="uav3")),
+        beside=(with_facts(BARE, heard_s=None), replace(BARE, name="uav3")),
     ),
     Row(
         "a launch of who is armed already",
-        replace(READY, heartbeat=beat()),
+        with_facts(READY, heartbeat=beat()),
         LaunchOrdered(),
         [],
         {"uav1": {"excused_s": NOW_S}, "uav2": {"excused_s": NOW_S}, "uav3": {"excused_s": NOW_S}},
@@ -204,7 +206,7 @@ ROWS = [
     ),
     Row(
         "a start that is followed",
-        replace(ARMED, failures=2, cleared_s=NOW_S - 9.0, anchor=LOW),
+        with_facts(ARMED, failures=2, cleared_s=NOW_S - 9.0, anchor=LOW),
         ended(accepted=True),
         [Say(Level.INFO, "uav1: flies its mission")],
         {"uav1": {"stage": Stage.FLYING, "ordered_mode_s": NOW_S, "anchor": None, "failures": 0, "cleared_s": None}},
@@ -229,7 +231,7 @@ ROWS = [
     ),
     Row(
         "a second start that fails is tried again",
-        replace(STARTS, failures=1),
+        with_facts(STARTS, failures=1),
         ended(),
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 2}},
@@ -237,8 +239,23 @@ ROWS = [
     ),
     Row(
         "a third start that fails is the last",
-        replace(STARTS, failures=2),
+        with_facts(STARTS, failures=2),
         ended(),
+        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+        {
+            "uav1": {
+                "stage": Stage.LANDED,
+                "ordered_mode_s": NOW_S,
+                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
+                "left_s": NOW_S,
+            }
+        },
+        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    ),
+    Row(
+        "a start that somebody else broke off is not tried again",
+        STARTS,
+        replace(ended(), code=Ending.MODE_CHANGED),
         [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
         {
             "uav1": {
@@ -279,7 +296,7 @@ ROWS = [
     ),
     Row(
         "a crew's later yes for one vehicle counts",
-        replace(STARTS, cleared_s=NOW_S - 59.9),
+        with_facts(STARTS, cleared_s=NOW_S - 59.9),
         ended(),
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
@@ -299,7 +316,7 @@ ROWS = [
     ),
     Row(
         "who has disarmed again is not started again where a crew is",
-        replace(STARTS, armed_once=True),
+        with_facts(STARTS, armed_once=True),
         ended(),
         [
             Say(
@@ -377,7 +394,7 @@ ROWS = [
     ),
     Row(
         "who has disarmed again and stands there is started again for a simulation",
-        replace(STARTS, armed_once=True),
+        with_facts(STARTS, armed_once=True),
         ended(),
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
@@ -385,7 +402,7 @@ ROWS = [
     ),
     Row(
         "who acknowledged that it arms and is not heard is not",
-        replace(STARTS, heartbeat_s=NOW_S - 3.5),
+        with_facts(STARTS, heartbeat_s=NOW_S - 3.5),
         ended(armed=True),
         [
             Say(
@@ -417,7 +434,7 @@ ROWS = [
     ),
     Row(
         "who acknowledged that it arms and is heard just so is",
-        replace(STARTS, heartbeat_s=NOW_S - 3.4),
+        with_facts(STARTS, heartbeat_s=NOW_S - 3.4),
         ended(armed=True),
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
@@ -425,7 +442,7 @@ ROWS = [
     ),
     Row(
         "who armed and has said no heartbeat is not",
-        replace(ARMED, heartbeat_s=None),
+        with_facts(ARMED, heartbeat_s=None),
         ended(),
         [
             Say(
@@ -446,7 +463,7 @@ ROWS = [
     ),
     Row(
         "who armed and has no position is not",
-        replace(ARMED, fix=None),
+        with_facts(ARMED, fix=None),
         ended(),
         [
             Say(
@@ -467,7 +484,7 @@ ROWS = [
     ),
     Row(
         "who armed and whose position is old is not",
-        replace(ARMED, fix=over_pad(age_s=3.1)),
+        with_facts(ARMED, fix=over_pad(age_s=3.1)),
         ended(),
         [
             Say(
@@ -488,7 +505,7 @@ ROWS = [
     ),
     Row(
         "who armed and whose position is just fresh is",
-        replace(ARMED, fix=over_pad(age_s=3.0)),
+        with_facts(ARMED, fix=over_pad(age_s=3.0)),
         ended(),
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
@@ -496,14 +513,14 @@ ROWS = [
     ),
     Row(
         "who has taken off is not",
-        replace(ARMED, took_off=True, fix=over_pad(8.0)),
+        with_facts(ARMED, took_off=True, fix=over_pad(8.0)),
         ended(),
         [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied; over its pad, landing commanded; "
-                    "2 segments left without a vehicle"
+                    "uav1: interruption, did not start: arm: denied; over its pad, landing commanded; 2 "
+                    "segments left without a vehicle"
                 ),
             ),
             LandNow("uav1"),
@@ -522,7 +539,7 @@ ROWS = [
     ),
     Row(
         "who lands by itself is not",
-        replace(ARMED, heartbeat=beat(LAND)),
+        with_facts(ARMED, heartbeat=beat(LAND)),
         ended(),
         [
             Say(
@@ -543,14 +560,14 @@ ROWS = [
     ),
     Row(
         "who is in another's hands is not",
-        replace(ARMED, heartbeat=beat(HOLD), cause=Cause.PERSON),
+        with_facts(ARMED, heartbeat=beat(HOLD), cause=Cause.PERSON),
         ended(),
         [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied; with its pilot, not commanded; 2"
-                    " segments left without a vehicle"
+                    "uav1: interruption, did not start: arm: denied; with its pilot, not commanded; 2 segments "
+                    "left without a vehicle"
                 ),
             )
         ],
@@ -566,7 +583,7 @@ ROWS = [
     ),
     Row(
         "who is held by its failsafe is not",
-        replace(ARMED, heartbeat=beat(HOLD), cause=Cause.FAILSAFE),
+        with_facts(ARMED, heartbeat=beat(HOLD), cause=Cause.FAILSAFE),
         ended(),
         [
             Say(

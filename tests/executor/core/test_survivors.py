@@ -13,8 +13,10 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior, Projection
 from executor.core.commands import Survivor
 from executor.core.context import Context
+from executor.core.parts import Fix
 from executor.core.replan import replanning
-from executor.core.vehicle import Fix, Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import FLEET, NOW_S, at, flying, pack
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -62,7 +64,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "who stands there without a mission",
-        lambda: offered(replace(STANDS, board=None)),
+        lambda: offered(with_facts(STANDS, board=None)),
         Survivor(
             vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
         ),
@@ -70,21 +72,21 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("who stands there and was not cleared", lambda: offered(STANDS, CREW), None),
     (
         "who was cleared a minute ago",
-        lambda: offered(replace(STANDS, cleared_s=NOW_S - 60.0), CREW),
+        lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.0), CREW),
         Survivor(
             vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
         ),
     ),
-    ("who was cleared longer ago", lambda: offered(replace(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
+    ("who was cleared longer ago", lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
     ("who is at fault", lambda: offered(replace(STANDS, fault=BATTERY_FAULT)), None),
-    ("who took no mission", lambda: offered(replace(STANDS, stubborn=True)), None),
-    ("who is out of the plan", lambda: offered(replace(STANDS, excluded=True)), None),
+    ("who took no mission", lambda: offered(with_facts(STANDS, stubborn=True)), None),
+    ("who is out of the plan", lambda: offered(with_facts(STANDS, excluded=True)), None),
     ("who holds by order", lambda: offered(flying(held_s=NOW_S)), None),
-    ("who is silent", lambda: offered(replace(STANDS, heard_s=NOW_S - 3.0)), None),
-    ("who was just heard", lambda: offered(replace(STANDS, heard_s=NOW_S - 2.9)) is not None, True),
-    ("who was never heard", lambda: offered(replace(STANDS, heard_s=None)), None),
-    ("who is stale", lambda: offered(replace(STANDS, stale=True)), None),
-    ("who has not reported its battery", lambda: offered(replace(STANDS, battery=BatteryState())), None),
+    ("who is silent", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 3.0)), None),
+    ("who was just heard", lambda: offered(with_facts(STANDS, heard_s=NOW_S - 2.9)) is not None, True),
+    ("who was never heard", lambda: offered(with_facts(STANDS, heard_s=None)), None),
+    ("who is stale", lambda: offered(with_facts(STANDS, stale=True)), None),
+    ("who has not reported its battery", lambda: offered(with_facts(STANDS, battery=BatteryState())), None),
     ("who lies somewhere", lambda: offered(flying(stage=Stage.DOWN)), None),
     ("who returns", lambda: offered(flying(stage=Stage.RETURNING)), None),
     ("who has no mission in the air", lambda: offered(flying(board=None)), None),
@@ -160,21 +162,21 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("who has passed everything", lambda: offered(flying(waypoint=6, fix=over_pad(5.0))), None),
     (
         "who has used much of the site's budget",
-        lambda: offered(replace(STANDS, battery=pack(100.0, 30.0))),
+        lambda: offered(with_facts(STANDS, battery=pack(100.0, 30.0))),
         Survivor(
             vehicle="uav1", start_m=(0.0, 0.0), budget_pct=12.5918, consumption=1.12826, airborne=False, tail=(), kept=0
         ),
     ),
     (
         "whose battery is at its reserve",
-        lambda: offered(replace(STANDS, battery=pack(15.0))),
+        lambda: offered(with_facts(STANDS, battery=pack(15.0))),
         Survivor(
             vehicle="uav1", start_m=(0.0, 0.0), budget_pct=0.0, consumption=1.12826, airborne=False, tail=(), kept=0
         ),
     ),
     (
         "whose battery is over its reserve by a little",
-        lambda: offered(replace(STANDS, battery=pack(20.0))),
+        lambda: offered(with_facts(STANDS, battery=pack(20.0))),
         Survivor(
             vehicle="uav1", start_m=(0.0, 0.0), budget_pct=2.59176, consumption=1.12826, airborne=False, tail=(), kept=0
         ),

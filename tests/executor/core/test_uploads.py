@@ -8,9 +8,11 @@ import pytest
 
 from executor.core.carried import Carried
 from executor.core.commands import Disarm, Level, Say, SendHome, Start
+from executor.core.coverage import Sample, run_joined
 from executor.core.events import UploadEnded
 from executor.core.state import ReplanRecord
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard, carrying
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import CREW, HOMEWARD, LOW, SENT_HOME, Row, beat, new_mission, plan_of
 
@@ -19,7 +21,7 @@ BOTH = replace(UNDER_WAY, pending=frozenset({"uav1", "uav2"}))
 FRESH = replace(UNDER_WAY, missions={"uav1": new_mission(4, fresh=True)})
 GETS = flying(pending=4)
 STANDS = flying(stage=Stage.GROUND, heartbeat=DISARMED, took_off=False, fix=LOW, pending=4, anchor=None)
-STARTING = replace(STANDS, stage=Stage.STARTING, heartbeat=beat())
+STARTING = with_facts(STANDS, stage=Stage.STARTING, heartbeat=beat())
 NEW = aboard(FLEET.context, "uav1", 4, UNDER_WAY.missions["uav1"].path, UNDER_WAY.missions["uav1"].visits)
 ANEW = aboard(FLEET.context, "uav1", 4, FRESH.missions["uav1"].path, FRESH.missions["uav1"].visits)
 HOMEWARD_ONLY = replace(UNDER_WAY, missions={"uav1": new_mission()})
@@ -66,7 +68,7 @@ ROWS = [
     ),
     Row(
         "an upload after which one segment is left",
-        replace(GETS, waypoint=5),
+        with_facts(GETS, waypoint=5),
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
@@ -78,7 +80,7 @@ ROWS = [
     ),
     Row(
         "an upload that only brings it home",
-        replace(GETS, waypoint=3),
+        with_facts(GETS, waypoint=3),
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, it has no segment left and comes home"),
@@ -130,7 +132,7 @@ ROWS = [
     ),
     Row(
         "an upload to who has turned home meanwhile",
-        replace(GETS, **HOMEWARD),
+        with_facts(GETS, **HOMEWARD),
         ended(accepted=False),
         [],
         {"uav1": {"pending": None}},
@@ -144,7 +146,7 @@ ROWS = [
     ),
     Row(
         "an upload that leaves a mixture on who has turned home harms nobody",
-        replace(GETS, **HOMEWARD),
+        with_facts(GETS, **HOMEWARD),
         ended(accepted=False, mixed=True),
         [],
         {"uav1": {"pending": None}},
@@ -165,8 +167,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, its mission on board is a mix of two; RTL commanded; 2 segments "
-                    "left without a vehicle"
+                    "uav1: interruption, its mission on board is a mix of two; RTL commanded; 2 segments left "
+                    "without a vehicle"
                 ),
             ),
             SendHome("uav1"),
@@ -221,7 +223,7 @@ ROWS = [
     ),
     Row(
         "a fresh mission is flown by a crew's word",
-        replace(STANDS, cleared_s=NOW_S - 120.0),
+        with_facts(STANDS, cleared_s=NOW_S - 120.0),
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
@@ -247,7 +249,7 @@ ROWS = [
     ),
     Row(
         "a fresh mission for which the word is too old",
-        replace(STANDS, cleared_s=NOW_S - 120.1),
+        with_facts(STANDS, cleared_s=NOW_S - 120.1),
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
@@ -367,7 +369,7 @@ ROWS = [
     ),
     Row(
         "a start that has become a flight",
-        replace(STARTING, took_off=True, failures=2),
+        with_facts(STARTING, took_off=True, failures=2),
         ended(),
         [Say(Level.INFO, "uav1: new mission on board, 3 segments to go"), Say(Level.INFO, "uav1: flies its mission")],
         {
@@ -389,3 +391,15 @@ ROWS = [
 @pytest.mark.parametrize("row", ROWS, ids=[row.what for row in ROWS])
 def test_everything_that_comes_of_it(row: Row) -> None:
     assert row.shows() == row.expected()
+
+
+RUN = run_joined(NEW.tracks[0], Sample(NOW_S, (0.0, 0.0), 5.0), 5.0)
+
+
+def test_what_was_begun_of_a_visit_that_is_not_there_any_more_is_over() -> None:
+    """An upload may take longer than was reckoned: its vehicle may have begun a visit that it has no more."""
+    begun = with_facts(GETS, run=RUN, run_visit=1, owed=(1, "flown too far from the line"))
+    carries = carrying(begun, HOME_BOARD, NOW_S).assignment
+    assert (carries.run, carries.run_visit, carries.owed) == (None, None, None)
+    kept = carrying(with_facts(begun, run_visit=0, owed=(0, "why")), HOME_BOARD, NOW_S).assignment
+    assert (kept.run, kept.run_visit, kept.owed) == (begun.assignment.run, 0, (0, "why"))

@@ -15,12 +15,13 @@ from executor.core.commands import Level
 from executor.core.homing.homeward import Answer, advice
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
+from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.replan.replanning import heard_again, survivor
 from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
 from missions import Phase
-from tests.executor.builders import vehicle
+from tests.executor.builders import vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import (
     AUTO,
     CONTEXT,
@@ -43,8 +44,8 @@ INSPECT = next(index for index, point in enumerate(BOARD.path.waypoints) if poin
 
 def fleet(one: VehicleState, **changes: object) -> FleetView:
     others = {name: vehicle(FLEET, name) for name in ("uav2", "uav3")}
-    state = FleetState(MappingProxyType({"uav1": one, **others}), launched_s=NOW_S - 100.004)
-    return fleet_view(CONTEXT, replace(state, **changes), NOW_S)  # type: ignore[arg-type]
+    state = with_facts(FleetState(MappingProxyType({"uav1": one, **others})), launched_s=NOW_S - 100.004)
+    return fleet_view(CONTEXT, with_facts(state, **changes), NOW_S)
 
 
 def shown(**changes: object) -> VehicleView:
@@ -103,7 +104,7 @@ def test_the_battery_against_the_plan() -> None:
     ahead = projection.at_landing(CONTEXT, state, SETUP)
     assert isinstance(ahead, Projection)
     assert (view.landing_pct, view.landing_band_pct) == (round(ahead.mean_pct, 1), round(ahead.sd_pct, 1))
-    first = fleet(replace(state, began_pct=None)).vehicles[0].battery
+    first = fleet(with_facts(state, began_pct=None)).vehicles[0].battery
     assert first.predicted_pct == round(90.0 - spent_pct, 1), "its first report stands in"
     assert shown(battery=BatteryState(), began_pct=None).battery.predicted_pct is None
 
@@ -263,7 +264,9 @@ def test_what_it_can_still_spend_leaves_the_reserve_and_what_a_landing_costs() -
     assert (ground.airborne, ground.tail, ground.kept, ground.start_m) == (False, (), 0, (0.0, 0.0))
     air = survivor(CONTEXT, flying(battery=pack(60.0)), NOW_S)
     assert air is not None
-    on_its_way_pct = projection.modelled_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().waypoint else 0.0
+    on_its_way_pct = (
+        projection.modelled_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().assignment.waypoint else 0.0
+    )
     assert air.budget_pct == pytest.approx(60.0 - 15.0 - on_its_way_pct - CONTEXT.landing_pct - 1.0)
     assert air.airborne
     empty = survivor(CONTEXT, flying(battery=pack(10.0)), NOW_S)
@@ -278,14 +281,18 @@ def test_what_it_can_still_spend_leaves_the_reserve_and_what_a_landing_costs() -
 
 def left_over(*uncovered: int, **changes: object) -> FleetState:
     record = ReplanRecord(1, "why", False, uncovered, 1.0, NOW_S - 9.0, NOW_S - 5.0, 1.0)
-    state = FleetState(MappingProxyType({}), given_up=frozenset({2, 3, 5}), records=(record,))
-    return replace(state, **changes)  # type: ignore[arg-type]
+    state = with_facts(FleetState(MappingProxyType({})), given_up=frozenset({2, 3, 5}), records=(record,))
+    return with_facts(state, **changes)
 
 
 def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
     after = heard_again(left_over(2, 3), flying(), NOW_S)
-    assert (after.given_up, after.urgent, after.trigger_s) == (frozenset({5}), True, NOW_S)
-    assert after.trigger == "uav1: link regained"
+    assert (after.coverage.given_up, after.replanning.urgent, after.replanning.trigger_s) == (
+        frozenset({5}),
+        True,
+        NOW_S,
+    )
+    assert after.replanning.trigger == "uav1: link regained"
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,10 @@ from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.passive import Declared, Degraded, Finding, Watched
 from executor.core.messages import FlightMessage, MissionCurrent
+from executor.core.parts import Watch
 from executor.core.state import Absence
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, Watch
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -315,7 +317,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a look at both that are lost",
-        lambda: ticked(flying(heard_s=NOW_S - 10.0), replace(SECOND, heard_s=NOW_S - 10.0)),
+        lambda: ticked(flying(heard_s=NOW_S - 10.0), with_facts(SECOND, heard_s=NOW_S - 10.0)),
         (
             (),
             {},
@@ -338,7 +340,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a look at both that are lost for long",
         lambda: ticked(
-            flying(heard_s=NOW_S - 60.0), replace(SECOND, heard_s=NOW_S - 60.0), silent_since_s=NOW_S - 60.0
+            flying(heard_s=NOW_S - 60.0), with_facts(SECOND, heard_s=NOW_S - 60.0), silent_since_s=NOW_S - 60.0
         ),
         (
             (
@@ -386,7 +388,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a look at both that are lost for less",
         lambda: ticked(
-            flying(heard_s=NOW_S - 59.9), replace(SECOND, heard_s=NOW_S - 59.9), silent_since_s=NOW_S - 59.9
+            flying(heard_s=NOW_S - 59.9), with_facts(SECOND, heard_s=NOW_S - 59.9), silent_since_s=NOW_S - 59.9
         ),
         (
             (),
@@ -455,7 +457,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a look at one that fails and is not armed",
-        lambda: ticked(replace(FAILS, heartbeat=beat(armed=False, status=8))),
+        lambda: ticked(with_facts(FAILS, heartbeat=beat(armed=False, status=8))),
         (
             (
                 Declared(

@@ -15,9 +15,11 @@ from executor.core.faults import streams, warnings, watchpoints
 from executor.core.faults.watching import View
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio
+from executor.core.parts import Cause
 from executor.core.state import Told
-from executor.core.vehicle import Cause, Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState
 from missions import PX4
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, RTL, at, flying, pack, volts
 from tests.executor.core.steps import HOLD, HOMEWARD, STILL, Changes, beat, landed, over_pad, rounded
 
@@ -330,7 +332,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             look(
                 "battery-drain",
-                replace(drained(drift=replace(DRAIN, excess_pct=excess_pct)), fix=at(climbs_m_s=climbs_m_s)),
+                with_facts(drained(drift=replace(DRAIN, excess_pct=excess_pct)), fix=at(climbs_m_s=climbs_m_s)),
                 failing=failing,
             )
             for excess_pct, climbs_m_s, failing in (
@@ -481,7 +483,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what an autopilot says of its battery",
         lambda: [
-            look("battery-failsafe", replace(SAYS, **given), setup)
+            look("battery-failsafe", with_facts(SAYS, **given), setup)
             for setup in (PLANNED, UNPLANNED)
             for given in (
                 {},
@@ -510,7 +512,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what shows a battery's failsafe",
         lambda: [
-            look("battery-failsafe", replace(SAYS, **given)) != "ok"
+            look("battery-failsafe", with_facts(SAYS, **given)) != "ok"
             for given in (
                 {"battery": BatteryState()},
                 {"battery": pack(30.0)},

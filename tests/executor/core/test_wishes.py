@@ -8,7 +8,9 @@ import pytest
 
 from executor.core.commands import CancelSolve, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.intents import Action, IntentReason, Outcome
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage
+from executor.core.parts import Cause, Errand
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -92,21 +94,15 @@ ROWS = [
         "an order to go on",
         HOLDS,
         wish(Action.RESUME),
-        [
-            Say(Level.INFO, "page asks: resume uav1; resume commanded"),
-            Resume(vehicle="uav1", speed_m_s=3.0),
-        ],
+        [Say(Level.INFO, "page asks: resume uav1; resume commanded"), Resume(vehicle="uav1", speed_m_s=3.0)],
         {"uav1": {"ordered_mode_s": NOW_S, "ordered_modes": frozenset({3})}},
         {"intents": {"wish": noted(Action.RESUME, Outcome.ACCEPTED, "resume commanded", "uav1")}},
     ),
     Row(
         "an order to go on beyond the mission",
-        replace(HOLDS, waypoint=6),
+        with_facts(HOLDS, waypoint=6),
         wish(Action.RESUME),
-        [
-            Say(Level.INFO, "page asks: resume uav1; resume commanded"),
-            Resume(vehicle="uav1", speed_m_s=0.0),
-        ],
+        [Say(Level.INFO, "page asks: resume uav1; resume commanded"), Resume(vehicle="uav1", speed_m_s=0.0)],
         {"uav1": {"ordered_mode_s": NOW_S, "ordered_modes": frozenset({3})}},
         {"intents": {"wish": noted(Action.RESUME, Outcome.ACCEPTED, "resume commanded", "uav1")}},
     ),
@@ -118,8 +114,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; RTL commanded; it stays on the ground until "
-                    "included; its segments are to be reassigned"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until included; its "
+                    "segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -148,8 +144,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; RTL commanded; it stays on the ground until "
-                    "included; its segments are to be reassigned"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until included; its "
+                    "segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -187,8 +183,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; RTL commanded; it stays on the ground until "
-                    "included; its segments are to be reassigned"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until included; its "
+                    "segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -210,14 +206,14 @@ ROWS = [
     ),
     Row(
         "an order to return in the midst of a start",
-        replace(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
+        with_facts(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
         wish(Action.RETURN),
         [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; landing commanded; it stays on the ground until "
-                    "included; its segments are to be reassigned"
+                    "page asks: return uav1; landing commanded; it stays on the ground until included; its "
+                    "segments are to be reassigned"
                 ),
             ),
             LandNow("uav1"),
@@ -245,8 +241,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; RTL commanded; it stays on the ground until "
-                    "included; its segments are to be reassigned"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until included; its "
+                    "segments are to be reassigned"
                 ),
             ),
             CancelSolve(4),
@@ -277,8 +273,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: return uav1; RTL commanded; it stays on the ground until "
-                    "included; its segments are to be reassigned"
+                    "page asks: return uav1; RTL commanded; it stays on the ground until included; its "
+                    "segments are to be reassigned"
                 ),
             ),
             SendHome("uav1"),
@@ -444,7 +440,7 @@ ROWS = [
     ),
     Row(
         "an order to land in the midst of a start",
-        replace(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
+        with_facts(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
         wish(Action.LAND),
         [Say(Level.WARNING, "page asks: land uav1; refused: it does not fly, it is starting")],
         {},

@@ -12,8 +12,10 @@ from executor.core import fleet
 from executor.core.commands import CancelSolve, Disarm, Level, Resume, Say, SendHome
 from executor.core.events import ReturnAllOrdered
 from executor.core.intents import Action, IntentReason, Outcome
+from executor.core.parts import Cause, Errand, TakenOver, Watch
 from executor.core.state import Briefing, Offer, Question
-from executor.core.vehicle import Cause, Errand, Fault, FaultCode, FaultKind, Stage, TakenOver, VehicleState, Watch
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import DISARMED, FLEET, NOW_S, flying
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -34,7 +36,7 @@ from tests.executor.core.steps import (
 )
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
-GIVES_BACK = replace(PILOTS, heartbeat=beat(), taken=replace(TAKEN, returned_s=NOW_S - 5.0))
+GIVES_BACK = with_facts(PILOTS, heartbeat=beat(), taken=replace(TAKEN, returned_s=NOW_S - 5.0))
 STARTS = flying(stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, fix=LOW, waypoint=0)
 BUSY = flying(held_s=NOW_S - 9.0, errand=Errand(NOW_S - 9.0), owed=(0, "why"), cleared_s=NOW_S - 9.0)
 BEFORE_LAUNCH = Briefing(question=Question("take-off", "go?", ()))
@@ -124,8 +126,8 @@ ROWS = [
             Say(
                 Level.WARNING,
                 (
-                    "page asks: exclude uav1; taken out of the plan, RTL commanded; no other vehicle "
-                    "is left to inspect 4 segments"
+                    "page asks: exclude uav1; taken out of the plan, RTL commanded; no other vehicle is left "
+                    "to inspect 4 segments"
                 ),
             ),
             Say(
@@ -156,7 +158,7 @@ ROWS = [
                 )
             },
         },
-        beside=(replace(SECOND, fault=BATTERY_FAULT), replace(SECOND, name="uav3", excluded=True)),
+        beside=(replace(SECOND, fault=BATTERY_FAULT), with_facts(SECOND, name="uav3", excluded=True)),
     ),
     Row(
         "out of the plan in the air, with one who returns",
@@ -166,8 +168,8 @@ ROWS = [
             Say(
                 Level.WARNING,
                 (
-                    "page asks: exclude uav1; taken out of the plan, RTL commanded; no other vehicle "
-                    "is left to inspect 6 segments"
+                    "page asks: exclude uav1; taken out of the plan, RTL commanded; no other vehicle is left "
+                    "to inspect 6 segments"
                 ),
             ),
             Say(
@@ -277,7 +279,7 @@ ROWS = [
     ),
     Row(
         "out of the plan with its pilot, not knowing since when",
-        replace(PILOTS, taken=None),
+        with_facts(PILOTS, taken=None),
         wish(Action.EXCLUDE),
         [Say(Level.INFO, "page asks: exclude uav1; it stays with its pilot; its segments are to be reassigned")],
         {"uav1": {"excluded": True}},
@@ -479,8 +481,8 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "page asks: include uav1; it is back in the plan; no segment is left over, a re-"
-                    "plan would share the others"
+                    "page asks: include uav1; it is back in the plan; no segment is left over, a re-plan would "
+                    "share the others"
                 ),
             )
         ],
@@ -537,7 +539,7 @@ ROWS = [
     ),
     Row(
         "back in the plan from its pilot, its work given away",
-        replace(GIVES_BACK, taken=replace(TAKEN, returned_s=NOW_S - 5.0, given_away=True)),
+        with_facts(GIVES_BACK, taken=replace(TAKEN, returned_s=NOW_S - 5.0, given_away=True)),
         wish(Action.INCLUDE),
         [
             Say(Level.INFO, "page asks: include uav1; it is back in the plan"),
@@ -737,7 +739,7 @@ def test_of_five_hundred_wishes_the_oldest_that_has_ended_is_forgotten(ended: in
     under_way = {str(number): wished(Action.HOLD, "uav1") for number in range(500)}
     many = {name: replace(one, ended_s=5.0 if name == str(ended) else None) for name, one in under_way.items()}
     state, _ = fleet.step(FLEET.context, flight_of(flying(), intents=many), wish(Action.HOLD), NOW_S)
-    assert list(many.keys() - state.intents.keys()) == [gone]
+    assert list(many.keys() - state.crew.intents.keys()) == [gone]
     less = {name: one for name, one in many.items() if name != "7"}
     state, _ = fleet.step(FLEET.context, flight_of(flying(), intents=less), wish(Action.HOLD), NOW_S)
-    assert list(less.keys() - state.intents.keys()) == []
+    assert list(less.keys() - state.crew.intents.keys()) == []

@@ -26,6 +26,7 @@ from executor.flight import checkpoints, resume
 from executor.flight.checkpointing import Checkpointer
 from executor.flight.checkpoints import Checkpoint, Planned
 from executor.flight.run_start import beginning
+from tests.executor.builders import with_facts
 from tests.executor.flight.test_resume import Diary, launched, left, prepared
 from tests.fakes.disk import room_for
 from tests.fakes.flight import Story
@@ -48,16 +49,16 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
     """A vehicle is lost, its work is planned anew and put on board another; the clock is set; a death and a return."""
     run = prepared(tmp_path_factory.mktemp("flight"))
     flight, diary = launched(run)
-    flight.run(lambda: len(flight.state.inspected) == 1)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 1)
     flight.ask(Action.HOLD, "uav2", "wait")
     flight.pass_s(10.0)
     diary.note()
     diary.log.note(flight.now_s, clock_set_s=-3600.0)
     flight.ask(Action.RESUME, "uav2", "go on")
     flight.crafts["uav1"].mute = True
-    flight.run(lambda: bool(flight.state.records))
+    flight.run(lambda: bool(flight.state.replanning.records))
     flight.happen(Reopened(0.0, 10.0, ("a note",)))
-    flight.run(lambda: len(flight.state.inspected) == 3)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 3)
     diary.note()
     diary.log.close()
     return Logged(run, tuple(every_cut(run)))
@@ -73,7 +74,7 @@ def every_cut(run: Path) -> list[Checkpoint]:
     for number, line in enumerate(content):
         entry = json.loads(line)
         if "event" in entry:
-            if state.launched_s is not None:
+            if state.progress.launched_s is not None:
                 digest = hashlib.sha256(content[0] + content[number - 1]).hexdigest()
                 solve = solves[max(solves)] if solves else None
                 cuts.append(Checkpoint(LogPlace(size, number, at_s, digest), state, solve, tuple(planned), set_s))
@@ -112,9 +113,9 @@ def test_what_is_read_is_what_was_written_at_every_place_of_a_flight(logged: Log
     run = copied(logged.run, tmp_path)
     assert len(logged.cuts) > 1000
     states = [cut.state for cut in logged.cuts]
-    assert any(state.replan is not None and state.replan.missions for state in states)
+    assert any(state.replanning.replan is not None and state.replanning.replan.missions for state in states)
     assert any(vehicle.stage is Stage.LOST for vehicle in states[-1].vehicles.values())
-    assert states[-1].intents
+    assert states[-1].crew.intents
     for cut in logged.cuts:
         keep(run, cut)
         found = checkpoints.newest(run, run / LOG)
@@ -129,7 +130,7 @@ def test_checkpoint_and_rest_are_the_whole_log(logged: Logged, tmp_path: Path) -
     assert whole.legacy.set_s == -3600.0
     assert whole.legacy.unkept
     assert whole.legacy.checkpoint == ""
-    busy = [index for index, cut in enumerate(logged.cuts) if cut.state.replan is not None]
+    busy = [index for index, cut in enumerate(logged.cuts) if cut.state.replanning.replan is not None]
     for index in {*range(0, len(logged.cuts), 150), *busy, len(logged.cuts) - 1}:
         keep(run, logged.cuts[index])
         found = left(run)
@@ -141,17 +142,17 @@ def test_checkpoint_and_rest_are_the_whole_log(logged: Logged, tmp_path: Path) -
 def test_state_that_a_flight_seldom_has_is_kept(logged: Logged, tmp_path: Path) -> None:
     """Infinite times, sets of different things, mappings by number."""
     run, cut = copied(logged.run, tmp_path), logged.cuts[-1]
-    vehicle = replace(
+    vehicle = with_facts(
         cut.state.vehicles["uav2"], strangers=frozenset({StationHeard(254, 190)}), alarm=("é\n\u2028", 1.0)
     )
-    state = replace(cut.state.put(vehicle), attempts={4: 2, 0: 1}, inferred=frozenset({3, 1}))
+    state = with_facts(cut.state.put(vehicle), attempts={4: 2, 0: 1}, inferred=frozenset({3, 1}))
     keep(run, replace(cut, state=state))
     found = checkpoints.newest(run, run / LOG).checkpoint
     assert found is not None
     assert found.state == state
-    assert list(found.state.attempts) == [4, 0]
-    assert found.state.wait_until_s == float("-inf")
-    assert type(found.state.vehicles["uav2"].strangers) is frozenset
+    assert list(found.state.coverage.attempts) == [4, 0]
+    assert found.state.replanning.wait_until_s == float("-inf")
+    assert type(found.state.vehicles["uav2"].link.strangers) is frozenset
     with pytest.raises(TypeError):
         found.state.vehicles["uav3"] = vehicle  # type: ignore[index]
 
@@ -185,7 +186,7 @@ def swapped(old: bytes, new: bytes) -> Callable[[Path, Checkpoint], object]:
         (cut_short(0.01), ""),
         (cut_short(0.6), "it is torn or damaged"),
         (swapped(b'"stage":"flying"', b'"stage":"landed"'), "it is torn or damaged"),
-        (swapped(b"faultline-checkpoint/1", b"faultline-checkpoint/2"), "expected format faultline-checkpoint/1, got"),
+        (swapped(b"faultline-checkpoint/2", b"faultline-checkpoint/3"), "expected format faultline-checkpoint/2, got"),
         (swapped(b'"program":"', b'"program":"9'), "another version of the program wrote it"),
         (swapped(b'"plan":"', b'"plan":"9'), "it is of a flight with another plan"),
         (swapped(b'"digest":"', b'"digest":"9'), "the log does not reach as far, or is another one"),
@@ -216,7 +217,7 @@ def test_types_are_checked_where_the_digests_fit(logged: Logged, tmp_path: Path)
     (run / FILES[0]).write_bytes(json.dumps(forged).encode() + b"\n" + body)
     found = left(run)
     assert found.notes == (
-        "checkpoint-a.jsonl is not used: state.revision: expected a whole number, got '0'",
+        "checkpoint-a.jsonl is not used: state.replanning.revision: expected a whole number, got '0'",
         "without a checkpoint the whole log is read",
     )
     assert alike(found, left(logged.run))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,7 +17,7 @@ from executor.site import assembly, planning
 from executor.site.assembly import Ground
 from missions import Network, PlanFile, PlanFileError, read_plan, write_plan
 from planner import segment_of
-from tests.executor.builders import ground_for, site_of
+from tests.executor.builders import ground_for, site_of, with_facts
 from tests.executor.flights import short_report
 from tests.missions.builders import line_east, network_of
 
@@ -53,8 +52,8 @@ def test_what_is_beyond_the_budgets_is_named(ground: Ground) -> None:
     assert plan is not None
     _, left = sortie_words(plan, Path("next.json")).splitlines()
     assert left == (
-        "left over, out of reach there and back within any budget: segment 0 (99.36 % of 75 %), "
-        "segment 5 (270.92 % of 75 %)"
+        "left over, out of reach there and back within any budget: segment 0 (99.36 % of 75 %), segment 5 "
+        "(270.92 % of 75 %)"
     )
 
 
@@ -82,7 +81,7 @@ def test_a_flight_is_for_the_segments_of_its_plan(ground: Ground) -> None:
     before = fleet.initial(dict.fromkeys(NAMES))
     assert context.segments == 3
     assert replanning.orphans(context, before) == {2, 4, 5}
-    flown = report_of(context, replace(before, inspected={4: "uav1"}), 100.0)
+    flown = report_of(context, with_facts(before, inspected={4: "uav1"}), 100.0)
     assert (flown.segments_total, flown.segments_inspected) == (3, 1)
     assert (flown.segments_uncovered, flown.finished) == ((2, 5), False)
 

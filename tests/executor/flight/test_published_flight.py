@@ -97,7 +97,7 @@ def lose_one(flight: Story) -> None:
 
 def unpublished() -> Story:
     flight = story()
-    flight.run(lambda: len(flight.state.inspected) == 1)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 1)
     lose_one(flight)
     flight.finish()
     return flight
@@ -139,7 +139,7 @@ async def test_a_flight_with_a_loss_is_the_same(
     monkeypatch.setattr(connection, "ANSWER_S", 0.5)
     async with running(KIND, tmp_path / "broker") as broker:
         async with published(broker.port, tmp_path) as here:
-            await here.live(lambda: len(here.flight.state.inspected) == 1)
+            await here.live(lambda: len(here.flight.state.coverage.inspected) == 1)
             lose_one(here.flight)
             await mood(broker, here)
             await here.live(lambda: here.flight.over)
@@ -147,8 +147,8 @@ async def test_a_flight_with_a_loss_is_the_same(
             broker.go_on()
     without = unpublished()
     assert here.flight.commands == without.commands
-    assert here.flight.state.inspected == without.state.inspected
-    assert set(here.flight.state.inspected) == EVERYTHING
+    assert here.flight.state.coverage.inspected == without.state.coverage.inspected
+    assert set(here.flight.state.coverage.inspected) == EVERYTHING
     if mood in {stopped, suspended}:
         assert "messages never reached" in here.told[-1]
     else:
@@ -157,7 +157,7 @@ async def test_a_flight_with_a_loss_is_the_same(
 
 async def test_a_flight_whose_broker_is_never_there_is_the_same(tmp_path: Path) -> None:
     async with published(free_port(), tmp_path) as here:
-        await here.live(lambda: len(here.flight.state.inspected) == 1)
+        await here.live(lambda: len(here.flight.state.coverage.inspected) == 1)
         lose_one(here.flight)
         await here.live(lambda: here.flight.over)
     assert here.flight.commands == unpublished().commands
@@ -187,7 +187,7 @@ async def test_over_a_slow_line_the_newest_wins_and_intents_are_answered(tmp_pat
                 assert (await heard.answers(name, 3))[-1] == "done"
             await here.live(lambda: here.flight.over)
         listening.cancel()
-    assert set(here.flight.state.inspected) == EVERYTHING
+    assert set(here.flight.state.coverage.inspected) == EVERYTHING
     assert sum(isinstance(event, IntentReceived) for _, event in here.flight.events) == 4
     numbers = [what["headerId"] for topic, what in heard.got if topic.endswith("uav2/telemetry")]
     assert numbers == sorted(set(numbers))
@@ -195,7 +195,7 @@ async def test_over_a_slow_line_the_newest_wins_and_intents_are_answered(tmp_pat
 
 
 def ended(flight: Story, name: str) -> Callable[[], bool]:
-    return lambda: flight.state.intents[name].ended_s is not None
+    return lambda: flight.state.crew.intents[name].ended_s is not None
 
 
 @dataclass(slots=True)

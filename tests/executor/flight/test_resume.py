@@ -82,7 +82,7 @@ def launched(run: Path) -> tuple[Story, Diary]:
     """A flight that has just been launched, and writes its log."""
     begun = beginning(run)
     diary = Diary(EventLog(run / "events.jsonl", began_unix_s=time.time() - 60.0, speedup=SPEEDUP))
-    boards = {name: vehicle.board for name, vehicle in begun.state.vehicles.items()}
+    boards = {name: vehicle.assignment.board for name, vehicle in begun.state.vehicles.items()}
     flight = Story(begun.context, boards, sink=diary)
     diary.flight = flight
     flight.launch()
@@ -108,7 +108,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_the_state_from_the_log_is_the_state_that_was(tmp_path: Path) -> None:
     run = prepared(tmp_path)
     flight, diary = launched(run)
-    flight.run(lambda: len(flight.state.inspected) == 1)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 1)
     diary.note()
     found = left(run)
     assert found.state == flight.state
@@ -135,7 +135,7 @@ def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:
 def test_damage_is_said_and_read_around(tmp_path: Path) -> None:
     run = prepared(tmp_path)
     flight, diary = launched(run)
-    flight.run(lambda: len(flight.state.inspected) == 1)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 1)
     diary.note()
     lines = (run / "events.jsonl").read_bytes().splitlines(keepends=True)
     lines[40] = lines[40][:20] + b"\xff\xfe\n"
@@ -145,7 +145,7 @@ def test_damage_is_said_and_read_around(tmp_path: Path) -> None:
         "line 41 cannot be read and was passed over",
         f"line {len(lines) + 1}, the last one, is torn and was dropped",
     )
-    assert set(found.state.inspected) == set(flight.state.inspected)
+    assert set(found.state.coverage.inspected) == set(flight.state.coverage.inspected)
 
 
 @pytest.mark.parametrize("content", [None, b"", b'{"format":"faultline-ev', b"head"])
@@ -295,7 +295,7 @@ async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
 def finished(run: Path) -> None:
     """A flight of which nothing is left but its report."""
     flight, diary = launched(run)
-    flight.run(lambda: flight.state.finished)
+    flight.run(lambda: flight.state.progress.finished)
     diary.note()
     diary.log.close()
 

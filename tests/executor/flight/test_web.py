@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from dataclasses import replace
 
 import httpx
 import pytest
@@ -18,7 +17,7 @@ from executor.errors import SiteError
 from executor.flight import web
 from executor.runtime.flight import Flight, Observer
 from executor.site.config import WebTable, check_site
-from tests.executor.builders import fleet_of
+from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver
 
 SITE = {
@@ -54,7 +53,7 @@ def flight_of(clock: SystemClock, launched_s: float | None = None) -> Flight:
     def nothing(*_: object) -> None:
         pass
 
-    state: FleetState = replace(initial(dict(ready.boards)), launched_s=launched_s)
+    state: FleetState = with_facts(initial(dict(ready.boards)), launched_s=launched_s)
     return Flight(ready.context, state, {}, clock, Nowhere(), FakeSolver(), Observer(nothing, nothing))
 
 
@@ -109,7 +108,7 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
             client.headers["authorization"] = f"Bearer {token}"
             answer = await client.post("/intents", json=body)
             assert answer.json()["text"].startswith("hold needs a vehicle")
-            assert set(flight.state.intents) == {"w1"}
+            assert set(flight.state.crew.intents) == {"w1"}
 
 
 def looked_at(address: str) -> tuple[list[list[int]], httpx.Response]:
@@ -128,9 +127,9 @@ async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() ->
         routes, answer = await asyncio.to_thread(looked_at, lines.lines[0].removeprefix("page: "))
     assert routes == [[0, 1], [2, 3], [4, 5]]
     assert (answer.status_code, answer.json()["text"]) == (409, "the flight has not begun")
-    assert flight.state.intents["w1"].outcome is Outcome.REFUSED
+    assert flight.state.crew.intents["w1"].outcome is Outcome.REFUSED
     flight.ask(Intent("w2", Action.ABORT, None, "terminal"))
-    assert flight.state.intents["w2"].text == "the flight has not begun"
+    assert flight.state.crew.intents["w2"].text == "the flight has not begun"
 
 
 @pytest.mark.asyncio

@@ -35,7 +35,7 @@ from missions import ARDUPILOT, PX4, encode
 from tests.executor.core.faults.test_watchpoints import flying
 from tests.executor.core.steps import rounded
 
-BOARD = flying().board
+BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
 UPLOAD = upload.UploadDialogue(ITEMS, 8.0, frozenset({13}))

@@ -81,7 +81,7 @@ class MortalSky(Sky):
 
     def write(self, event: Event, now_s: float) -> None:
         super().write(event, now_s)
-        plan = self.flight.state.replan
+        plan = self.flight.state.replanning.replan
         if self.dies_unmade and plan is not None and plan.unmade:
             self.ends_unmade.set()
             for link in self.links.values():
@@ -118,11 +118,13 @@ class Outcome:
         """Return everything that should not be."""
         state, passed = self.sky.state, self.judge.passed
         wrong = [
-            f"segment {one} is lost" for one in range(self.sky.ready.context.segments) if one not in state.inspected
+            f"segment {one} is lost"
+            for one in range(self.sky.ready.context.segments)
+            if one not in state.coverage.inspected
         ]
         wrong += [
             f"segment {segment} was never flown by {name}"
-            for segment, name in state.inspected.items()
+            for segment, name in state.coverage.inspected.items()
             if not passed[name, segment]
         ]
         if self.judge.nearest_m < self.sky.ready.context.setup.layers.spacing_m - 0.5:
@@ -212,7 +214,7 @@ async def _dies(sky: MortalSky, task: asyncio.Task[None], chance: random.Random,
     done, _ = await asyncio.wait([task], timeout=pause_s)
     if done:
         return False
-    plan = sky.state.replan
+    plan = sky.state.replanning.replan
     under_way = "" if plan is None else " solving" if plan.solve_s is None else f" uploading to {len(plan.pending)}"
     stages = Counter(vehicle.stage for vehicle in sky.state.vehicles.values())
     moments.append(", ".join(f"{count} {stage.value}" for stage, count in stages.items()) + under_way)

@@ -121,39 +121,41 @@ async def flying(ready: Fleet, air: Air = CLEAN) -> AsyncIterator[tuple[Sky, asy
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
     async with flying(fleet_of(autopilot=autopilot), air) as (sky, _):
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
     assert len(sky.faults()) == 1
     assert sky.faults()[0].startswith("uav2: link lost for ")
     assert not sky.flyers["uav1"].armed
     assert not sky.flyers["uav3"].armed
-    assert sky.state.separation is not None
-    assert sky.state.separation.least_m >= 5.0
+    assert sky.state.progress.separation is not None
+    assert sky.state.progress.separation.least_m >= 5.0
 
 
 async def test_no_vehicle_is_told_what_the_disk_does_not_hold_yet_and_everybody_is_heard_meanwhile() -> None:
     async with flying(fleet_of(), LOSSY) as (sky, _):
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         counts = {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()}
         sky.disk.clear()
         sky.links["uav2"].cut = True
-        await sky.until(lambda: sky.state.replan is not None and sky.state.replan.solve_s is not None)
+        await sky.until(
+            lambda: sky.state.replanning.replan is not None and sky.state.replanning.replan.solve_s is not None
+        )
         applied = sky.applied
         await sky.until(lambda: sky.applied > applied + 50)
         assert {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()} == counts
         sky.disk.set()
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
 
 
 async def test_in_flight_no_item_is_flagged_and_the_index_stands() -> None:
     """ArduPilot and PX4 both keep their index in a list without a flag: the beginning of the list is the same."""
     async with flying(fleet_of(autopilot="px4")) as (sky, _):
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         before = list(sky.flyers["uav1"].missions.items)
         assert before[0].current
         sky.links["uav2"].cut = True
-        await sky.until(lambda: len(sky.state.records) == 1)
+        await sky.until(lambda: len(sky.state.replanning.records) == 1)
         after = sky.flyers["uav1"].missions.items
         assert not any(item.current for item in after)
         kept = sky.flyers["uav1"].index
@@ -163,7 +165,7 @@ async def test_in_flight_no_item_is_flagged_and_the_index_stands() -> None:
 async def test_a_newer_order_takes_the_place_of_an_older_one() -> None:
     """Everybody is sent home in the midst of an upload: the vehicle is told, and flies home."""
     async with flying(fleet_of(autopilot="px4")) as (sky, _):
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.flyers["uav1"].missions.stops_at = 2
         counts = len(sky.links["uav1"].of_kind(SendMissionCount))
         sky.links["uav2"].cut = True
@@ -171,13 +173,13 @@ async def test_a_newer_order_takes_the_place_of_an_older_one() -> None:
         sky.flight.apply(ReturnAllOrdered())
         sky.links["uav2"].cut = False
     assert {vehicle.stage for vehicle in sky.state.vehicles.values()} == {Stage.LANDED}
-    assert len(sky.state.inspected) < 6
+    assert len(sky.state.coverage.inspected) < 6
     assert sky.flyers["uav1"].mode == sky.flyers["uav1"].dialect.modes.return_home
 
 
 async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
     async with flying(fleet_of()) as (sky, task):
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.flight.leave()
         async with asyncio.timeout(5):
             await task
@@ -187,27 +189,27 @@ async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
 async def test_a_fault_while_the_solver_works_cancels_it() -> None:
     async with flying(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9)) as (sky, _):
         sky.solver = sky.flight._solver = FakeSolver(takes_s=30.0)
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
         await sky.until(lambda: bool(sky.solver.asked))
         sky.flyers["uav3"].percent -= 30.0
         await sky.until(lambda: bool(sky.solver.cancelled))
         assert sky.solver.cancelled == [1]
         sky.solver._takes_s = 0.3
-        await sky.until(lambda: len(sky.state.records) == 1)
-        assert sky.state.records[0].revision == 2
-    assert set(sky.state.inspected) == set(range(8))
+        await sky.until(lambda: len(sky.state.replanning.records) == 1)
+        assert sky.state.replanning.records[0].revision == 2
+    assert set(sky.state.coverage.inspected) == set(range(8))
 
 
 async def test_a_mistake_in_one_decision_ends_nobodys_supervision() -> None:
     async with flying(fleet_of()) as (sky, _):
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
         sky.applied += 1
         sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
         sky.applied += 1
     assert sky.faults() == ["internal mistake at Heard: KeyError: 'nobody'"]
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
 
 
 async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,12 +221,12 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
 
     async with flying(fleet_of()) as (sky, _):
         with supervised.hear(said.append, None):
-            await sky.until(lambda: len(sky.state.inspected) == 1)
+            await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
             monkeypatch.setattr(procedures, "hold", mistaken)
             sky.flight.apply(IntentReceived(Intent("w1", Action.HOLD, "uav2", "terminal")))
-            await sky.until(lambda: sky.state.intents["w1"].outcome is Outcome.FAILED)
+            await sky.until(lambda: sky.state.crew.intents["w1"].outcome is Outcome.FAILED)
     assert said == ["internal mistake in an order to uav2: KeyError: 'speed'"]
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
 
 
 async def test_a_solver_that_dies_of_our_mistake_is_asked_again_and_ends_nobodys_supervision() -> None:
@@ -237,10 +239,10 @@ async def test_a_solver_that_dies_of_our_mistake_is_asked_again_and_ends_nobodys
 
     async with flying(fleet_of()) as (sky, _):
         sky.solver = sky.flight._solver = Mistaken()
-        await sky.until(lambda: len(sky.state.inspected) == 1)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
     assert len(sky.solver.asked) > 1
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
 
 
 async def test_a_tick_that_dies_is_there_again_at_once() -> None:
@@ -259,7 +261,7 @@ async def test_a_tick_that_dies_is_there_again_at_once() -> None:
             ticks = sum(isinstance(event, Tick) for event in sky.written)
             await sky.until(lambda: sum(isinstance(event, Tick) for event in sky.written) > ticks + 10)
     assert [line.partition(": ")[0] for line in said] == ["internal mistake in the tick"]
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
 
 
 async def test_one_link_that_fails_keeps_no_heartbeat_from_the_others() -> None:
@@ -290,7 +292,7 @@ async def test_who_shows_the_flight_cannot_keep_a_decision_from_being_carried_ou
             gone()
 
         sky.flight._observer = Observer(gone, seen, gone)
-    assert set(sky.state.inspected) == set(range(6))
+    assert set(sky.state.coverage.inspected) == set(range(6))
 
 
 @pytest.mark.parametrize("speedup", [1.0, 20.0])
@@ -312,22 +314,22 @@ async def test_a_vehicle_holds_and_goes_on_at_the_speed_of_its_leg(autopilot: st
         def ask(action: Action) -> IntentRecord:
             intent = Intent(action.value, action, "uav2", "terminal")
             sky.flight.apply(IntentReceived(intent))
-            return sky.state.intents[intent.id]
+            return sky.state.crew.intents[intent.id]
 
         def halfway() -> bool:
-            run = sky.state.vehicles["uav2"].run
+            run = sky.state.vehicles["uav2"].assignment.run
             return run is not None and run.furthest_m > 30.0
 
         await sky.until(halfway)
         assert ask(Action.HOLD).outcome is Outcome.ACCEPTED
-        await sky.until(lambda: sky.state.intents["hold"].outcome is Outcome.DONE)
+        await sky.until(lambda: sky.state.crew.intents["hold"].outcome is Outcome.DONE)
         assert sky.flyers["uav2"].mode == sky.flyers["uav2"].dialect.modes.hold
         place_m = sky.flyers["uav2"].place_m
         await asyncio.sleep(60.0)
         assert sky.flyers["uav2"].place_m == place_m
         ask(Action.RESUME)
-        await sky.until(lambda: sky.state.intents["resume"].outcome is Outcome.DONE)
-    assert set(sky.state.inspected) == set(range(6))
+        await sky.until(lambda: sky.state.crew.intents["resume"].outcome is Outcome.DONE)
+    assert set(sky.state.coverage.inspected) == set(range(6))
     assert sky.faults() == []
-    assert sky.state.vehicles["uav2"].runs_broken == ()
-    assert sky.state.records == ()
+    assert sky.state.vehicles["uav2"].assignment.runs_broken == ()
+    assert sky.state.replanning.records == ()

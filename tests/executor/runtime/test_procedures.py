@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from executor.core.endings import Ending
 from executor.core.messages import ParamValue, StatusText
 from executor.protocols import orders
 from executor.runtime import procedures
@@ -86,6 +87,21 @@ async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None
     done = await pad.start()
     assert done == Done(accepted=False, reason="arm: failed; it says: Arm: compass not calibrated")
     assert not pad.vehicle.armed
+
+
+@DIALECTS
+async def test_who_changes_its_mode_while_it_is_armed_wants_something_else_of_it(dialect: Dialect) -> None:
+    pad = Pad(dialect)
+    pad.vehicle.results[orders.COMPONENT_ARM_DISARM] = [4]
+    start = asyncio.ensure_future(pad.start())
+    await asyncio.sleep(5.0)
+    pad.vehicle.mode = dialect.modes.return_home
+    done = await start
+    assert done == Done(accepted=False, reason="somebody else changed its mode")
+    assert done.code is Ending.MODE_CHANGED
+    armings = pad.vehicle.commands.count(orders.COMPONENT_ARM_DISARM)
+    await asyncio.sleep(30.0)
+    assert pad.vehicle.commands.count(orders.COMPONENT_ARM_DISARM) == armings <= 5
 
 
 @DIALECTS

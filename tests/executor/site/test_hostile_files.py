@@ -229,7 +229,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run directory of a flight that was left in its midst."""
     run = prepared(tmp_path_factory.mktemp("flown"))
     flight, diary = launched(run)
-    flight.run(lambda: len(flight.state.inspected) == 2)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 2)
     diary.note()
     diary.log.close()
     return run

@@ -96,7 +96,7 @@ def test_states_are_retained_and_published_on_change() -> None:
 def test_a_flight_with_a_loss_is_published_whole() -> None:
     flight = story()
     desk = Desk(flight)
-    flight.run(lambda: len(flight.state.inspected) == 1)
+    flight.run(lambda: len(flight.state.coverage.inspected) == 1)
     flight.crafts["uav3"].mute = True
     letters: list[Letter] = []
     while not flight.over:

@@ -62,7 +62,7 @@ class Beside:
             return done
         self.asked.append(intent)
         self.flight.happen(IntentReceived(intent))
-        done.set_result(self.flight.state.intents[intent.id])
+        done.set_result(self.flight.state.crew.intents[intent.id])
         return done
 
     def client(self, **headers: str) -> httpx.Client:
@@ -157,7 +157,7 @@ def test_an_intent_and_its_answer() -> None:
         again = client.post("/intents", json=HOLD)
         assert again.json() == first.json()
         assert beside.asked[0] == Intent("wish-1", Action.HOLD, "uav2", "page")
-        beside.flight.run(lambda: beside.flight.state.intents["wish-1"].outcome is Outcome.DONE)
+        beside.flight.run(lambda: beside.flight.state.crew.intents["wish-1"].outcome is Outcome.DONE)
         assert client.get("/state").json()["intents"][-1]["text"] == "it holds"
         refused = client.post("/intents", json={"id": "wish-2", "action": "hold", "vehicle": "uav2"})
         assert refused.json()["code"] == "on_hold"

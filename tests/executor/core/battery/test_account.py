@@ -19,7 +19,7 @@ from executor.core.hearing.fold import fold
 from executor.core.messages import Battery, SystemStatus
 from executor.core.vehicle import Stage
 from missions import dialect_for
-from tests.executor.builders import fleet_of, vehicle
+from tests.executor.builders import fleet_of, vehicle, with_facts
 
 FLEET = fleet_of()
 RATE_PCT_S = 0.036
@@ -48,7 +48,7 @@ def first_failure_s(judge: object, history: Iterator[tuple[float, BatteryState]]
     """Return when a watchpoint fails first."""
     assert callable(judge)
     for now_s, state in history:
-        known = replace(vehicle(FLEET, stage=Stage.FLYING), battery=state)
+        known = with_facts(vehicle(FLEET, stage=Stage.FLYING), battery=state)
         if judge(View(FLEET.context, FLEET.context.vehicles["uav1"], known, False, now_s)).verdict is Verdict.FAIL:
             return now_s
     return None
@@ -133,7 +133,7 @@ def charged(*percents: float | None) -> BatteryState:
     state = vehicle(FLEET)
     for index, percent in enumerate(percents):
         state = fold(FLEET.context, state, Battery(0, percent, None, None, None, 1, 0), float(index)).state
-    return state.battery
+    return state.power.battery
 
 
 def test_px4_rounds_twice() -> None:
@@ -146,7 +146,7 @@ def test_px4_rounds_twice() -> None:
         rounded, ceiled = float(math.floor(charge + 0.5)), float(math.ceil(charge))
         state = fold(context, state, Battery(0, rounded, None, None, None, 1, 0), float(second)).state
         state = fold(context, state, SystemStatus(ceiled, None, 0, None), second + 0.5).state
-        said.append(state.battery.remaining_pct)
+        said.append(state.power.battery.remaining_pct)
     assert said == [96.25, 96.25, 95.75, 95.75, 95.25, 95.25]
 
 
@@ -176,8 +176,8 @@ def test_of_two_packs_the_emptier_one_counts() -> None:
     state = vehicle(FLEET)
     for at_s, (pack, percent) in enumerate([(0, 90.0), (1, 70.0), (0, 89.0), (1, 69.0), (0, 88.0)]):
         state = fold(FLEET.context, state, Battery(pack, percent, None, None, None, 1, 0), float(at_s)).state
-    assert (state.battery.remaining_pct, state.battery.least_pct) == (69.0, 69.0)
-    assert account.excess_pct(state.battery, 2.0) == (1.0, 0.0)
+    assert (state.power.battery.remaining_pct, state.power.battery.least_pct) == (69.0, 69.0)
+    assert account.excess_pct(state.power.battery, 2.0) == (1.0, 0.0)
 
 
 def test_an_unknown_percent_changes_nothing() -> None:
@@ -198,7 +198,7 @@ def test_the_system_status_stands_in_for_a_battery_that_does_not_report() -> Non
     def status(percent: float | None, now_s: float) -> float | None:
         nonlocal state
         state = fold(context, state, SystemStatus(percent, None, 0, None), now_s).state
-        return state.battery.remaining_pct
+        return state.power.battery.remaining_pct
 
     assert status(None, 0.0) is None
     assert status(90.0, 1.0) == 90.0

@@ -11,10 +11,11 @@ from executor.core.carried import Carried, items_expected
 from executor.core.context import Context
 from executor.core.custody.causes import cause_of, judged, looked_at_again, missed_us, takes_over
 from executor.core.messages import Heartbeat, MissionCurrent
+from executor.core.parts import Before, Cause
 from executor.core.resume.blackout import taken_up
 from executor.core.state import Absence, FleetState
-from executor.core.vehicle import Before, Cause, Stage, VehicleState
-from tests.executor.builders import fleet_of
+from executor.core.vehicle import Stage, VehicleState
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack
 
 LOITER, BRAKE, LAND, SMART_RTL = 5, 17, 9, 21
@@ -64,10 +65,10 @@ def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> N
     told = flying(stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
     landing = went(LAND, stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
     away = judged(CONTEXT, (), told, landing, NOW_S)
-    again = replace(away, heartbeat=Heartbeat(3, AUTO, True, 4), mode_since_s=NOW_S + 4.0)
-    assert judged(CONTEXT, (), away, again, NOW_S + 4.0).cause is Cause.PERSON
-    followed_late = replace(landing, heartbeat=Heartbeat(3, AUTO, True, 4))
-    assert judged(CONTEXT, (), flying(heartbeat=HELD), followed_late, NOW_S).cause is Cause.OURS
+    again = with_facts(away, heartbeat=Heartbeat(3, AUTO, True, 4), mode_since_s=NOW_S + 4.0)
+    assert judged(CONTEXT, (), away, again, NOW_S + 4.0).custody.cause is Cause.PERSON
+    followed_late = with_facts(landing, heartbeat=Heartbeat(3, AUTO, True, 4))
+    assert judged(CONTEXT, (), flying(heartbeat=HELD), followed_late, NOW_S).custody.cause is Cause.OURS
 
 
 def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
@@ -83,18 +84,18 @@ def test_a_return_that_is_broken_off_for_a_landing_elsewhere_is_a_persons() -> N
     returns = flying(heartbeat=Heartbeat(3, RTL, True, 4), stage=Stage.RETURNING, **told)
     landing = went(LAND, stage=Stage.RETURNING, fix=at(east_m=60.0), **told)
     assert cause_of(CONTEXT, (), returns, landing, NOW_S) is Cause.PERSON
-    assert cause_of(CONTEXT, (), returns, replace(landing, ordered_modes=frozenset({LAND})), NOW_S) is Cause.OURS
+    assert cause_of(CONTEXT, (), returns, with_facts(landing, ordered_modes=frozenset({LAND})), NOW_S) is Cause.OURS
     assert cause_of(CONTEXT, (), flying(**told), landing, NOW_S) is Cause.OURS, "it lands instead of a return"
-    assert cause_of(CONTEXT, (), returns, replace(landing, fix=at(east_m=3.0)), NOW_S) is Cause.OURS
-    empty = replace(landing, alarm=("Battery Failsafe", NOW_S))
+    assert cause_of(CONTEXT, (), returns, with_facts(landing, fix=at(east_m=3.0)), NOW_S) is Cause.OURS
+    empty = with_facts(landing, alarm=("Battery Failsafe", NOW_S))
     assert cause_of(CONTEXT, (), returns, empty, NOW_S) is Cause.FAILSAFE
 
 
 @pytest.mark.parametrize(("since_s", "explained"), [(4.0, True), (4.1, False)])
 def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: bool) -> None:
     state = went(RTL, mode_since_s=NOW_S - since_s, cause=Cause.PERSON, alarm=("Battery Failsafe", NOW_S))
-    assert looked_at_again(CONTEXT, (), state, NOW_S).cause is (Cause.FAILSAFE if explained else Cause.PERSON)
-    ours = replace(state, cause=Cause.OURS)
+    assert looked_at_again(CONTEXT, (), state, NOW_S).custody.cause is (Cause.FAILSAFE if explained else Cause.PERSON)
+    ours = with_facts(state, cause=Cause.OURS)
     assert looked_at_again(CONTEXT, (), ours, NOW_S) == ours
 
 
@@ -102,6 +103,7 @@ def test_a_text_that_comes_late_still_explains_it(since_s: float, *, explained: 
     ("changes", "cause"),
     [
         ({}, Cause.PERSON),
+        ({"alarm": ("Failsafe activated: entering Hold for 5 seconds", NOW_S - 2.4)}, Cause.FAILSAFE),
         ({"mode_since_s": NOW_S - 2.4}, Cause.MISSION),
         ({"on_ground": True}, Cause.MISSION),
         ({"on_ground": None}, Cause.MISSION),
@@ -117,7 +119,7 @@ def test_who_holds_in_the_air_where_its_mission_would_have_landed_is_with_somebo
     assert hold == 50593792
     told: dict[str, object] = {"cause": Cause.MISSION, "mode_since_s": NOW_S - 2.5, "on_ground": False}
     state = flying(**({"heartbeat": Heartbeat(12, hold, True, 4)} | told | changes))
-    assert looked_at_again(context, (), state, NOW_S).cause is cause
+    assert looked_at_again(context, (), state, NOW_S).custody.cause is cause
 
 
 @pytest.mark.parametrize(
@@ -210,7 +212,7 @@ def test_who_is_heard_again_is_waited_for_until_it_has_said_enough(state: Vehicl
     stepped = taken_up(CONTEXT, FleetState({"uav1": state}), state, NOW_S)
     assert (stepped is None) is waits
     if stepped is not None:
-        assert stepped[0].vehicles["uav1"].before is None, "it is asked no more"
+        assert stepped[0].vehicles["uav1"].assignment.before is None, "it is asked no more"
 
 
 def test_a_mission_on_board_is_ours_or_another() -> None:

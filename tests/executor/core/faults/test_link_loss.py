@@ -11,6 +11,7 @@ from executor.core.commands import Level, Say
 from executor.core.faults.link_loss import of_all, of_one, own_sleep
 from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Stage
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import CONTEXT, NOW_S, flying
 
 NAMES = ("uav1", "uav2", "uav3")
@@ -27,11 +28,11 @@ def heard(*ages_s: float | None, stages: tuple[Stage, ...] = (Stage.FLYING,) * 3
         )
         for name, age_s, stage in zip(NAMES, ages_s, stages, strict=False)
     }
-    return FleetState(MappingProxyType(vehicles), **(BEGUN | changes))  # type: ignore[arg-type]
+    return with_facts(FleetState(MappingProxyType(vehicles)), **(BEGUN | changes))
 
 
 def ages(state: FleetState) -> list[float]:
-    return [NOW_S - one.heard_s for one in state.vehicles.values() if one.heard_s is not None]
+    return [NOW_S - one.link.heard_s for one in state.vehicles.values() if one.link.heard_s is not None]
 
 
 @pytest.mark.parametrize(
@@ -39,14 +40,14 @@ def ages(state: FleetState) -> list[float]:
 )
 def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: bool, noted: bool) -> None:
     state, said = own_sleep(heard(8.0, 8.0, 1.0, tick_s=NOW_S - pause_s), NOW_S)
-    assert state.tick_s == NOW_S
+    assert state.listening.tick_s == NOW_S
     rest_s = 8.0 - pause_s if excused else 8.0
     assert ages(state) == pytest.approx([rest_s, rest_s, 0.0 if excused else 1.0])
-    assert {one.excused_s == NOW_S for one in state.vehicles.values()} == {excused}
-    assert [(one.until_s, one.restarted, one.deaf) for one in state.absences] == (
+    assert {one.link.excused_s == NOW_S for one in state.vehicles.values()} == {excused}
+    assert [(one.until_s, one.restarted, one.deaf) for one in state.listening.absences] == (
         [(NOW_S, False, False)] if noted else []
     )
-    assert [one.pause_s for one in state.absences] == pytest.approx([pause_s] if noted else [])
+    assert [one.pause_s for one in state.listening.absences] == pytest.approx([pause_s] if noted else [])
     assert [one.text for one in said if isinstance(one, Say)] == (
         [f"the ground station itself stood still for {pause_s:.1f} s"] if noted else []
     )
@@ -54,12 +55,12 @@ def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: b
 
 def test_the_first_tick_was_no_pause() -> None:
     state, said = own_sleep(heard(8.0), NOW_S)
-    assert (state.tick_s, said, ages(state)) == (NOW_S, (), [8.0])
+    assert (state.listening.tick_s, said, ages(state)) == (NOW_S, (), [8.0])
 
 
 def test_who_was_never_heard_is_excused_from_nothing() -> None:
     state, _ = own_sleep(heard(None, 8.0, tick_s=NOW_S - 4.0), NOW_S)
-    assert state.vehicles["uav1"].heard_s is None
+    assert state.vehicles["uav1"].link.heard_s is None
 
 
 def fell_silent(state: FleetState, *, least: int = 1) -> list[str]:
@@ -92,7 +93,7 @@ def test_all_fall_silent_at_once(state: FleetState, said: list[str]) -> None:
 
 def test_it_lasts_since_the_last_one_was_heard() -> None:
     state, _ = of_all(CONTEXT, heard(4.0, 9.0, 5.0), NOW_S)
-    assert state.silent_since_s == NOW_S - 4.0
+    assert state.listening.silent_since_s == NOW_S - 4.0
 
 
 def test_of_fewer_than_asked_for_it_is_the_silence_of_each() -> None:
@@ -114,12 +115,12 @@ def test_a_silence_that_lasts_is_told_again(silent_s: float, told_ago_s: float |
     )
     after, said = of_all(CONTEXT, state, NOW_S)
     text = (
-        f"no message from any vehicle for {silent_s:.0f} s; in the air at last contact: uav1, uav2. The flight "
-        "stays open and resumes with the first link regained"
+        f"no message from any vehicle for {silent_s:.0f} s; in the air at last contact: uav1, uav2. The "
+        "flight stays open and resumes with the first link regained"
     )
     assert said == ((Say(Level.FAULT, text),) if told else ())
-    assert after.silence_told_s == (NOW_S if told else state.silence_told_s)
-    assert after.silent_since_s == state.silent_since_s
+    assert after.listening.silence_told_s == (NOW_S if told else state.listening.silence_told_s)
+    assert after.listening.silent_since_s == state.listening.silent_since_s
 
 
 @pytest.mark.parametrize(("pause_s", "noted"), [(5.0, False), (5.5, True)])
@@ -127,34 +128,34 @@ def test_the_first_one_that_is_heard_excuses_the_others(pause_s: float, *, noted
     silent = heard(1.0, 1.0 + pause_s, silent_since_s=NOW_S - 1.0 - pause_s, silence_told_s=NOW_S - 2.0)
     state, said = of_all(CONTEXT, silent, NOW_S)
     assert said == (Say(Level.INFO, "links regained"),)
-    assert (state.silent_since_s, state.silence_told_s) == (None, None)
+    assert (state.listening.silent_since_s, state.listening.silence_told_s) == (None, None)
     assert ages(state) == pytest.approx([0.0, 1.0]), "its time begins anew, and nobody is heard later than now"
-    assert state.absences == ((Absence(NOW_S, pause_s, restarted=False, deaf=True),) if noted else ())
+    assert state.listening.absences == ((Absence(NOW_S, pause_s, restarted=False, deaf=True),) if noted else ())
 
 
 def test_once_nobody_flies_it_is_over() -> None:
     parked = heard(9.0, 9.0, stages=(Stage.LANDED, Stage.GROUND), silent_since_s=NOW_S - 9.0)
     state, said = of_all(CONTEXT, parked, NOW_S)
-    assert (state.silent_since_s, said) == (None, ())
+    assert (state.listening.silent_since_s, said) == (None, ())
 
 
 @pytest.mark.parametrize(("age_s", "falls"), [(2.9, False), (3.0, True)])
 def test_one_falls_silent(age_s: float, *, falls: bool) -> None:
     before = heard(age_s, 0.0)
     state, said = of_one(CONTEXT, before, before.vehicles["uav1"], NOW_S)
-    assert state.vehicles["uav1"].stale is falls
+    assert state.vehicles["uav1"].link.stale is falls
     assert said == ((Say(Level.WARNING, f"uav1: no message for {age_s:.1f} s"),) if falls else ())
-    assert state.vehicles["uav1"].excused_s == before.vehicles["uav1"].excused_s
+    assert state.vehicles["uav1"].link.excused_s == before.vehicles["uav1"].link.excused_s
 
 
 @pytest.mark.parametrize(("spoke_ago_s", "regained"), [(2.9, True), (3.0, False)])
 def test_only_what_it_says_itself_is_a_link_regained(spoke_ago_s: float, *, regained: bool) -> None:
     silent = heard(0.0)
-    vehicle = replace(silent.vehicles["uav1"], stale=True, spoke_s=NOW_S - spoke_ago_s)
+    vehicle = with_facts(silent.vehicles["uav1"], stale=True, spoke_s=NOW_S - spoke_ago_s)
     state, said = of_one(CONTEXT, silent, vehicle, NOW_S)
     assert said == ((Say(Level.INFO, "uav1: link regained"),) if regained else ())
     if regained:
-        assert (state.vehicles["uav1"].stale, state.vehicles["uav1"].excused_s) == (False, NOW_S)
+        assert (state.vehicles["uav1"].link.stale, state.vehicles["uav1"].link.excused_s) == (False, NOW_S)
 
 
 def test_who_was_never_heard_has_not_fallen_silent() -> None:

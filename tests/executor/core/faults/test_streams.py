@@ -41,7 +41,7 @@ def test_what_stops_is_said_and_asked_for_and_then_a_fault_by_its_name(kind: typ
     flight.pass_s(2.0)
     assert flight.sent_home() == ["uav2"]
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 @BY_NAME
@@ -51,7 +51,7 @@ def test_what_comes_again_in_time_is_no_fault(kind: type) -> None:
     flight.pass_s(12.0)
     flight.crafts["uav2"].stopped.clear()
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == []
     assert flight.given(AskStreams)
 

@@ -15,9 +15,10 @@ from executor.core.faults import watchpoints
 from executor.core.faults.watching import Finding, Verdict, View, Watchpoint
 from executor.core.faults.watchpoints import TABLE, judge
 from executor.core.messages import Heartbeat
-from executor.core.vehicle import Cause, Fix, OnBoard, Stage, VehicleState
+from executor.core.parts import Cause, Fix, OnBoard
+from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
-from tests.executor.builders import fleet_of, vehicle
+from tests.executor.builders import fleet_of, vehicle, with_facts
 
 FLEET = fleet_of()
 CONTEXT, SETUP = FLEET.context, FLEET.context.vehicles["uav1"]
@@ -84,7 +85,7 @@ def flying(**changes: object) -> VehicleState:
 
 def mission() -> OnBoard:
     """Return what it carries."""
-    board = flying().board
+    board = flying().assignment.board
     assert board is not None
     return board
 
@@ -251,19 +252,22 @@ def raised(state: VehicleState, now_s: float) -> tuple[list[str], VehicleState]:
 def later(state: VehicleState, by_s: float) -> VehicleState:
     """Return the same vehicle as if everything had been heard later."""
     fresh = state
-    if state.fix is not None:
-        fresh = replace(fresh, fix=replace(state.fix, at_s=state.fix.at_s + by_s))
-    if state.anchor is not None:
-        fresh = replace(fresh, anchor=replace(state.anchor, at_s=state.anchor.at_s + by_s))
-    heard_s = None if state.heard_s is None else state.heard_s + by_s
-    history = tuple(replace(sample, at_s=sample.at_s + by_s) for sample in state.battery.history)
-    moved = replace(state.battery, history=history, reported_s=state.battery.reported_s + by_s)
-    pack_v = replace(state.volts, reported_s=state.volts.reported_s + by_s)
-    alarm, jump = (state.alarm[0], state.alarm[1] + by_s), (state.jump[0], state.jump[1] + by_s)
-    beat_s = None if state.heartbeat_s is None else state.heartbeat_s + by_s
-    item_s = None if state.item_s is None else state.item_s + by_s
-    fresh = replace(fresh, heartbeat_s=beat_s, item_s=item_s)
-    return replace(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
+    if state.motion.fix is not None:
+        fresh = with_facts(fresh, fix=replace(state.motion.fix, at_s=state.motion.fix.at_s + by_s))
+    if state.motion.anchor is not None:
+        fresh = with_facts(fresh, anchor=replace(state.motion.anchor, at_s=state.motion.anchor.at_s + by_s))
+    heard_s = None if state.link.heard_s is None else state.link.heard_s + by_s
+    history = tuple(replace(sample, at_s=sample.at_s + by_s) for sample in state.power.battery.history)
+    moved = replace(state.power.battery, history=history, reported_s=state.power.battery.reported_s + by_s)
+    pack_v = replace(state.power.volts, reported_s=state.power.volts.reported_s + by_s)
+    alarm, jump = (
+        (state.telemetry.alarm[0], state.telemetry.alarm[1] + by_s),
+        (state.motion.jump[0], state.motion.jump[1] + by_s),
+    )
+    beat_s = None if state.link.heartbeat_s is None else state.link.heartbeat_s + by_s
+    item_s = None if state.telemetry.item_s is None else state.telemetry.item_s + by_s
+    fresh = with_facts(fresh, heartbeat_s=beat_s, item_s=item_s)
+    return with_facts(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
@@ -329,9 +333,9 @@ def test_a_kill_switch_over_the_pad_is_no_landing() -> None:
 
 def landing(state: VehicleState) -> VehicleState:
     """Return a vehicle whose mission has come to its landing."""
-    assert state.board is not None
-    last = next(n for n, way in enumerate(state.board.path.waypoints) if way.phase is Phase.LAND)
-    return replace(state, waypoint=last)
+    assert state.assignment.board is not None
+    last = next(n for n, way in enumerate(state.assignment.board.path.waypoints) if way.phase is Phase.LAND)
+    return with_facts(state, waypoint=last)
 
 
 DISARMED = Heartbeat(3, AUTO, False, 3)

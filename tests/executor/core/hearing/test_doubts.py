@@ -28,7 +28,7 @@ def test_one_heartbeat_that_says_disarmed_ends_nothing() -> None:
         f"{name}: a HEARTBEAT says disarmed, but it flies: does another station send it?" for name in flight.crafts
     ]
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == []
 
 
@@ -44,7 +44,7 @@ def test_a_flood_of_them_between_its_own_ends_nothing() -> None:
 
 def test_a_flood_of_them_ends_nothing_though_one_of_its_own_is_lost() -> None:
     flight = under_way()
-    flight.run(lambda: flight.now_s - (flight.vehicle("uav2").heartbeat_s or 0.0) == 0.0)
+    flight.run(lambda: flight.now_s - (flight.vehicle("uav2").link.heartbeat_s or 0.0) == 0.0)
     for number in range(100):
         flight.crafts["uav2"].stopped = {Heartbeat} if number % 10 < 3 else set()
         flight.happen(disarmed(flight, "uav2"))
@@ -89,4 +89,4 @@ def test_who_was_taken_to_be_on_the_ground_and_flies_is_looked_after(on_pad: boo
     assert flight.stage("uav2") is Stage.RETURNING
     flight.finish()
     assert flight.stage("uav2") is end
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING

@@ -28,6 +28,7 @@ from executor.core.messages import (
 )
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
+from tests.executor.builders import with_facts
 from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, NOW_S, RTL, SETUP, at, flying, volts
 
 ARMED, OFF = Heartbeat(3, AUTO, True, 4), Heartbeat(3, AUTO, False, 4)
@@ -58,28 +59,32 @@ OTHERS_WORDS: list[FlightMessage] = [Traffic(20, 0), Radio(100, 100, 40, 40, 90)
 @pytest.mark.parametrize("message", OWN_WORDS, ids=lambda one: type(one).__name__)
 def test_whatever_it_says_it_is_heard(message: FlightMessage) -> None:
     state = after(flying(heard_s=QUIET_S, spoke_s=QUIET_S, fix=at(age_s=4.0)), message)
-    assert (state.heard_s, state.spoke_s, state.regained_s) == (NOW_S, NOW_S, NOW_S)
+    assert (state.link.heard_s, state.link.spoke_s, state.link.regained_s) == (NOW_S, NOW_S, NOW_S)
     short = after(flying(heard_s=NOW_S - 2.9, spoke_s=NOW_S - 2.9, fix=at(age_s=4.0)), message)
-    assert short.regained_s is None, "2.9 s are no silence"
-    assert after(flying(spoke_s=NOW_S - 3.0, fix=at(age_s=4.0)), message).regained_s == NOW_S
+    assert short.link.regained_s is None, "2.9 s are no silence"
+    assert after(flying(spoke_s=NOW_S - 3.0, fix=at(age_s=4.0)), message).link.regained_s == NOW_S
 
 
 @pytest.mark.parametrize("message", OTHERS_WORDS, ids=lambda one: type(one).__name__)
 def test_what_others_say_of_it_is_no_word_of_its_own(message: FlightMessage) -> None:
     state = after(flying(heard_s=QUIET_S, spoke_s=QUIET_S), message)
-    assert (state.heard_s, state.spoke_s, state.regained_s) == (QUIET_S, QUIET_S, None)
+    assert (state.link.heard_s, state.link.spoke_s, state.link.regained_s) == (QUIET_S, QUIET_S, None)
 
 
 def test_each_message_is_kept_where_it_belongs() -> None:
     state = after(
         flying(), Gps(3, 12), Wind(3.0, 90.0), Attitude(1.0, 2.0), LandedState(True), FenceStatus(True), OrderSeen(176)
     )  # fmt: skip
-    assert (state.gps, state.wind, state.attitude) == (Gps(3, 12), Wind(3.0, 90.0), Attitude(1.0, 2.0))
-    assert (state.on_ground, state.fence_breached, state.ordered_mode_s) == (True, True, NOW_S)
+    assert (state.sensors.gps, state.sensors.wind, state.sensors.attitude) == (
+        Gps(3, 12),
+        Wind(3.0, 90.0),
+        Attitude(1.0, 2.0),
+    )
+    assert (state.telemetry.on_ground, state.sensors.fence_breached, state.orders.ordered_mode_s) == (True, True, NOW_S)
     current = after(flying(), MissionCurrent(3, 9))
-    assert (current.item, current.item_s) == ((3, 9), NOW_S)
-    assert after(flying(), Radio(100, 100, 40, 40, 90)).quality.radio_s == NOW_S
-    assert after(flying(), Traffic(20, 20)).quality.lost == 0.5
+    assert (current.telemetry.item, current.telemetry.item_s) == ((3, 9), NOW_S)
+    assert after(flying(), Radio(100, 100, 40, 40, 90)).link.quality.radio_s == NOW_S
+    assert after(flying(), Traffic(20, 20)).link.quality.lost == 0.5
 
 
 @pytest.mark.parametrize(
@@ -88,9 +93,9 @@ def test_each_message_is_kept_where_it_belongs() -> None:
 )
 def test_who_leans_as_no_multicopter_flies(roll: float, pitch: float, *, tilted: bool) -> None:
     state = after(flying(), Attitude(roll, pitch))
-    assert state.tilted_since_s == (NOW_S if tilted else None)
-    assert after(state, Attitude(roll, pitch), at_s=NOW_S + 2.0).tilted_since_s == state.tilted_since_s
-    assert after(state, Attitude(0.0, 0.0)).tilted_since_s is None
+    assert state.sensors.tilted_since_s == (NOW_S if tilted else None)
+    assert after(state, Attitude(roll, pitch), at_s=NOW_S + 2.0).sensors.tilted_since_s == state.sensors.tilted_since_s
+    assert after(state, Attitude(0.0, 0.0)).sensors.tilted_since_s is None
 
 
 ALARMS = ["Battery Failsafe", "Crash: Disarming", "Battery 1 is low 10.22V", "Kill engaged", "Fence Breached",
@@ -99,15 +104,15 @@ ALARMS = ["Battery Failsafe", "Crash: Disarming", "Battery 1 is low 10.22V", "Ki
 
 @pytest.mark.parametrize("text", ALARMS)
 def test_a_text_of_a_failsafe_is_kept(text: str) -> None:
-    assert after(flying(), StatusText(4, text)).alarm == (text, NOW_S)
-    assert after(flying(), StatusText(4, "Reached waypoint #3")).alarm == ("", -math.inf)
+    assert after(flying(), StatusText(4, text)).telemetry.alarm == (text, NOW_S)
+    assert after(flying(), StatusText(4, "Reached waypoint #3")).telemetry.alarm == ("", -math.inf)
 
 
 def test_what_it_does_about_a_reason_does_not_replace_the_reason() -> None:
     known = after(flying(), StatusText(4, "Low battery"))
     then = StatusText(4, "Failsafe activated: switching to Return")
-    assert after(known, then, at_s=NOW_S + 4.9).alarm == ("Low battery", NOW_S)
-    assert after(known, then, at_s=NOW_S + 5.0).alarm == (then.text, NOW_S + 5.0)
+    assert after(known, then, at_s=NOW_S + 4.9).telemetry.alarm == ("Low battery", NOW_S)
+    assert after(known, then, at_s=NOW_S + 5.0).telemetry.alarm == (then.text, NOW_S + 5.0)
 
 
 IN_AIR: dict[str, object] = {"heartbeat": ARMED, "heartbeat_s": NOW_S - 1.0, "fix": replace(at(), at_s=NOW_S - 1.0)}
@@ -118,7 +123,7 @@ STILL: dict[str, object] = {"fix": replace(at(up_m=2.0), velocity_m_s=(1.0, 0.0,
 def test_a_kill_switch_after_a_landing_ends_no_flight(text: str) -> None:
     def alarm(up_m_s: float = 0.0, age_s: float = 0.0, *, on_ground: bool | None = True) -> str:
         fix = replace(at(up_m=0.0), velocity_m_s=(0.0, 0.0, up_m_s), at_s=NOW_S - age_s)
-        return after(flying(fix=fix, on_ground=on_ground), StatusText(2, text)).alarm[0]
+        return after(flying(fix=fix, on_ground=on_ground), StatusText(2, text)).telemetry.alarm[0]
 
     assert alarm() == ""
     assert alarm(up_m_s=-0.5) == alarm(age_s=2.0) == alarm(on_ground=False) == alarm(on_ground=None) == text
@@ -151,35 +156,43 @@ def test_a_heartbeat_that_positions_refute_is_believed_when_the_next_one_says_th
 ) -> None:
     before = flying(**(IN_AIR | changes))
     first = after(before, OFF)
-    assert (first.doubted == (OFF, NOW_S)) is doubted
+    assert (first.telemetry.doubted == (OFF, NOW_S)) is doubted
     if not doubted:
-        assert first.heartbeat == OFF
+        assert first.telemetry.heartbeat == OFF
         return
-    assert (first.heartbeat, first.heartbeat_s, first.heard_s) == (before.heartbeat, before.heartbeat_s, NOW_S)
-    fresh = replace(first, fix=replace(at(), at_s=NOW_S + 2.0), heartbeat_s=NOW_S - 0.5)
+    assert (first.telemetry.heartbeat, first.link.heartbeat_s, first.link.heard_s) == (
+        before.telemetry.heartbeat,
+        before.link.heartbeat_s,
+        NOW_S,
+    )
+    fresh = with_facts(first, fix=replace(at(), at_s=NOW_S + 2.0), heartbeat_s=NOW_S - 0.5)
     again = after(fresh, OFF, at_s=NOW_S + 2.49)
-    assert again.heartbeat == before.heartbeat
+    assert again.telemetry.heartbeat == before.telemetry.heartbeat
     believed = after(fresh, OFF, at_s=NOW_S + 2.51)
-    assert (believed.heartbeat, believed.doubted, believed.disarmed_s) == (OFF, None, NOW_S + 2.51)
-    assert after(fresh, ARMED, at_s=NOW_S + 2.51).doubted is None
+    assert (believed.telemetry.heartbeat, believed.telemetry.doubted, believed.sortie.disarmed_s) == (
+        OFF,
+        None,
+        NOW_S + 2.51,
+    )
+    assert after(fresh, ARMED, at_s=NOW_S + 2.51).telemetry.doubted is None
 
 
 def test_a_mode_is_as_old_as_its_first_heartbeat() -> None:
     before = flying(mode_since_s=NOW_S - 50.0)
-    assert after(before, ARMED).mode_since_s == NOW_S - 50.0
+    assert after(before, ARMED).telemetry.mode_since_s == NOW_S - 50.0
     changed = after(before, Heartbeat(3, RTL, True, 4))
-    assert changed.mode_since_s == NOW_S
-    assert after(flying(heartbeat=None), ARMED).mode_since_s == NOW_S
+    assert changed.telemetry.mode_since_s == NOW_S
+    assert after(flying(heartbeat=None), ARMED).telemetry.mode_since_s == NOW_S
 
 
 def test_when_it_disarmed_is_when_it_was_first_heard_to_be() -> None:
     down = after(flying(took_off=False), OFF)
-    assert down.disarmed_s == NOW_S
-    assert after(down, OFF, at_s=NOW_S + 1.0).disarmed_s == NOW_S
-    assert down.armed_once
+    assert down.sortie.disarmed_s == NOW_S
+    assert after(down, OFF, at_s=NOW_S + 1.0).sortie.disarmed_s == NOW_S
+    assert down.sortie.armed_once
     fresh = flying(armed_once=False, heartbeat=OFF)
-    assert not after(fresh, OFF).armed_once
-    assert after(fresh, ARMED).armed_once
+    assert not after(fresh, OFF).sortie.armed_once
+    assert after(fresh, ARMED).sortie.armed_once
 
 
 @pytest.mark.parametrize(
@@ -187,8 +200,8 @@ def test_when_it_disarmed_is_when_it_was_first_heard_to_be() -> None:
     [({}, True), ({"took_off": False}, False), ({"took_off": False, "flew_mission": True}, True)],
 )
 def test_who_is_in_mission_mode_in_the_air_flew_its_mission(changes: dict[str, object], *, flew: bool) -> None:
-    assert after(flying(**changes), ARMED).flew_mission is flew
-    assert after(flying(), Heartbeat(3, RTL, True, 4)).flew_mission is False
+    assert after(flying(**changes), ARMED).sortie.flew_mission is flew
+    assert after(flying(), Heartbeat(3, RTL, True, 4)).sortie.flew_mission is False
 
 
 @pytest.mark.parametrize(
@@ -203,12 +216,12 @@ def test_who_is_in_mission_mode_in_the_air_flew_its_mission(changes: dict[str, o
     ],
 )
 def test_the_first_heartbeat_after_a_silence(changes: dict[str, object], *, unseen: bool) -> None:
-    assert after(flying(**changes), ARMED).unseen_until_s == (NOW_S if unseen else None)
+    assert after(flying(**changes), ARMED).custody.unseen_until_s == (NOW_S if unseen else None)
 
 
 def test_a_position_in_our_own_terms() -> None:
     said = position(120.0, 33.0, NOW_S, east_m_s=1.0, north_m_s=2.0, down_m_s=-3.0, heading_deg=45.0)
-    fix = after(flying(fix=None), said).fix
+    fix = after(flying(fix=None), said).motion.fix
     assert fix is not None
     assert fix.place_m == pytest.approx((SETUP.pad_m[0] + 120.0, SETUP.pad_m[1]), abs=0.02)
     assert (fix.at_s, fix.boot_s, fix.alt_rel_m, fix.alt_msl_m) == (NOW_S, NOW_S, 33.0, 483.0)
@@ -230,9 +243,9 @@ def test_a_clock_that_goes_back_was_overtaken_or_began_anew(
 ) -> None:
     before = flying(fix=replace(at(), at_s=NOW_S - heard_ago_s))
     state = after(before, position(boot_s=boot_s, up_m=44.0))
-    assert state.fix is not None
-    assert (state.fix.alt_rel_m == 44.0) is taken
-    assert (state.rebooted_s == NOW_S) is rebooted
+    assert state.motion.fix is not None
+    assert (state.motion.fix.alt_rel_m == 44.0) is taken
+    assert (state.sortie.rebooted_s == NOW_S) is rebooted
 
 
 @pytest.mark.parametrize(
@@ -241,7 +254,7 @@ def test_a_clock_that_goes_back_was_overtaken_or_began_anew(
 )
 def test_what_the_model_says_was_used_between_two_positions(elapsed_s: float, *, armed: bool, counts: bool) -> None:
     before = flying(fix=replace(at(), boot_s=NOW_S - elapsed_s), heartbeat=ARMED if armed else OFF)
-    drawn = after(before, position()).battery.modelled_pct - before.battery.modelled_pct
+    drawn = after(before, position()).power.battery.modelled_pct - before.power.battery.modelled_pct
     expected = CONTEXT.draw_pct_per_s(0.0, 3.0) * elapsed_s if counts else 0.0
     assert drawn == pytest.approx(expected)
 
@@ -251,19 +264,19 @@ def test_the_anchor_is_where_it_last_moved_on(moved_m: float, *, anew: bool) -> 
     before = flying(fix=replace(at(), boot_s=NOW_S - 1.0), anchor=replace(at(), boot_s=NOW_S - 50.0))
     for said in (position(300.0 + moved_m), position(300.0, 20.0 + moved_m)):
         state = after(before, said)
-        assert (state.anchor == state.fix) is anew
-        assert anew or state.anchor == before.anchor
-    assert after(replace(before, anchor=None), position()).anchor is not None
+        assert (state.motion.anchor == state.motion.fix) is anew
+        assert anew or state.motion.anchor == before.motion.anchor
+    assert after(with_facts(before, anchor=None), position()).motion.anchor is not None
     later = replace(at(), boot_s=NOW_S + 5.0)
-    assert after(replace(before, anchor=later), position()).anchor != later
+    assert after(with_facts(before, anchor=later), position()).motion.anchor != later
 
 
 @pytest.mark.parametrize(("up_m", "armed", "flies"), [(2.0, True, False), (2.1, True, True), (2.1, False, False)])
 def test_who_is_armed_and_over_two_metres_took_off(up_m: float, *, armed: bool, flies: bool) -> None:
     before = flying(took_off=False, fix=replace(at(), boot_s=NOW_S - 1.0), heartbeat=ARMED if armed else OFF)
     state = after(before, position(15.1, up_m))
-    assert (state.took_off, state.away_once) == (flies, flies)
-    assert after(before, position(14.9, up_m)).away_once is False
+    assert (state.sortie.took_off, state.sortie.away_once) == (flies, flies)
+    assert after(before, position(14.9, up_m)).sortie.away_once is False
 
 
 @pytest.mark.parametrize(
@@ -283,33 +296,35 @@ def test_a_position_that_lies_where_no_velocity_leads_is_a_jump(off_m: float, el
     half_m = 1.5 * elapsed_s
     lat_deg, lon_deg = CONTEXT.frame.to_wgs84_deg(SETUP.pad_m[0] + 300.0 + half_m, SETUP.pad_m[1] + half_m + off_m)
     state = after(before, replace(position(), lat_deg=lat_deg, lon_deg=lon_deg))
-    assert (state.jump[1] == NOW_S) is jumps
+    assert (state.motion.jump[1] == NOW_S) is jumps
     if jumps:
-        assert state.jump[0] == pytest.approx(off_m, abs=0.05)
+        assert state.motion.jump[0] == pytest.approx(off_m, abs=0.05)
 
 
 def test_an_item_is_the_waypoint_that_it_flies_to_while_it_is_on_its_mission() -> None:
-    board = flying().board
+    board = flying().assignment.board
     assert board is not None
     items = {waypoint: seq for seq, waypoint in enumerate(board.waypoint_of) if waypoint is not None}
     for waypoint, seq in items.items():
-        assert after(flying(waypoint=0), MissionCurrent(seq, None)).waypoint == waypoint
-        assert after(flying(waypoint=0, stage=Stage.RETURNING), MissionCurrent(seq, None)).waypoint == 0
+        assert after(flying(waypoint=0), MissionCurrent(seq, None)).assignment.waypoint == waypoint
+        assert after(flying(waypoint=0, stage=Stage.RETURNING), MissionCurrent(seq, None)).assignment.waypoint == 0
     beyond = len(board.waypoint_of)
-    assert after(flying(waypoint=2), MissionCurrent(beyond, None)).waypoint == 2
+    assert after(flying(waypoint=2), MissionCurrent(beyond, None)).assignment.waypoint == 2
     landing = next(n for n, point in enumerate(board.path.waypoints) if point.phase is Phase.LAND)
     over = flying(waypoint=landing)
-    assert after(over, MissionCurrent(items[2], None)).waypoint == landing, "it counts anew when the mission is over"
+    assert after(over, MissionCurrent(items[2], None)).assignment.waypoint == landing, (
+        "it counts anew when the mission is over"
+    )
 
 
 def test_the_emptiest_of_several_packs_counts_and_their_voltages_do_not() -> None:
     fresh = flying(battery=BatteryState(), packs=(), volts=volts())
     one = after(fresh, Battery(0, 80.0, 15.0, 10.0, 1.0, 1, 4))
-    assert (one.battery.remaining_pct, one.volts.voltage_v, one.battery_faults) == (80.0, 15.0, 4)
+    assert (one.power.battery.remaining_pct, one.power.volts.voltage_v, one.power.battery_faults) == (80.0, 15.0, 4)
     two = after(one, Battery(1, 70.0, 14.0, 10.0, 1.0, 1, 0))
-    assert (two.battery.remaining_pct, two.volts.voltage_v) == (70.0, 15.0)
+    assert (two.power.battery.remaining_pct, two.power.volts.voltage_v) == (70.0, 15.0)
     three = after(two, Battery(0, 79.0, 14.5, 10.0, 1.1, 1, 0))
-    assert (three.battery.remaining_pct, dict(three.packs)) == (70.0, {0: 79.0, 1: 70.0})
+    assert (three.power.battery.remaining_pct, dict(three.power.packs)) == (70.0, {0: 79.0, 1: 70.0})
 
 
 @pytest.mark.parametrize(("rises_pct", "anew"), [(20.0, False), (20.1, True)])
@@ -317,4 +332,4 @@ def test_a_percentage_that_jumps_up_is_another_account(rises_pct: float, *, anew
     fresh = flying(battery=BatteryState(), packs=())
     used = after(fresh, Battery(0, 70.0, None, None, None, 1, 0), Battery(0, 60.0, None, None, None, 1, 0))
     state = after(used, Battery(0, 60.0 + rises_pct, None, None, None, 1, 0))
-    assert (state.battery.first_pct == 60.0 + rises_pct) is anew
+    assert (state.power.battery.first_pct == 60.0 + rises_pct) is anew

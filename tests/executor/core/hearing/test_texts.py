@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.events import Heard, Tick
 from executor.core.hearing.strangers import MOST_NAMED
 from executor.core.hearing.texts import MOST_LINES, WINDOW_S, Rank
 from executor.core.messages import ComponentText, DoubleHeard, StationHeard, StatusText
+from tests.executor.builders import with_facts
 from tests.executor.core.stories import FLEET, story
 from tests.fakes.flight import Story
 
@@ -79,7 +78,7 @@ def test_words_of_another_component_are_shown_as_its_own_and_raise_nothing() -> 
     flight.happen(Heard("uav1", ComponentText(154, 0, "Crash: Disarming")))
     flight.happen(Heard("uav1", ComponentText(154, 6, "hello")))
     assert [line for line in flight.said() if "says" in line] == ["uav1, its component 154 says: Crash: Disarming"]
-    assert flight.state.vehicles["uav1"].alarm[0] == ""
+    assert flight.state.vehicles["uav1"].telemetry.alarm[0] == ""
     assert flight.said(Level.FAULT) == []
 
 
@@ -88,7 +87,7 @@ def test_words_of_another_component_are_no_sign_of_life() -> None:
     vehicle = flight.state.vehicles["uav1"]
     later_s = flight.now_s + 100.0
     state, _ = fleet.step(flight.context, flight.state, Heard("uav1", ComponentText(154, 4, "I am here")), later_s)
-    assert replace(state.vehicles["uav1"], texts=vehicle.texts) == vehicle
+    assert with_facts(state.vehicles["uav1"], texts=vehicle.telemetry.texts) == vehicle
 
 
 def strangers(flight: Story) -> list[str]:
@@ -102,7 +101,7 @@ def test_two_hundred_strangers_are_a_few_lines_and_no_room_is_taken_from_a_secon
     assert len(strangers(flight)) == MOST_NAMED
     assert strangers(flight)[-1].endswith("component 190; further ones are not named")
     assert "not named" not in strangers(flight)[-2]
-    assert len(flight.state.vehicles["uav1"].strangers) == MOST_NAMED
+    assert len(flight.state.vehicles["uav1"].link.strangers) == MOST_NAMED
     flight.happen(Heard("uav1", DoubleHeard(1, ("A", "B"))))
     assert "uav1: system 1 speaks from A and B: two vehicles have the same sysid" in flight.said()
 

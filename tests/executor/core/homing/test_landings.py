@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from executor.core.commands import LandNow, Level, Start
@@ -12,7 +10,7 @@ from executor.core.intents import Action
 from executor.core.messages import Battery, Heartbeat, StatusText
 from executor.core.vehicle import Stage
 from missions import Phase
-from tests.executor.builders import fleet_of
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.stories import EVERYTHING, FLEET, under_way
 from tests.fakes.flight import Story
 
@@ -145,7 +143,7 @@ def test_who_was_never_in_the_air_has_not_landed() -> None:
     flight.run(lambda: flight.vehicle("uav2").fault is not None)
     flight.finish()
     assert not any(line.startswith("uav2: landed") for line in flight.said())
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_stands_on_its_pad_after_a_restart_is_not_said_to_have_landed() -> None:
@@ -181,6 +179,6 @@ def test_who_was_not_heard_in_the_air_may_have_been_there() -> None:
     flight = returning()
     craft = flight.crafts["uav2"]
     craft.place_m, craft.up_m, craft.armed = flight.context.vehicles["uav2"].pad_m, 0.0, False
-    flight.state = flight.state.put(replace(flight.vehicle("uav2"), took_off=False, errand=None))
+    flight.state = flight.state.put(with_facts(flight.vehicle("uav2"), took_off=False, errand=None))
     flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
     assert "uav2: is disarmed, and was not heard in the air" in flight.said(Level.INFO)

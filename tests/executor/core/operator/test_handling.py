@@ -42,8 +42,8 @@ def test_a_vehicle_holds_and_goes_on_where_it_was(autopilot: str) -> None:
     [resumed] = flight.given(Resume)
     assert resumed == Resume("uav2", 3.0), "at the speed of its inspection"
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
-    assert flight.vehicle("uav2").runs_broken == ()
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+    assert flight.vehicle("uav2").assignment.runs_broken == ()
     assert flight.solves() == []
 
 
@@ -51,21 +51,21 @@ def test_a_held_vehicle_is_given_nothing_and_keeps_its_segments() -> None:
     flight = under_way()
     ends(flight, flight.ask(Action.HOLD, "uav2"))
     flight.crafts["uav3"].mute = True
-    flight.run(lambda: bool(flight.state.records))
+    flight.run(lambda: bool(flight.state.replanning.records))
     assert [offer.vehicle for offer in flight.solves()[0].survivors] == ["uav1"]
     assert set(flight.solves()[0].open_segments).isdisjoint({2, 3})
     ends(flight, flight.ask(Action.RESUME, "uav2"))
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_holds_while_a_re_plan_is_solved_is_planned_around() -> None:
     flight = under_way()
     flight.solve_s = 5.0
     flight.crafts["uav3"].mute = True
-    flight.run(lambda: flight.state.replan is not None)
+    flight.run(lambda: flight.state.replanning.replan is not None)
     flight.ask(Action.HOLD, "uav2")
-    flight.run(lambda: bool(flight.state.records))
+    flight.run(lambda: bool(flight.state.replanning.records))
     assert any("came too late for uav2" in line for line in flight.said())
     assert [upload.vehicle for upload in flight.uploads()] == ["uav1"]
 
@@ -98,9 +98,9 @@ def test_who_is_sent_on_by_somebody_else_does_not_hold_any_more() -> None:
     ends(flight, flight.ask(Action.HOLD, "uav2"))
     flight.pass_s(10.0)
     flight.crafts["uav2"].go_to(flight.context.vehicles["uav2"].dialect.modes.mission.custom_mode)
-    flight.run(lambda: flight.vehicle("uav2").held_s is None)
+    flight.run(lambda: flight.vehicle("uav2").orders.held_s is None)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_an_order_that_is_not_answered_has_failed() -> None:
@@ -125,7 +125,7 @@ def test_a_hold_that_is_followed_late_is_no_fault(late_s: float) -> None:
     assert flight.said(Level.FAULT) == []
     ends(flight, flight.ask(Action.RESUME, "uav2"))
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_hold_that_was_never_heard_is_forgotten() -> None:
@@ -133,9 +133,9 @@ def test_a_hold_that_was_never_heard_is_forgotten() -> None:
     flight.ask(Action.HOLD, "uav2")
     flight._due.clear()
     flight.happen(OrderEnded("uav2", Action.HOLD, accepted=False, reason="denied"))
-    flight.run(lambda: flight.vehicle("uav2").held_s is None)
+    flight.run(lambda: flight.vehicle("uav2").orders.held_s is None)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_an_order_that_a_fault_overtakes_has_failed() -> None:
@@ -143,7 +143,7 @@ def test_an_order_that_a_fault_overtakes_has_failed() -> None:
     record = flight.ask(Action.HOLD, "uav2")
     flight.crafts["uav2"].armed = False
     flight.happen(IntentReceived(Intent("again", Action.HOLD, "uav2", "page")))
-    assert flight.state.intents["again"].text == "it holds already"
+    assert flight.state.crew.intents["again"].text == "it holds already"
     flight._due.clear()
     assert ends(flight, record).text.startswith("overtaken, uav2 is ")
 
@@ -153,7 +153,7 @@ def test_a_returned_vehicle_stays_on_the_ground() -> None:
     record = flight.ask(Action.RETURN, "uav2")
     assert ends(flight, record).text == "it returns"
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.stage("uav2") is Stage.LANDED
     assert flight.vehicle("uav2").fault is None
     assert all(offer.vehicle != "uav2" for solve in flight.solves() for offer in solve.survivors)
@@ -168,7 +168,7 @@ def test_an_excluded_vehicle_is_lost_by_the_operators_word() -> None:
     assert fault is not None
     assert (fault.kind, fault.reason) == (FaultKind.OPERATOR, "excluded by the operator's word")
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.sent_home() == ["uav2"]
 
 
@@ -179,7 +179,7 @@ def test_excluding_the_last_one_warns() -> None:
     record = flight.ask(Action.EXCLUDE, "uav2")
     assert "no other vehicle is left to inspect" in record.text
     flight.finish()
-    assert set(flight.state.inspected) != EVERYTHING
+    assert set(flight.state.coverage.inspected) != EVERYTHING
 
 
 def test_a_spare_that_is_excluded_is_given_nothing() -> None:
@@ -217,11 +217,11 @@ def test_a_fresh_battery_brings_a_vehicle_back() -> None:
         assert "is its pad clear" in flight.ask(Action.INCLUDE, name).question
         assert flight.ask(Action.INCLUDE, name, confirmed=True).outcome is Outcome.DONE
     assert flight.vehicle("uav3").fault is None
-    assert [name for name, _ in flight.state.mended] == ["uav3"]
+    assert [name for name, _ in flight.state.replanning.mended] == ["uav3"]
     flight.run(lambda: flight.stage("uav2") is Stage.FLYING or flight.stage("uav3") is Stage.FLYING)
     ends(flight, flight.ask(Action.RESUME, "uav1"))
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_nobody_lands_at_the_line() -> None:
@@ -242,7 +242,7 @@ def test_a_vehicle_away_from_the_line_lands_where_it_is() -> None:
     flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
     assert flight.sent_home() == []
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.crafts["uav2"].place_m[1] == 60.0
 
 
@@ -254,12 +254,12 @@ def test_everything_is_planned_anew_on_demand() -> None:
     assert ends(flight, record).text == "re-plan 1 is on board"
     assert flight.solves()[0].trigger == "page asks for it"
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_re_plan_of_nothing_is_refused() -> None:
     flight = story()
-    flight.run(lambda: set(flight.state.inspected) == EVERYTHING)
+    flight.run(lambda: set(flight.state.coverage.inspected) == EVERYTHING)
     assert flight.ask(Action.REPLAN).outcome is Outcome.REFUSED
     flight.finish()
     assert flight.ask(Action.REPLAN).text == "the flight is over"
@@ -320,7 +320,7 @@ def test_a_mission_that_is_being_put_on_board_is_not_interrupted() -> None:
     flight = under_way()
     flight.upload_s = 30.0
     flight.ask(Action.EXCLUDE, "uav3")
-    flight.run(lambda: flight.vehicle("uav2").pending is not None)
+    flight.run(lambda: flight.vehicle("uav2").assignment.pending is not None)
     assert flight.ask(Action.HOLD, "uav2").text.startswith("its new mission is being put on board")
 
 
@@ -336,9 +336,9 @@ def test_before_the_launch_and_of_the_silent_nothing_is_wanted() -> None:
 def test_a_late_answer_to_an_order_that_was_given_up_changes_nothing() -> None:
     flight = under_way()
     flight.happen(OrderEnded("uav2", Action.RESUME, accepted=True, reason=""))
-    assert flight.vehicle("uav2").held_s is None
+    assert flight.vehicle("uav2").orders.held_s is None
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_the_view_says_what_is() -> None:
@@ -364,7 +364,7 @@ def test_the_view_says_what_is() -> None:
     assert view.said[-1].level == "fault"
     assert [intent.outcome for intent in view.intents][:2] == ["done", "refused"]
     assert view.replan is None
-    flight.run(lambda: flight.state.replan is not None)
+    flight.run(lambda: flight.state.replanning.replan is not None)
     again = fleet_view(flight.context, flight.state, flight.now_s)
     assert again.replan is not None
     assert again.replan.solving

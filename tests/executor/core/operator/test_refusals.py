@@ -10,10 +10,11 @@ import pytest
 from executor.core.intents import Action, Intent
 from executor.core.messages import Heartbeat
 from executor.core.operator.refusals import question, reason
+from executor.core.parts import Cause, Fix, TakenOver
 from executor.core.state import FleetState
-from executor.core.vehicle import Cause, Fault, FaultCode, FaultKind, Fix, Stage, TakenOver, VehicleState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import Phase
-from tests.executor.builders import vehicle
+from tests.executor.builders import vehicle, with_facts
 from tests.executor.core.faults.test_watchpoints import (
     AUTO,
     CONTEXT,
@@ -34,8 +35,8 @@ FAULT = Fault(FaultKind.BATTERY, "why", NOW_S, FaultCode.BATTERY_LOW)
 
 def state_of(one: VehicleState, **changes: object) -> FleetState:
     others = {name: vehicle(FLEET, name) for name in ("uav2", "uav3")}
-    state = FleetState(MappingProxyType({"uav1": one, **others}), launched_s=NOW_S - 100.0)
-    return replace(state, **changes)  # type: ignore[arg-type]
+    state = with_facts(FleetState(MappingProxyType({"uav1": one, **others})), launched_s=NOW_S - 100.0)
+    return with_facts(state, **changes)
 
 
 def words(state: FleetState, intent: Intent) -> str:
@@ -48,7 +49,7 @@ def refused(action: Action, one: VehicleState, **changes: object) -> str:
 
 
 def leg(phase: Phase) -> VehicleState:
-    board = flying().board
+    board = flying().assignment.board
     assert board is not None
     return flying(waypoint=next(n for n, point in enumerate(board.path.waypoints) if point.phase is phase))
 
@@ -77,26 +78,18 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.HOLD, flying(heard_s=NOW_S - 2.9), ""),
     (Action.HOLD, flying(heard_s=NOW_S - 3.0), "no message from it for 3 s"),
     (Action.HOLD, flying(heard_s=None), "no message was ever received from it"),
-    (
-        Action.HOLD,
-        leg(Phase.TAKEOFF),
-        "it climbs from its pad; below its layer it would be in the way of others",
-    ),
+    (Action.HOLD, leg(Phase.TAKEOFF), "it climbs from its pad; below its layer it would be in the way of others"),
     (Action.HOLD, leg(Phase.LAND), "it is landing"),
     (Action.HOLD, leg(Phase.TRANSIT), ""),
     (Action.RESUME, HOLDS, ""),
     (Action.RESUME, flying(), "it is not on hold, it is flying"),
-    (
-        Action.RESUME,
-        flying(stage=Stage.RETURNING, held_s=NOW_S),
-        "it is not on hold, it is returning",
-    ),
+    (Action.RESUME, flying(stage=Stage.RETURNING, held_s=NOW_S), "it is not on hold, it is returning"),
     (
         Action.RESUME,
         flying(stage=Stage.PILOT, held_s=NOW_S),
         "it is with its pilot, who must set mission mode; then include it",
     ),
-    (Action.RESUME, replace(HOLDS, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
+    (Action.RESUME, with_facts(HOLDS, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
     (Action.RETURN, flying(), ""),
     (Action.RETURN, flying(stage=Stage.RETURNING), ""),
     (
@@ -109,9 +102,9 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.RETURN, flying(stage=Stage.LOST), "no link; RTL will be commanded as soon as the link is back"),
     (Action.LAND, AWAY, ""),
     (Action.LAND, replace(AWAY, stage=Stage.LOST), "it does not fly, it is lost"),
-    (Action.LAND, replace(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
-    (Action.LAND, replace(AWAY, lands=True), "it is landing already"),
-    (Action.LAND, replace(AWAY, fix=None), "its position is not known"),
+    (Action.LAND, with_facts(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
+    (Action.LAND, with_facts(AWAY, lands=True), "it is landing already"),
+    (Action.LAND, with_facts(AWAY, fix=None), "its position is not known"),
     (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.0)), ""),
     (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.1)), "its position is not known"),
     (Action.LAND, flying(fix=placed(250.0, LINE_N + 12.1)), ""),
@@ -127,23 +120,11 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     ),
     # The line begins at 100 m and ends at 700 m east of the depot.
     (Action.LAND, flying(fix=placed(87.9, LINE_N)), ""),
-    (
-        Action.LAND,
-        flying(fix=placed(88.1, LINE_N)),
-        "it is 12 m from the line, too near to land safely; use return",
-    ),
+    (Action.LAND, flying(fix=placed(88.1, LINE_N)), "it is 12 m from the line, too near to land safely; use return"),
     (Action.LAND, flying(fix=placed(712.1, LINE_N)), ""),
-    (
-        Action.LAND,
-        flying(fix=placed(711.9, LINE_N)),
-        "it is 12 m from the line, too near to land safely; use return",
-    ),
+    (Action.LAND, flying(fix=placed(711.9, LINE_N)), "it is 12 m from the line, too near to land safely; use return"),
     (Action.LAND, flying(fix=placed(OTHER_PAD[0], OTHER_PAD[1] - 4.1)), ""),
-    (
-        Action.LAND,
-        flying(fix=placed(OTHER_PAD[0], OTHER_PAD[1] - 3.9)),
-        "it would land on the pad of uav2",
-    ),
+    (Action.LAND, flying(fix=placed(OTHER_PAD[0], OTHER_PAD[1] - 3.9)), "it would land on the pad of uav2"),
     (Action.LAND, flying(fix=placed(PAD_E, PAD_N)), ""),
     (Action.EXCLUDE, flying(), ""),
     (Action.EXCLUDE, flying(fault=FAULT), "it is out of the plan already: why"),
@@ -165,18 +146,10 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
         grounded(fix=placed(PAD_E, PAD_N - 15.1)),
         "it is not on its pad, where its climb and landing are planned",
     ),
-    (
-        Action.INCLUDE,
-        grounded(fix=None),
-        "it is not on its pad, where its climb and landing are planned",
-    ),
+    (Action.INCLUDE, grounded(fix=None), "it is not on its pad, where its climb and landing are planned"),
     (Action.INCLUDE, grounded(battery=pack(20.0)), ""),
     (Action.INCLUDE, grounded(battery=pack(19.9)), "its battery is 20 %; expected more than its reserve of 15 %"),
-    (
-        Action.INCLUDE,
-        flying(stage=Stage.PILOT),
-        "it is with its pilot, who must set mission mode first",
-    ),
+    (Action.INCLUDE, flying(stage=Stage.PILOT), "it is with its pilot, who must set mission mode first"),
     (
         Action.INCLUDE,
         flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0)),
@@ -190,8 +163,8 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     ),
     (Action.DISARM, DOWN, ""),
     (Action.DISARM, flying(), "it is not down, it is flying"),
-    (Action.DISARM, replace(DOWN, heartbeat=DISARMED), "its motors are off already"),
-    (Action.DISARM, replace(DOWN, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
+    (Action.DISARM, with_facts(DOWN, heartbeat=DISARMED), "its motors are off already"),
+    (Action.DISARM, with_facts(DOWN, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
 ]
 
 

@@ -7,14 +7,13 @@ from types import MappingProxyType
 
 import pytest
 
-from executor.core.changed import changed
 from executor.core.commands import Solve
 from executor.core.events import LossJudged
 from executor.core.intents import Action
 from executor.core.replan import what_if
 from executor.core.view import fleet_view
 from executor.runtime.outlook import keep_judging
-from tests.executor.builders import THREE
+from tests.executor.builders import THREE, with_facts
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
 
@@ -48,7 +47,7 @@ def test_without_anybody_else_everything_is_left_over() -> None:
     flight = under_way()
     for name in ("uav1", "uav3"):
         flight.crafts[name].mute = True
-        state = flight.state.put(changed(flight.vehicle(name), excluded=True))
+        state = flight.state.put(with_facts(flight.vehicle(name), excluded=True))
         flight.state = state
     assert what_if.if_lost(flight.context, flight.state, "uav2", flight.now_s) == (2, 3)
 
@@ -57,7 +56,7 @@ def test_while_the_plan_changes_nobody_is_asked() -> None:
     flight = under_way()
     before = what_if.moment(flight.state)
     flight.crafts["uav2"].mute = True
-    flight.run(lambda: flight.state.replan is not None)
+    flight.run(lambda: flight.state.replanning.replan is not None)
     assert what_if.worth_judging(flight.state) == ()
     assert what_if.moment(flight.state) != before
 
@@ -101,7 +100,7 @@ async def test_every_loss_is_judged_once_for_each_moment() -> None:
     view = fleet_view(beside.context, beside.story.state, beside.story.now_s)
     assert [vehicle.loss is not None and vehicle.loss.uncovered for vehicle in view.vehicles] == [(3,)] * 3
     assert not any(vehicle.loss.inside_window for vehicle in view.vehicles if vehicle.loss is not None)
-    beside.story.state = changed(beside.story.state, inspected=MappingProxyType({9: "uav1"}))
+    beside.story.state = with_facts(beside.story.state, inspected=MappingProxyType({9: "uav1"}))
     await judged(beside, 100.0)
     assert len(beside.asked) == 6
 
@@ -112,10 +111,10 @@ async def test_a_judgement_that_gave_way_is_asked_again_later() -> None:
     beside = Beside(under_way(), None)
     await judged(beside, 60.0)
     assert 5 <= len(beside.asked) <= 12
-    assert beside.story.state.outlook == {}
+    assert beside.story.state.replanning.outlook == {}
 
 
 def test_a_judgement_of_an_older_plan_is_not_kept() -> None:
     flight = under_way()
-    flight.happen(LossJudged("uav1", flight.state.revision + 1, ()))
-    assert flight.state.outlook == {}
+    flight.happen(LossJudged("uav1", flight.state.replanning.revision + 1, ()))
+    assert flight.state.replanning.outlook == {}

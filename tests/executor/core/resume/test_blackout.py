@@ -32,7 +32,7 @@ def test_a_radio_that_was_gone_costs_nothing(long_s: float) -> None:
     assert not flight.over
     silenced(flight, mute=False)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == ([] if long_s < 60.0 else [flight.said(Level.FAULT)[0]])
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
     assert flight.given(Finish) == [Finish("every segment is inspected")]
@@ -41,7 +41,7 @@ def test_a_radio_that_was_gone_costs_nothing(long_s: float) -> None:
 def test_an_abort_that_nobody_may_hear_says_so() -> None:
     flight = under_way()
     silenced(flight)
-    flight.run(lambda: flight.state.silent_since_s is not None)
+    flight.run(lambda: flight.state.listening.silent_since_s is not None)
     assert flight.ask(Action.ABORT).text == "no link to any vehicle; RTL will be commanded as soon as a link is back"
     silenced(flight, mute=False)
     flight.run(lambda: sorted(flight.sent_home()) == list(THREE))
@@ -54,8 +54,8 @@ def test_what_was_flown_unseen_is_marked_as_inferred() -> None:
     flight.pass_s(200.0)
     silenced(flight, mute=False)
     flight.finish()
-    assert flight.state.inferred
-    assert [absence.deaf for absence in flight.state.absences] == [True]
+    assert flight.state.coverage.inferred
+    assert [absence.deaf for absence in flight.state.listening.absences] == [True]
     assert any("meanwhile, by its clock" in line for line in flight.said(Level.INFO))
 
 
@@ -70,7 +70,7 @@ def test_who_came_home_by_its_own_failsafe_meanwhile_is_well() -> None:
     assert [vehicle.fault for vehicle in flight.state.vehicles.values()] == [None] * 3
     assert not any("nobody is left" in line for line in flight.said())
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_an_upload_that_falls_into_the_silence_is_nobodys_refusal() -> None:
@@ -83,8 +83,8 @@ def test_an_upload_that_falls_into_the_silence_is_nobodys_refusal() -> None:
     silenced(flight, mute=False)
     flight.crafts["uav2"].mute = True
     flight.finish()
-    assert not any(vehicle.stubborn for vehicle in flight.state.vehicles.values())
-    assert set(flight.state.inspected) == EVERYTHING
+    assert not any(vehicle.assignment.stubborn for vehicle in flight.state.vehicles.values())
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_is_never_heard_again_is_lost_once_its_battery_is_empty() -> None:
@@ -113,7 +113,7 @@ def test_the_last_one_that_is_heard_ends_no_flight_by_its_silence() -> None:
     assert "no link to any vehicle: is it our own radio? No re-plan yet" in flight.said()
     flight.crafts["uav1"].mute = False
     flight.finish()
-    assert {0, 1} <= set(flight.state.inspected)
+    assert {0, 1} <= set(flight.state.coverage.inspected)
 
 
 def test_who_stays_silent_is_not_called_regained() -> None:
@@ -135,12 +135,12 @@ def test_what_was_left_over_in_a_silence_is_planned_when_it_ends() -> None:
     flight.crafts["uav2"].mute = True
     flight.pass_s(6.0)
     flight.crafts["uav3"].mute = True
-    flight.run(lambda: bool(flight.state.given_up))
+    flight.run(lambda: bool(flight.state.coverage.given_up))
     flight.answer = share_out
     flight.crafts["uav3"].mute = False
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
-    assert flight.state.records[-1].trigger == "uav3: link regained"
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+    assert flight.state.replanning.records[-1].trigger == "uav3: link regained"
 
 
 def test_who_is_silent_for_the_moment_is_given_no_work() -> None:
@@ -170,7 +170,7 @@ def test_who_has_landed_meanwhile_flew_its_mission_only_if_nothing_else_can_have
     flight.pass_s(10.0)
     flight.crafts["uav1"].mute = False
     flight.pass_s(3.0)
-    assert ({0, 1} <= set(flight.state.inspected)) is counts
+    assert ({0, 1} <= set(flight.state.coverage.inspected)) is counts
 
 
 @pytest.mark.parametrize(("long_s", "stage"), [(60.0, Stage.PILOT), (8.0, Stage.RETURNING)])

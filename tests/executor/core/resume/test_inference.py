@@ -10,8 +10,9 @@ import pytest
 from executor.core.battery import account
 from executor.core.coverage import Run, Sample, Track, follow, run_joined
 from executor.core.messages import Heartbeat
+from executor.core.parts import Before, Fix
 from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
-from executor.core.vehicle import Before, Fix, VehicleState
+from executor.core.vehicle import VehicleState
 from missions import Phase
 from tests.executor.core.faults.test_watchpoints import AUTO, CONTEXT, RTL, SETUP, at, flying, mission, pack
 
@@ -45,7 +46,7 @@ def found(
     before = Before(on_leg(*begin), begin[0], run, run_visit, 90.0)
     fix = on_leg(*end, BEGAN_S + way_s(*begin, *end) + late_s)
     state = flying(**({"before": before, "fix": fix, "waypoint": end[0]} | changes))
-    return flown_meanwhile(CONTEXT, state, BOARD, state.waypoint)
+    return flown_meanwhile(CONTEXT, state, BOARD, state.assignment.waypoint)
 
 
 TRANSIT = (FIRST - 1, 0.5)
@@ -149,7 +150,7 @@ def landed(late_s: float = 0.0, used: float = 1.0, extra_pct: float = 0.0, **cha
     fix = replace(at(), boot_s=BEGAN_S + rest_s + late_s, place_m=SETUP.pad_m, alt_rel_m=0.0)
     told: dict[str, object] = {"before": before, "fix": fix, "battery": known, "heartbeat": DOWN, "waypoint": 0}
     state: VehicleState = flying(**(told | changes))
-    return flown_meanwhile(CONTEXT, state, BOARD, state.waypoint)
+    return flown_meanwhile(CONTEXT, state, BOARD, state.assignment.waypoint)
 
 
 def test_who_is_back_on_its_pad_has_flown_its_mission() -> None:

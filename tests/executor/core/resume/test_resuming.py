@@ -51,11 +51,11 @@ def test_what_was_flown_meanwhile_is_not_flown_again(away_s: float, autopilot: s
     flight = under_way(fleet_of(autopilot=autopilot))
     killed(flight, away_s)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.solves() == []
     assert all(vehicle.fault is None for vehicle in flight.state.vehicles.values())
-    assert flight.state.inferred  # the segment under way at least: its middle was not seen
-    assert flight.state.inspected[2] == "uav2"
+    assert flight.state.coverage.inferred  # the segment under way at least: its middle was not seen
+    assert flight.state.coverage.inspected[2] == "uav2"
 
 
 def test_who_landed_meanwhile_is_seen_as_landed_and_its_work_counts() -> None:
@@ -63,7 +63,7 @@ def test_who_landed_meanwhile_is_seen_as_landed_and_its_work_counts() -> None:
     killed(flight, 300.0)
     flight.finish()
     assert {vehicle.stage for vehicle in flight.state.vehicles.values()} == {Stage.LANDED}
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.solves() == []
 
 
@@ -78,9 +78,9 @@ def test_a_time_that_does_not_fit_proves_nothing(speed: float, why: str) -> None
         craft.speed = 1.0
     come_back(flight, 40.0)
     assert any(why in line for line in flight.said())
-    assert flight.state.inferred == frozenset()
+    assert flight.state.coverage.inferred == frozenset()
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.solves()
 
 
@@ -91,7 +91,7 @@ def test_who_is_beside_its_way_has_not_flown_it() -> None:
     assert any("beside its way" in line for line in flight.said(Level.WARNING))
     flight.crafts["uav2"].aside_m = 0.0
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_clock_that_was_set_back_changes_nothing() -> None:
@@ -99,9 +99,9 @@ def test_a_clock_that_was_set_back_changes_nothing() -> None:
     flight = under_way()
     die(flight, 40.0)
     come_back(flight, 0.0)
-    assert flight.state.absences[-1].pause_s == pytest.approx(42.0, abs=3.0)
+    assert flight.state.listening.absences[-1].pause_s == pytest.approx(42.0, abs=3.0)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.solves() == []
 
 
@@ -116,7 +116,7 @@ def test_nobody_is_lost_for_our_own_absence_and_who_is_lost_is_found_out() -> No
     timeout_s = flight.context.vehicles["uav2"].link_timeout_s
     assert flight.now_s - back_s == pytest.approx(timeout_s, abs=3.0)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert [name for name, vehicle in flight.state.vehicles.items() if vehicle.fault] == ["uav2"]
 
 
@@ -131,7 +131,7 @@ def test_before_the_start_procedures_have_ended() -> None:
     assert [start.vehicle for start in starts] == ["uav1", "uav2", "uav3", "uav2", "uav3"]
     assert flight.stage("uav1") is Stage.FLYING
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_flew_it_all_before_its_start_was_heard_is_not_started_again() -> None:
@@ -144,7 +144,7 @@ def test_who_flew_it_all_before_its_start_was_heard_is_not_started_again() -> No
     come_back(flight, 400.0)
     assert flight.stage("uav1") is Stage.LANDED
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def lost_and_solved(autopilot: str = "ardupilot") -> Story:
@@ -165,7 +165,7 @@ def test_a_re_plan_that_was_being_solved_is_solved_anew() -> None:
     killed(flight, 3.0)
     flight.finish()
     assert [solve.revision for solve in flight.solves()][:2] == [1, 2]
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_an_upload_that_had_not_begun_is_made() -> None:
@@ -174,8 +174,8 @@ def test_an_upload_that_had_not_begun_is_made() -> None:
     killed(flight, 2.0)
     assert len(flight.uploads()) == 2 * len(planned)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
-    assert [record.revision for record in flight.state.records] == [1]
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+    assert [record.revision for record in flight.state.replanning.records] == [1]
 
 
 def test_an_upload_that_ended_unheard_is_not_repeated() -> None:
@@ -186,16 +186,16 @@ def test_an_upload_that_ended_unheard_is_not_repeated() -> None:
         flight.crafts[upload.vehicle].load(upload.path)
     come_back(flight, 2.0)
     assert len(flight.uploads()) == len(uploads)
-    assert [record.revision for record in flight.state.records] == [1]
+    assert [record.revision for record in flight.state.replanning.records] == [1]
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def mixture(flight: Story, name: str, alike_new: int, seq: int, items: int = 9) -> Found:
     """A vehicle with the beginning of the new mission, and the rest of the old one where that was longer."""
-    board = flight.state.vehicles[name].board
+    board = flight.state.vehicles[name].assignment.board
     assert board is not None
-    matches = (Match(board.revision, 2, whole=False), Match(flight.state.revision, alike_new, whole=False))
+    matches = (Match(board.revision, 2, whole=False), Match(flight.state.replanning.revision, alike_new, whole=False))
     return Found(name, True, seq, items, matches)
 
 
@@ -208,7 +208,7 @@ def test_a_mixture_that_is_still_flown_at_its_new_beginning_is_made_whole() -> N
     assert len(again) == 2
     assert again[0].path == again[1].path
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.sent_home() == []
 
 
@@ -222,7 +222,7 @@ def test_who_flies_the_end_of_a_mixture_comes_home() -> None:
     assert fault.kind is FaultKind.INTERRUPTION
     assert flight.sent_home() == [name]
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 @pytest.mark.parametrize("seq", [0, 6])
@@ -236,7 +236,7 @@ def test_who_hovers_where_half_of_a_new_mission_ended_comes_home_and_flies_again
     assert any(f"{name}: reached the end of what was on board" in line for line in flight.said())
     flight.finish()
     assert all(vehicle.fault is None for other, vehicle in flight.state.vehicles.items() if other != "uav2")
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_comes_home_by_itself_with_half_of_a_new_mission_is_left_to_that() -> None:
@@ -248,7 +248,7 @@ def test_who_comes_home_by_itself_with_half_of_a_new_mission_is_left_to_that() -
     come_back(flight, 1.0, **{name: mixture(flight, name, alike_new=7, seq=0, items=7)})
     assert flight.sent_home() == []
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_carries_what_nobody_here_put_there_comes_home() -> None:
@@ -259,7 +259,7 @@ def test_who_carries_what_nobody_here_put_there_comes_home() -> None:
     assert fault is not None
     assert "another mission" in fault.reason
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_mission_that_cannot_be_read_is_taken_for_the_one_that_was_put_on_board() -> None:
@@ -267,7 +267,7 @@ def test_a_mission_that_cannot_be_read_is_taken_for_the_one_that_was_put_on_boar
     die(flight, 5.0)
     come_back(flight, 5.0, uav2=Found("uav2", True, None, None, ()))
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.sent_home() == []
 
 
@@ -284,7 +284,7 @@ def test_who_came_home_because_we_were_away_flies_again() -> None:
     assert {flight.stage(name) for name in flight.crafts} <= {Stage.FLYING, Stage.RETURNING}
     flight.finish()
     assert all(vehicle.fault is None for vehicle in flight.state.vehicles.values())
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert any("it comes home" in line for line in flight.said())
 
 
@@ -305,7 +305,7 @@ def test_an_order_to_return_that_never_left_is_given_again() -> None:
     killed(flight, 6.0)
     flight.finish()
     assert len(flight.sent_home()) >= 2 * before
-    assert flight.state.recalled
+    assert flight.state.progress.recalled
 
 
 def test_the_ground_station_may_die_while_it_comes_back() -> None:
@@ -315,7 +315,7 @@ def test_the_ground_station_may_die_while_it_comes_back() -> None:
     flight.happen(Heard("uav2", flight.crafts["uav2"].position(flight.now_s)))
     killed(flight, 20.0)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.solves() == []
 
 
@@ -331,8 +331,8 @@ def test_at_any_instant_of_a_flight_with_a_loss(dies_at_s: float, away_s: float)
     if not silenced:
         flight.crafts["uav2"].mute = True
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
-    assert flight.state.separation is None or flight.state.separation.least_m >= 4.9
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+    assert flight.state.progress.separation is None or flight.state.progress.separation.least_m >= 4.9
     assert all(
         vehicle.stage is Stage.LANDED or name in {"uav2", "uav4"} for name, vehicle in flight.state.vehicles.items()
     )
@@ -348,8 +348,8 @@ def test_a_stop_of_the_process_is_an_absence_too() -> None:
     flight.sleep_s(10.0 - STEP_S)
     flight.finish()
     assert all(vehicle.fault is None for vehicle in flight.state.vehicles.values())
-    assert set(flight.state.inspected) == EVERYTHING
-    assert len(flight.state.absences) == 1
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+    assert len(flight.state.listening.absences) == 1
 
 
 _ = (Solve, UploadEnded)

@@ -36,20 +36,20 @@ def test_who_stands_with_its_kill_switch_on_is_given_nothing_until_it_is_include
     flight.run(lambda: bool(flight.solves()))
     assert "uav4" not in {offer.vehicle for offer in flight.solves()[0].survivors}
     assert flight.ask(Action.INCLUDE, "uav4", confirmed=True).outcome is Outcome.DONE
-    assert not flight.vehicle("uav4").excluded
+    assert not flight.vehicle("uav4").orders.excluded
 
 
 def test_a_mission_that_is_on_its_way_to_it_then_starts_nothing() -> None:
     flight = spare()
     flight.upload_s = 5.0
     flight.crafts["uav2"].mute = True
-    flight.run(lambda: flight.vehicle("uav4").pending is not None)
+    flight.run(lambda: flight.vehicle("uav4").assignment.pending is not None)
     killed(flight, SAID["ardupilot"])
     assert flight.given(HandsOff)[-1] == HandsOff("uav4")
     flight.run(lambda: any(isinstance(event, UploadEnded) and event.vehicle == "uav4" for _, event in flight.events))
     flight.finish()
     assert Start("uav4") not in flight.given(Start)
-    assert set(flight.state.inspected) == EVERYTHING, "the others have its part"
+    assert set(flight.state.coverage.inspected) == EVERYTHING, "the others have its part"
 
 
 def test_who_does_not_arm_for_it_stays_and_the_others_have_its_work() -> None:
@@ -61,18 +61,18 @@ def test_who_does_not_arm_for_it_stays_and_the_others_have_its_work() -> None:
     assert flight.stage("uav4") is Stage.LANDED
     flight.finish()
     assert flight.given(Start).count(Start("uav4")) == 1
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 @pytest.mark.parametrize("text", ["Kill disengaged", "RC: Motor Emergency Stop released"])
 def test_a_switch_that_is_let_go_of_stops_nothing(text: str) -> None:
     flight = spare()
     killed(flight, text)
-    assert not flight.vehicle("uav4").excluded
+    assert not flight.vehicle("uav4").orders.excluded
 
 
 def test_one_in_flight_is_seen_by_what_it_does() -> None:
     flight = spare()
     flight.happen(Heard("uav2", StatusText(2, "Kill engaged")))
     assert flight.stage("uav2") is Stage.FLYING
-    assert not flight.vehicle("uav2").excluded
+    assert not flight.vehicle("uav2").orders.excluded

@@ -36,12 +36,12 @@ def test_nobody_takes_off_again_by_silence() -> None:
     assert (starts(flight, "uav1"), starts(flight, "uav3")) == (1, 1)
     assert 115.0 < flight.now_s - lost_s < 130.0
     assert flight.said(Level.WARNING)[-1].startswith("no vehicle was cleared to take off again within 120 s")
-    assert len(flight.state.inspected) < 6
+    assert len(flight.state.coverage.inspected) < 6
 
 
 def test_the_offer_names_who_and_which_pads() -> None:
     flight = one_left()
-    flight.run(lambda: flight.state.offer is not None)
+    flight.run(lambda: flight.state.crew.offer is not None)
     line = flight.said(Level.FAULT)[-1]
     assert line.startswith("uav1 and uav3 can take over ")
     assert "is the pads of uav1 and uav3 clear" not in line
@@ -50,25 +50,25 @@ def test_the_offer_names_who_and_which_pads() -> None:
 
 def test_who_is_included_takes_off_and_finishes() -> None:
     flight = one_left()
-    flight.run(lambda: flight.state.offer is not None)
+    flight.run(lambda: flight.state.crew.offer is not None)
     asked = flight.ask(Action.INCLUDE, "uav3")
     assert asked.question == "uav3 may take off as soon as its mission is on board: is its pad clear of people?"
     assert starts(flight, "uav3") == 1
     assert flight.ask(Action.INCLUDE, "uav3", confirmed=True).outcome is Outcome.DONE
     flight.finish()
     assert (starts(flight, "uav1"), starts(flight, "uav3")) == (1, 2)
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_the_work_is_shared_by_those_who_are_cleared_within_a_moment() -> None:
     flight = one_left()
-    flight.run(lambda: flight.state.offer is not None)
+    flight.run(lambda: flight.state.crew.offer is not None)
     flight.ask(Action.INCLUDE, "uav1", confirmed=True)
     flight.pass_s(5.0)
     flight.ask(Action.INCLUDE, "uav3", confirmed=True)
     flight.finish()
     assert (starts(flight, "uav1"), starts(flight, "uav3")) == (2, 2)
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_vehicles_that_came_home_by_their_own_failsafe_do_not_take_off_again() -> None:
@@ -83,7 +83,7 @@ def test_vehicles_that_came_home_by_their_own_failsafe_do_not_take_off_again() -
 
 def test_an_abort_ends_an_offer() -> None:
     flight = one_left()
-    flight.run(lambda: flight.state.offer is not None)
+    flight.run(lambda: flight.state.crew.offer is not None)
     record = flight.ask(Action.ABORT)
     assert (record.outcome, record.text) == (Outcome.DONE, "no vehicle is on its mission; no further take-off")
     flight.pass_s(1.0)
@@ -94,19 +94,19 @@ def test_a_spare_is_offered_too() -> None:
     flight = story(fleet_of({"uav1": (), "uav2": (2, 4, 6, 8, 10, 0)}, flight=ASK))
     flight.run(lambda: flight.inspecting("uav2", 2))
     flight.crafts["uav2"].mute = True
-    flight.run(lambda: flight.state.offer is not None)
+    flight.run(lambda: flight.state.crew.offer is not None)
     assert starts(flight, "uav1") == 0
     flight.ask(Action.INCLUDE, "uav1", confirmed=True)
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_who_lies_on_its_side_is_not_offered() -> None:
     flight = one_left()
     flight.happen(Heard("uav1", Attitude(170.0, 0.0)))
     flight.pass_s(1.0)
-    assert flight.state.offer is not None
-    assert flight.state.offer.vehicles == ("uav3",)
+    assert flight.state.crew.offer is not None
+    assert flight.state.crew.offer.vehicles == ("uav3",)
 
 
 def test_who_lies_on_its_side_is_given_nothing_where_nobody_is_asked() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
@@ -11,7 +9,7 @@ from executor.core.events import Heard, ReturnAllOrdered, ReturnEnded
 from executor.core.intents import Action, Outcome
 from executor.core.messages import StatusText
 from executor.core.vehicle import Stage
-from tests.executor.builders import fleet_of
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.stories import EVERYTHING, under_way
 from tests.fakes.flight import Story
 
@@ -50,7 +48,7 @@ def test_a_vehicle_that_its_pilot_has_is_never_commanded(autopilot: str) -> None
     assert told(flight, "uav2", at_s) == []
     assert flight.stage("uav2") is Stage.PILOT
     assert flight.vehicle("uav2").fault is None
-    assert set(flight.state.inspected) == EVERYTHING, "the others have its segments"
+    assert set(flight.state.coverage.inspected) == EVERYTHING, "the others have its segments"
 
 
 def test_its_segments_are_kept_for_a_while() -> None:
@@ -81,7 +79,7 @@ def test_who_is_put_back_on_its_mission_and_included_finishes_it() -> None:
     assert flight.ask(Action.INCLUDE, "uav2").outcome is Outcome.DONE
     assert flight.stage("uav2") is Stage.FLYING
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 def test_a_site_may_take_it_back_without_asking() -> None:
@@ -92,7 +90,7 @@ def test_a_site_may_take_it_back_without_asking() -> None:
     flight.run(lambda: flight.stage("uav2") is Stage.FLYING)
     assert flight.given(Resume) == [Resume("uav2", 3.0)], "the change of mode has made it forget its speed"
     flight.finish()
-    assert set(flight.state.inspected) == EVERYTHING
+    assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
 @pytest.mark.parametrize("action", [Action.RETURN, Action.HOLD])
@@ -125,7 +123,7 @@ def test_the_pilots_own_return_is_his() -> None:
     assert "mode RTL; not commanded from here" in flight.said(Level.FAULT)[0]
     flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
     assert told(flight, "uav2", at_s) == []
-    assert flight.vehicle("uav2").excluded
+    assert flight.vehicle("uav2").orders.excluded
     flight.finish()
     assert flight.given(Start).count(Start("uav2")) == 1
 
@@ -150,10 +148,10 @@ def test_a_fence_breach_that_is_only_a_notice_explains_a_return() -> None:
 
 def test_a_heartbeat_that_got_lost_is_no_silence_that_explains_a_mode() -> None:
     flight = under_way()
-    seen_s = flight.vehicle("uav2").heartbeat_s
+    seen_s = flight.vehicle("uav2").link.heartbeat_s
     assert seen_s is not None
     # Positions go on; the heartbeats of four seconds are lost.
-    flight.state = flight.state.put(replace(flight.vehicle("uav2"), heartbeat_s=seen_s - 4.0))
+    flight.state = flight.state.put(with_facts(flight.vehicle("uav2"), heartbeat_s=seen_s - 4.0))
     flight.crafts["uav2"].mode = 17
     flight.run(lambda: flight.stage("uav2") is not Stage.FLYING)
     assert flight.stage("uav2") is Stage.PILOT
@@ -199,7 +197,7 @@ def test_who_stands_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> 
         flight.happen(Heard("uav2", craft.heartbeat()))
         flight.step()
     assert flight.stage("uav2") is Stage.LANDED
-    assert flight.vehicle("uav2").excluded
+    assert flight.vehicle("uav2").orders.excluded
     text = "uav2: is disarmed on its pad; its autopilot has rebooted; it stays until it is included"
     assert text in flight.said(Level.INFO)
 

@@ -1,0 +1,80 @@
+"""A vehicle on the ground again: whether it landed, or came down otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core.commands import Command, Level, Say
+from executor.core.context import Context, FlyAgain
+from executor.core.places import UNSEEN_S, fell, last_heard, over_its_pad, place_words, sank
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState, moved_to
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+SEEN_AFTER_S = 0.5
+"""A position so much later than the disarming shows where it lies."""
+CRASHED_S = 10.0
+"""Who fell so shortly before it disarmed did not land."""
+
+
+def has_landed(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that flew, or was on its way home, has disarmed."""
+    return vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
+
+
+def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
+    """Return whether a vehicle came down, but not in a landing; None as long as that is not seen."""
+    fix = vehicle.motion.fix
+    if not vehicle.sortie.took_off or fix is None:
+        return False
+    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
+        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
+    # A commanded landing may end on a hill.
+    came_down = sank(vehicle) if vehicle.orders.lands else fell(context, vehicle)
+    return came_down or vehicle.sortie.disarmed_s - vehicle.motion.falls_s < CRASHED_S
+
+
+def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle to be on the ground, as it landed or otherwise."""
+    came_down = _fell(context, vehicle, now_s)
+    if came_down is None:
+        return state, ()
+    if came_down:
+        text = f"{vehicle.name}: came down, but not in a landing; {last_heard(context, vehicle)}"
+        lies = replace(
+            moved_to(vehicle, Stage.DOWN),
+            assignment=replace(vehicle.assignment, run=None),
+            orders=replace(vehicle.orders, errand=None),
+            motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
+            sortie=replace(vehicle.sortie, place_told=False),
+        )
+        return state.put(lies), (Say(Level.FAULT, text),)
+    vehicle = replace(
+        moved_to(vehicle, Stage.LANDED),
+        assignment=replace(vehicle.assignment, run=None),
+        orders=replace(vehicle.orders, errand=None, cleared_s=None),
+    )
+    state = state.put(vehicle)
+    if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
+        # It was on its way down when the last re-plan was made: what was left then may be for it.
+        state = replace(
+            state, replanning=replace(state.replanning, considered=state.replanning.considered | {vehicle.name})
+        )
+        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up:
+            trigger = f"{vehicle.name}: landed with battery to spare"
+            state = replace(
+                state,
+                coverage=replace(state.coverage, given_up=frozenset()),
+                replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
+            )
+    if not vehicle.sortie.took_off:
+        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
+    battery = vehicle.power.battery
+    known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
+    left = f" with {battery.remaining_pct:.0f} %" if known else ""
+    if vehicle.sortie.rebooted_s is not None and over_its_pad(context, vehicle):
+        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
+        return state, (Say(Level.INFO, text),)
+    place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
+    return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)

@@ -1,0 +1,295 @@
+"""What is known of one vehicle, in parts: each holds what is heard, decided and forgotten together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from executor.core.battery.account import BatteryState
+from executor.core.battery.roundings import Roundings
+from executor.core.battery.voltage import VoltageState
+from executor.core.carried import Carried
+from executor.core.coverage import Run, Track
+from executor.core.link_quality import LinkQuality
+from executor.core.messages import Attitude, DoubleHeard, Gps, Heartbeat, StationHeard, Wind
+from missions import FlightPath, LegEstimate
+
+
+class Cause(Enum):
+    """Why a vehicle is in the mode that it is in."""
+
+    OURS = "ours"
+    """Ordered here, or the mission that it was started on."""
+    MISSION = "mission"
+    """Its mission's own end."""
+    FAILSAFE = "failsafe"
+    """Its own failsafe."""
+    PERSON = "person"
+    """Its pilot, another ground station, or nobody knows: hands off."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakenOver:
+    """A vehicle in other hands."""
+
+    since_s: float
+    given_away: bool = False
+    """Whether its segments were reassigned."""
+    returned_s: float | None = None
+    """Since when it is on its mission again, by its pilot's doing; None if it is not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """What a vehicle is to be told, until it has answered: to return, or to land where it is."""
+
+    since_s: float
+    land: bool = False
+    told: bool = False
+    """Whether it was told, and has not refused since."""
+    not_before_s: float = float("-inf")
+    """When it may be told again after a refusal."""
+    force: bool = False
+    """Whether the operator has confirmed that it is taken out of its pilot's hands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """One watchpoint's memory: since when it fails, if it does."""
+
+    failing_since_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A position in the local frame."""
+
+    at_s: float
+    """When it arrived."""
+    boot_s: float
+    place_m: tuple[float, float]
+    alt_rel_m: float
+    alt_msl_m: float
+    velocity_m_s: tuple[float, float, float]
+    """East, north, up."""
+    heading_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TextFlow:
+    """What a vehicle said in words, as far as it decides what is shown."""
+
+    last: tuple[str, float] = ("", float("-inf"))
+    """The line that was shown last, and when it was heard last."""
+    since_s: float = float("-inf")
+    """When the window began in which lines are counted."""
+    shown: tuple[int, ...] = (0, 0, 0)
+    """Lines of each rank in this window."""
+    passed_over: int = 0
+    """Texts for which there was no room in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class OnBoard:
+    """The mission that the vehicle is known to carry."""
+
+    revision: int
+    path: FlightPath
+    waypoint_of: tuple[int | None, ...]
+    """Mission item to waypoint of the path."""
+    visits: tuple[int, ...]
+    """All visits of the path in their order; a waypoint's `visit` is an index here."""
+    tracks: tuple[Track, ...]
+    """The line to be flown for each visit."""
+    places_m: tuple[tuple[float, float], ...]
+    """Each waypoint in the local frame."""
+    legs: tuple[LegEstimate, ...]
+    """What each leg of the path should take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """Where a vehicle on its mission was when it was last heard, before nobody listened or nobody was heard."""
+
+    fix: Fix
+    waypoint: int
+    run: Run | None
+    run_visit: int | None
+    remaining_pct: float | None
+    until_s: float = float("-inf")
+    """What was said later than this is news."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkState:
+    """When it was heard, how well, and by whom else."""
+
+    heard_s: float | None = None
+    """When it was heard last; later by what was not its own silence."""
+    spoke_s: float | None = None
+    """When it really said something last."""
+    heartbeat_s: float | None = None
+    """When its last HEARTBEAT came: other messages may come without it, and it without them."""
+    regained_s: float | None = None
+    """When its last silence ended with whatever it said."""
+    stale: bool = False
+    excused_s: float = float("-inf")
+    """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
+    quality: LinkQuality = field(default_factory=LinkQuality)
+    strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
+    """Other ground stations on its link, and other vehicles with its number."""
+
+    def heard(self, now_s: float, *, silent: bool) -> LinkState:
+        """Return it after the vehicle said something, whatever it was: every message comes here."""
+        regained_s = now_s if silent else self.regained_s
+        return LinkState(
+            now_s, now_s, self.heartbeat_s, regained_s, self.stale, self.excused_s, self.quality, self.strangers
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What it said last of what it does."""
+
+    heartbeat: Heartbeat | None = None
+    mode_since_s: float = 0.0
+    doubted: tuple[Heartbeat, float] | None = None
+    """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
+    item: tuple[int, int | None] | None = None
+    """The mission item it flies to by its own word, and how many there are."""
+    item_s: float | None = None
+    """When it said so last."""
+    on_ground: bool | None = None
+    alarm: tuple[str, float] = ("", float("-inf"))
+    """What it said last of a failsafe or a crash, and when."""
+    texts: TextFlow = field(default_factory=TextFlow)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What its sensors say of it and of what is around it."""
+
+    gps: Gps | None = None
+    wind: Wind | None = None
+    """As it measures it."""
+    attitude: Attitude | None = None
+    tilted_since_s: float | None = None
+    """Since when it lies or hangs as no multicopter flies."""
+    fence_breached: bool = False
+    unhealthy: int = 0
+    """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionState:
+    """Where it is, and how it moves."""
+
+    fix: Fix | None = None
+    anchor: Fix | None = None
+    """Where the vehicle was when it last moved on, for the stall watchpoint."""
+    jump: tuple[float, float] = (0.0, float("-inf"))
+    """How far its position lay from where its velocity leads, and when."""
+    falls_s: float = float("-inf")
+    """When it sank last as no vehicle lands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """What its batteries say, and what is made of it."""
+
+    battery: BatteryState = field(default_factory=BatteryState)
+    packs: tuple[tuple[int, float], ...] = ()
+    """What each battery reported last, in percent, by its id."""
+    roundings: Roundings = field(default_factory=Roundings)
+    """PX4's two ways to say its percentage."""
+    volts: VoltageState = field(default_factory=VoltageState)
+    battery_faults: int = 0
+    """MAV_BATTERY_FAULT bits of its last report."""
+    began_pct: float | None = None
+    """What its battery held at its last start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """The mission that it carries, and how far it has come with it."""
+
+    board: OnBoard | None = None
+    waypoint: int = 0
+    """The waypoint at the end of the leg under way, by the vehicle's own word."""
+    run: Run | None = None
+    run_visit: int | None = None
+    """The visit that `run` belongs to."""
+    runs_broken: tuple[tuple[int, str], ...] = ()
+    """(segment, reason) of inspections that do not count."""
+    owed: tuple[int, str] | None = None
+    """(visit, reason) of an inspection that broke, until it is known that it does not count."""
+    before: Before | None = None
+    """Until it is known what it did while nobody listened."""
+    carried: Carried = field(default_factory=Carried)
+    pending: int | None = None
+    """The revision whose mission is being put on board."""
+    stubborn: bool = False
+    """Whether it could not be given a new mission: it is planned around."""
+    failures: int = 0
+    """Starts or uploads that failed since the last that succeeded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What it was ordered, and what the crew wants of it."""
+
+    ordered_mode_s: float = float("-inf")
+    """When we last ordered a change of mode."""
+    ordered_modes: frozenset[int] = frozenset()
+    """The modes that the last order leads to."""
+    held_s: float | None = None
+    """Since when it holds by the operator's order; None if it does not."""
+    hold_asked_s: float = float("-inf")
+    """When a hold was commanded last, and no resume since: it may follow late."""
+    excluded: bool = False
+    """Whether the operator took it out of the plan: it is given nothing until it is included."""
+    lands: bool = False
+    """Whether the operator ordered it to land where it was."""
+    errand: Errand | None = None
+    cleared_s: float | None = None
+    """When the crew said that it may take off again; None if it did not, or it has."""
+    streams_asked_s: float = float("-inf")
+    """When it was asked last to send again what does not come."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sortie:
+    """What was seen of it since its last start."""
+
+    armed_once: bool = False
+    disarmed_s: float = float("-inf")
+    """When it was first heard to be disarmed after it was armed."""
+    took_off: bool = False
+    """Whether it was heard in the air since its last start."""
+    flew_mission: bool = False
+    """Whether it was in mission mode in the air since its last start."""
+    away_once: bool = False
+    """Whether it was seen away from its pad since its last start."""
+    rebooted_s: float | None = None
+    """When its clock was found to have begun anew, since its last start."""
+    left_s: float | None = None
+    """When it left its mission to come home."""
+    place_told: bool = False
+    """Whether it was said where it is down."""
+
+
+@dataclass(frozen=True, slots=True)
+class Custody:
+    """Who has it, and in which silence of its link it may have been taken, or have acted by itself."""
+
+    taken: TakenOver | None = None
+    cause: Cause = Cause.OURS
+    """Why it is in its mode, as long as it is armed."""
+    certain: bool = False
+    """Whether no text that may come late can make it anything but a person's."""
+    unseen_until_s: float | None = None
+    """When its last silence ended with a heartbeat."""
+    unseen_from_boot_s: float | None = None
+    """By its own clock, when it was seen last before that."""
+    beat_boot_s: float | None = None
+    """By its own clock, about when its last heartbeat came."""
