@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self
 
 
-def _steady_s() -> float:
+def steady_s() -> float:
     """Return seconds of a clock that nobody sets, and that runs on while the computer is suspended.
 
     The vehicles fly on then. Linux's CLOCK_MONOTONIC stands still meanwhile, and CLOCK_BOOTTIME does not; elsewhere
@@ -18,14 +19,31 @@ def _steady_s() -> float:
 
 @dataclass(frozen=True, slots=True)
 class SystemClock:
-    """The flight's time: 0 at construction, `speedup` seconds in a real one."""
+    """The flight's time: 0 at construction, `speedup` seconds in one of its steady clock."""
 
     speedup: float = 1.0
-    began_steady_s: float = field(default_factory=_steady_s)
+    began_steady_s: float = field(default_factory=steady_s)
     began_unix_s: float = field(default_factory=time.time)
+    steady: Callable[[], float] = steady_s
+    """This computer's, or the time of a simulated fleet that cannot always keep up with it."""
+    set_since: tuple[float, float] = field(default_factory=lambda: (time.time(), steady_s()))
+    """This computer's two clocks at construction."""
 
     @classmethod
-    def again(cls, speedup: float, began_unix_s: float, last_s: float, set_s: float = 0.0) -> Self:
+    def beside(cls, speedup: float, steady: Callable[[], float]) -> Self:
+        """Return the clock of a flight that begins, on a steady clock of its own."""
+        return cls(speedup, steady(), steady=steady)
+
+    @classmethod
+    def again(
+        cls,
+        speedup: float,
+        began_unix_s: float,
+        last_s: float,
+        set_s: float = 0.0,
+        steady: Callable[[], float] = steady_s,
+        date_unix_s: float | None = None,
+    ) -> Self:
         """Return the clock of a flight that goes on in a new process, maybe on another computer.
 
         It goes on from where the time of day says that it is, which is the only clock that outlives a process and a
@@ -36,13 +54,16 @@ class SystemClock:
             began_unix_s: Seconds since 1970 at which its time was 0.
             last_s: The last time that is on record.
             set_s: By how much the time of day is known to have been set since the flight began.
+            steady: The steady clock of the flight.
+            date_unix_s: What the time of day is on the clock of the simulated fleet, which nobody sets.
         """
-        now_s = max(last_s, (time.time() - set_s - began_unix_s) * speedup)
-        return cls(speedup, _steady_s() - now_s / speedup, began_unix_s)
+        date_unix_s = time.time() - set_s if date_unix_s is None else date_unix_s
+        now_s = max(last_s, (date_unix_s - began_unix_s) * speedup)
+        return cls(speedup, steady() - now_s / speedup, began_unix_s, steady)
 
     def now_s(self) -> float:
         """Seconds of the flight since construction."""
-        return (_steady_s() - self.began_steady_s) * self.speedup
+        return (self.steady() - self.began_steady_s) * self.speedup
 
     def dated_s(self) -> float:
         """Seconds since 1970 by the time of day at construction and the steady clock since."""
@@ -50,7 +71,8 @@ class SystemClock:
 
     def set_s(self) -> float:
         """Seconds by which the time of day was set, or drifted, since construction."""
-        return time.time() - self.dated_s()
+        unix_s, own_s = self.set_since
+        return (time.time() - unix_s) - (steady_s() - own_s)
 
     def label_usec(self) -> int:
         """Microseconds since 1970 at which this moment would lie had the flight been flown at speed 1."""

@@ -151,7 +151,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
         with simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
-            flown = turns.run(_watched(order, watch))
+            flown = turns.run(_watched(order, watch), turns.at_the_computers_pace)
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _launched(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)

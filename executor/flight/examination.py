@@ -15,6 +15,7 @@ from executor.errors import ExecutorError
 from executor.flight import linking, preparing
 from executor.flight.flight_order import Console, Order
 from executor.flight.parameter_changes import read_changes
+from executor.flight.together import time_of
 from executor.site.config import VehicleTable
 from executor.site.plan_words import plan_checks
 from missions import dialect_for
@@ -29,12 +30,11 @@ async def examine(order: Order, console: Console) -> list[Check]:
         ConnectionFailed: a connection cannot be opened.
     """
     with supervised.hear(lambda text: console.say(Level.FAULT, text), None):
-        return await _examined(order, console)
+        async with time_of(order.site, console) as found:
+            return await _examined(order, console, SystemClock.beside(order.site.flight.speedup, found.steady))
 
 
-async def _examined(order: Order, console: Console) -> list[Check]:
-    clock = SystemClock(order.site.flight.speedup)
-
+async def _examined(order: Order, console: Console, clock: SystemClock) -> list[Check]:
     async def one(table: VehicleTable, link: OpenLink) -> Facts | Check:
         try:
             return await preparing.interview_at_link(order.site, table, link, clock, console)

@@ -36,6 +36,7 @@ from executor.flight.leaving import Interrupts
 from executor.flight.linking import open_links
 from executor.flight.preparing import examined, interviews, load_all
 from executor.flight.recorder import NOTHING_LEFT, Keeper, Legacy, in_force
+from executor.flight.together import time_of
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
 from executor.site.assembly import Ground
@@ -62,11 +63,12 @@ async def fly(order: Order, console: Console) -> FlightResult:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
     load_parts(order)
-    clock = SystemClock(order.site.flight.speedup)
     solver = solver_of(order, order.ground, console)
     with locked(order.run), supervised.hear(lambda text: console.say(Level.FAULT, text), order.run):
-        async with open_links(order, clock) as links, solver:
-            return await _fly(order, console, clock, solver, links)
+        async with time_of(order.site, console) as found:
+            clock = SystemClock.beside(order.site.flight.speedup, found.steady)
+            async with open_links(order, clock) as links, solver:
+                return await _fly(order, console, clock, solver, links)
 
 
 def load_parts(order: Order) -> None:

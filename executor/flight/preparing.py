@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 from collections.abc import Coroutine, Iterable, Mapping
+from functools import partial
 from typing import TypeVar
 
 from executor.adapters.clock import SystemClock
@@ -136,7 +137,7 @@ async def load_all(
     async def load(name: str, board: OnBoard) -> None:
         dialect = context.vehicles[name].dialect
         mission = encode(board.path, dialect)
-        await asking.load_mission(name, links[name], clock, dialect, mission)
+        await asking.load_mission(name, links[name], clock, dialect, mission, partial(console.say, Level.WARNING))
         console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
 
     await together(one(name, board) for name, board in boards.items() if board is not None)

@@ -89,7 +89,7 @@ class Keeper:
 
     def observer(self) -> Observer:
         """Return what the flight tells of itself."""
-        return Observer(self.said, self.applied, self.decided)
+        return Observer(self.said, self.applied, self.decided, self.told)
 
     def decided(self, command: Command, now_s: float) -> None:
         """Write a decision down, before it is carried out."""

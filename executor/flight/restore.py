@@ -13,6 +13,7 @@ from executor.errors import LogError
 from executor.flight.changed_parameters import read_kept
 from executor.flight.flight_order import Console
 from executor.flight.parameter_changes import give_back
+from executor.flight.together import time_of
 from executor.site.config import Site, read_site, signing_key
 
 
@@ -42,10 +43,11 @@ async def restore(run: Path, console: Console) -> tuple[Kept, ...]:
     with locked(run):
         site, waiting = read_open(run)  # now that nobody else writes to it
         names = {one.vehicle for one in waiting}
-        clock = SystemClock(site.flight.speedup)
-        key = signing_key(site, run)
-        keyring = None if key is None else Keyring(key, clock.dated_s)
-        # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
-        wanted = {table.name: LinkOrder(table.link, table.sysid) for table in site.vehicle if table.name in names}
-        async with endpoints.open_mavlink_links(wanted, keyring) as links:
-            return await give_back(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)
+        async with time_of(site, console) as found:
+            clock = SystemClock.beside(site.flight.speedup, found.steady)
+            key = signing_key(site, run)
+            keyring = None if key is None else Keyring(key, clock.dated_s)
+            # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
+            wanted = {table.name: LinkOrder(table.link, table.sysid) for table in site.vehicle if table.name in names}
+            async with endpoints.open_mavlink_links(wanted, keyring) as links:
+                return await give_back(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)

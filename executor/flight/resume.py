@@ -32,6 +32,7 @@ from executor.flight.fly import Cockpit, FlightResult
 from executor.flight.linking import open_links
 from executor.flight.recorder import Legacy, plan_path
 from executor.flight.run_start import Beginning, beginning
+from executor.flight.together import time_of
 from executor.simulated.injected import happenings
 from executor.site.assembly import Ground, ground_of
 from executor.site.config import read_site
@@ -288,8 +289,12 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
         if order.mqtt is None and order.site.mqtt is not None:
             why = what_to_install(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
             console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
-        clock = SystemClock.again(known.head.speedup, known.head.began_unix_s, known.last_s, known.set_s)
         async with AsyncExitStack() as stack:
+            found = await stack.enter_async_context(time_of(order.site, console))
+            head = known.head
+            clock = SystemClock.again(
+                head.speedup, head.began_unix_s, known.last_s, known.set_s, found.steady, found.date_unix_s()
+            )
             links = await stack.enter_async_context(open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
             await asyncio.to_thread(fly.load_parts, order)

@@ -44,6 +44,8 @@ class Observer:
     """Called after every event."""
     decided: Callable[[Command, float], None] = lambda *_: None
     """Called with every command before it is carried out."""
+    told: Callable[[commands.Say, float], None] = lambda *_: None
+    """Called with lines for the operator that nobody decided: what is waited for."""
 
 
 class Flight:
@@ -294,8 +296,13 @@ class Flight:
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
         wanted = partial(self._may_be_given, name)
-        done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted)
+        tell = partial(self._tell, name)
+        done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted, tell)
         return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason, done.code)
+
+    def _tell(self, vehicle: str, text: str) -> None:
+        line = commands.Say(commands.Level.WARNING, f"{vehicle}: {text}")
+        supervised.safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
     def _may_be_given(self, vehicle: str, mixed: bool) -> bool:
         return replanning.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)

@@ -217,12 +217,36 @@ async def _banner(heard: _Heard, link: Link, clock: Clock) -> None:
             return
 
 
-async def load_mission(name: str, link: Link, clock: Clock, dialect: Dialect, mission: EncodedMission) -> None:
+async def load_mission(
+    name: str,
+    link: Link,
+    clock: Clock,
+    dialect: Dialect,
+    mission: EncodedMission,
+    tell: Callable[[str], None] = lambda _: None,
+) -> None:
     """Put the first mission on board.
+
+    Nothing moves yet, so an upload that was broken off costs only time: all of it is tried again.
+
+    Args:
+        name: Of the vehicle.
+        link: To it.
+        clock: The flight's.
+        dialect: The vehicle's.
+        mission: The mission.
+        tell: Told in a line what is waited for.
 
     Raises:
         VehicleRefused: what is on board is not what was sent.
     """
-    done = await procedures.put_on_board(link, clock, dialect, mission.items)
+
+    def told(text: str) -> None:
+        tell(f"{name}: {text}")
+
+    done = await procedures.put_on_board(link, clock, dialect, mission.items, tell=told)
+    if done.broken_off:
+        told(f"the upload was broken off ({done.reason}); uploading again")
+        done = await procedures.put_on_board(link, clock, dialect, mission.items, tell=told)
     if not done.accepted:
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")

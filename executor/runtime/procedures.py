@@ -28,8 +28,14 @@ UPLOAD_PATIENCE_S = 60.0
 UPLOAD_PATIENCE_REAL_S = 8.0
 """The same in real seconds; half of it for one of which nothing is on board, which a busy computer may have kept from
 beginning."""
-BUSY_WAIT_S = 3.0
-"""Before an upload is tried again; ArduPilot frees another station's transfer after 8 s, PX4 after 5."""
+AGAIN_WAIT_S = 3.0
+"""Before an upload is tried again; another station's transfer that goes on may be over by then."""
+BUSY_TRIES = 4
+"""Of a vehicle that is busy with another transfer. From the second on it is left alone until one that is dead must have
+been freed: on PX4 asking sooner keeps it alive."""
+BUSY = frozenset({Ending.ERROR, Ending.OTHER_STATION})
+"""As an answer to the announcement of an upload."""
+FREED_MARGIN_S = 1.0
 SILENCE_MARGIN_S = 1.0
 """We wait this much longer than the vehicle itself before an upload is given up."""
 MODE_TIMEOUT_S = 5.0
@@ -56,6 +62,8 @@ class Done:
     """Whether the vehicle had acknowledged that it arms."""
     code: Ending | None = field(default=None, compare=False)
     """Why it was not accepted."""
+    broken_off: bool = field(default=False, compare=False)
+    """Whether an upload had begun, and came to no end."""
 
 
 def reason_of(outcome: Outcome | None) -> str:
@@ -86,6 +94,7 @@ async def put_on_board(
     dialect: Dialect,
     items: tuple[MissionItem, ...],
     wanted: Callable[[bool], bool] = lambda _: True,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Done:
     """Upload a mission and read it back until both are the same, with patience but not for ever.
 
@@ -95,17 +104,19 @@ async def put_on_board(
         dialect: The vehicle's.
         items: The mission.
         wanted: Asked before it is begun again, with whether a part of it may be on board.
+        tell: Told once that the vehicle is busy, and for how long that is borne.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
+    busy, broken_off = 0, False
     code: Ending | None = None
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
-        if attempt >= UPLOAD_TRIES and clock.now_s() - began_s > patience_s:
+        if attempt >= UPLOAD_TRIES and not _outwaits(busy) and clock.now_s() - began_s > patience_s:
             break
         if attempt:
-            await asyncio.sleep(BUSY_WAIT_S / clock.speedup)
+            await asyncio.sleep((_freed_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
         if attempt and not wanted(mixed):
             return Done(accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION)
         upload = await upload_once(link, clock, dialect, items)
@@ -113,8 +124,10 @@ async def put_on_board(
             mixed = not dialect.upload_is_atomic
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.begun or not isinstance(upload.outcome, Rejected)
+        broken_off = upload.begun and isinstance(upload.outcome, TimedOut | Rejected)
         if not isinstance(upload.outcome, Accepted):
             reason, code = reason_of(upload.outcome), code_of(upload.outcome)
+            busy = _told_busy(upload, code, busy, dialect, tell)
             if not upload.begun or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
@@ -126,7 +139,31 @@ async def put_on_board(
         if not different:
             return Done(accepted=True)
         reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
-    return Done(accepted=False, reason=reason, mixed=mixed, code=code)
+    return Done(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
+
+
+def _outwaits(busy: int) -> bool:
+    return 0 < busy < BUSY_TRIES
+
+
+def _told_busy(
+    upload: UploadDialogue, code: Ending | None, busy: int, dialect: Dialect, tell: Callable[[str], None]
+) -> int:
+    """Return how often in a row the vehicle was busy; the first time is told."""
+    if upload.begun or code not in BUSY:
+        return 0
+    if busy == 0:
+        tell(f"busy with another mission transfer; uploading again for up to {busy_s(dialect):g} s")
+    return busy + 1
+
+
+def busy_s(dialect: Dialect) -> float:
+    """Return how long a vehicle may be busy with another transfer before its mission is given up."""
+    return AGAIN_WAIT_S + (BUSY_TRIES - 2) * _freed_s(dialect)
+
+
+def _freed_s(dialect: Dialect) -> float:
+    return dialect.transfer_freed_s + FREED_MARGIN_S
 
 
 async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import selectors
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import Any, ParamSpec, TypeVar
+from contextlib import contextmanager
+from typing import Any, ParamSpec, Protocol, TypeVar
+
+from executor.common_time import LOOK_REAL_S
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -70,8 +73,86 @@ class InTurns(selectors.DefaultSelector):
         return ready
 
 
-def run(work: Coroutine[None, None, T]) -> T:
+class Pace(Protocol):
+    """A time that somebody else makes, and that goes on when everything before it was dealt with."""
+
+    @property
+    def together(self) -> bool:
+        """Whether somebody makes it; without, it is the computer's."""
+        ...
+
+    def steady_s(self) -> float:
+        """Return seconds that never go back."""
+        ...
+
+    def rested(self) -> bool:
+        """Take note that nothing is left to be dealt with; returns whether time has gone on."""
+        ...
+
+    def restless(self) -> None:
+        """Take note that something is."""
+        ...
+
+    def waited(self) -> None:
+        """Take note that nothing came for `LOOK_REAL_S`."""
+        ...
+
+
+class _AtItsPace(InTurns):
+    """Waits for what somebody else's time brings, not for the computer's."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pace: Pace | None = None
+
+    def select(self, timeout: float | None = None) -> Ready:
+        """Return what is ready; nothing, if it is only later than it was."""
+        pace = self.pace
+        if pace is None or not pace.together:
+            return super().select(timeout)
+        ready = super().select(0)
+        if ready or (timeout is not None and timeout <= 0):
+            pace.restless()
+            return ready
+        if pace.rested():
+            return []
+        ready = super().select(LOOK_REAL_S)
+        if not ready:
+            pace.waited()
+        return ready
+
+
+class Loop(asyncio.SelectorEventLoop):
+    """An event loop that takes turns, and whose deadlines may go by somebody else's time."""
+
+    def __init__(self) -> None:
+        self._selects = _AtItsPace()
+        self._shift_s = 0.0
+        super().__init__(self._selects)
+
+    def time(self) -> float:
+        """Return the time that deadlines are in."""
+        pace = self._selects.pace
+        return super().time() if pace is None else pace.steady_s() + self._shift_s
+
+    @contextmanager
+    def at_the_pace_of(self, pace: Pace) -> Iterator[None]:
+        """Go by this time inside the block."""
+        self._shift_s = super().time() - pace.steady_s()
+        self._selects.pace = pace
+        try:
+            yield
+        finally:
+            self._selects.pace = None
+
+
+def at_the_computers_pace() -> asyncio.AbstractEventLoop:
+    """Return an event loop that takes turns, for who measures what it is late."""
+    return asyncio.SelectorEventLoop(InTurns())
+
+
+def run(work: Coroutine[None, None, T], loop: Callable[[], asyncio.AbstractEventLoop] = Loop) -> T:
     """Do what `asyncio.run` does, on a loop that takes turns and whose end is bounded."""
-    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(InTurns())) as runner:
+    with asyncio.Runner(loop_factory=loop) as runner:
         runner.get_loop().set_default_executor(Threads())
         return runner.run(work)

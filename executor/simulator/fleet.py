@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
 from typing import cast
 
+from executor.common_time import LOOK_REAL_S
 from executor.simulator.autopilot import STEP_S
 from executor.simulator.config import SimFleet, vehicle_endpoint
+from executor.simulator.stations import Stations
 from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
 
@@ -81,13 +84,19 @@ class SimClock:
         self._origin_s = monotonic_s
         self._unix_s = unix_s
 
-    def now_s(self, lived_s: float, monotonic_s: float) -> float:
-        """Return the simulated time that the fleet should have lived to, given how far it has."""
+    def now_s(self, lived_s: float, monotonic_s: float, *, dated: bool = True) -> float:
+        """Return the simulated time that the fleet should have lived to, given how far it has.
+
+        Args:
+            lived_s: How far it has lived.
+            monotonic_s: Now.
+            dated: Whether dates go by the computer's clock; without it they go by the simulated time alone.
+        """
         due_s = (monotonic_s - self._origin_s) * self._speedup
         excess_s = due_s - lived_s - MAX_LAG_S * self._speedup
         if excess_s > 0:
             self._origin_s += excess_s / self._speedup
-            self._unix_s += excess_s / self._speedup
+            self._unix_s += excess_s / self._speedup if dated else 0.0
             due_s -= excess_s
         return due_s
 
@@ -124,44 +133,72 @@ async def run_fleet(
             link = _Link(SimulatedVehicle(config, fleet.faults), endpoint.target)
             await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
             links.append(link)
-        if ready is not None:
-            ready.set()
-        await _fly(links, fleet.speedup, stop, on_truth, watched)
+        clock = SimClock(fleet.speedup, monotonic_s=time.monotonic(), unix_s=time.time())
+        async with _stations(fleet, clock) as stations:
+            if ready is not None:
+                ready.set()
+            await _fly(links, clock, stations, stop, on_truth, watched)
     finally:
         for link in links:
             await link.close()
 
 
+@asynccontextmanager
+async def _stations(fleet: SimFleet, clock: SimClock) -> AsyncIterator[Stations]:
+    """Keep the time together with those who ask for it, unless it is real time."""
+    stations = Stations(fleet.speedup, clock.unix_s)
+    server: asyncio.Server | None = None
+    if fleet.speedup > 1:
+        endpoint = vehicle_endpoint(fleet.vehicles[0].connection)
+        _, port = endpoint.target or endpoint.bind
+        with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
+            server = await stations.open(port)
+    try:
+        yield stations
+    finally:
+        stations.close()
+        if server is not None:
+            server.close()
+
+
 async def _fly(
     links: list[_Link],
-    speedup: float,
+    clock: SimClock,
+    stations: Stations,
     stop: asyncio.Event,
     on_truth: Callable[[Truth], None],
     watched: Callable[[Sequence[SimulatedVehicle]], None],
 ) -> None:
-    clock = SimClock(speedup, monotonic_s=time.monotonic(), unix_s=time.time())
-    tick_s = min(max(STEP_S / speedup, TICK_S[0]), TICK_S[1])
+    tick_s = min(max(STEP_S / stations.speedup, TICK_S[0]), TICK_S[1])
     lived_s = 0.0
     while not stop.is_set():
-        due_s = clock.now_s(lived_s, time.monotonic())
+        stations.moved.clear()
+        due_s = clock.now_s(lived_s, time.monotonic(), dated=not stations.ever)
         behind = due_s - lived_s > CHUNK_STEPS * STEP_S
-        lived_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
+        wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
+        # It may have lived further while a ground station was stopped.
+        until_s = max(lived_s, stations.until_s())
+        lived_s = min(wanted_s, until_s)
         for link in links:
             link.vehicle.advance(lived_s)
             for truth in link.vehicle.drain_truths(clock.unix_s):
                 on_truth(truth)
             link.flush()
         watched([link.vehicle for link in links])
-        await _pause(stop, 0.0 if behind else tick_s)
+        stations.tell(lived_s)
+        if lived_s < wanted_s:
+            await _pause(stations.moved, LOOK_REAL_S / 5)
+        else:
+            await _pause(stop, 0.0 if behind else tick_s)
 
 
-async def _pause(stop: asyncio.Event, seconds: float) -> None:
+async def _pause(end: asyncio.Event, seconds: float) -> None:
     """Let the sockets be read for a while, or until the end."""
     if seconds == 0.0:
         await asyncio.sleep(0)
         return
     try:
         async with asyncio.timeout(seconds):
-            await stop.wait()
+            await end.wait()
     except TimeoutError:
         return

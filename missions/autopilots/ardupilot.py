@@ -95,6 +95,7 @@ ARDUPILOT = Dialect(
     upload_is_atomic=False,  # measured: a mixture of both lists is flown while it is uploaded
     # Measured: it asks for items with MISSION_REQUEST (40), never _INT, and again after 1 s.
     upload_silence_s=8.0,  # measured: then ACK 15 and "Mission upload timeout"
+    transfer_freed_s=8.0,  # measured: the same silence ends any upload; until then other stations get DENIED (14)
     upload_warnings=frozenset({13}),  # measured: a duplicate item brings INVALID_SEQUENCE and the upload goes on
     # Guide 1.4: neither ACK nor MISSION_CURRENT says which list it is.
     # Measured: each stored item restarts the leg, the same one too; the old index is kept.

@@ -123,6 +123,8 @@ class Dialect:
     """Whether a new list takes effect as a whole, at its last item."""
     upload_silence_s: float
     """It gives an upload up after this."""
+    transfer_freed_s: float
+    """Another ground station's transfer is over when nothing was heard of it for so long; until then it is busy."""
     upload_warnings: frozenset[int]
     """MISSION_ACK types during an upload that do not end it."""
     current_counts_home: bool

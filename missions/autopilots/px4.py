@@ -83,6 +83,9 @@ PX4 = Dialect(
     upload_is_atomic=True,  # guide 1.4: double buffer, swapped at the last item
     # Measured: it asks for items with MISSION_REQUEST_INT, and again after 0.25 s.
     upload_silence_s=5.0,  # measured: "Operation timeout", without an ACK
+    # mavlink_mission.h: MAVLINK_MISSION_PROTOCOL_TIMEOUT_DEFAULT, for uploads and downloads; until then others get
+    # ERROR. A COUNT that comes meanwhile begins the time anew.
+    transfer_freed_s=5.0,
     upload_warnings=frozenset(),
     # Measured: ACK and MISSION_CURRENT carry a CRC32 of the list; a list with the same one changes nothing (ACK 0).
     # Measured: an item with `current` set is flown next when it is uploaded in flight.

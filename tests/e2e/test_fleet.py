@@ -102,7 +102,7 @@ async def test_one_crashes_and_one_comes_back(tmp_path: Path) -> None:
     flown = await demo(tmp_path / "run", "uav2:silent=90s@30%", "uav3:crash@60%")
     finished(flown)
     assert sorted(lost(flown)) == [("uav2", "link"), ("uav3", "interruption")]
-    assert any(line.startswith("uav2: link regained, on its way home") for line in flown.said)
+    assert any(line.startswith("uav2: link regained, returning") for line in flown.said)
     assert flown.vehicle("uav2")["landed"]
     assert not flown.vehicle("uav3")["landed"]
     known = {row["segment"]: row["vehicle"] for row in flown.report["inspections"]}

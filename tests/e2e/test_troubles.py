@@ -62,7 +62,7 @@ def no_file_grows(process: asyncio.subprocess.Process, run: Path, *, beyond: int
 async def test_a_disk_that_is_full_while_a_vehicle_is_lost(tmp_path: Path) -> None:
     async with flying(tmp_path) as (flight, run):
         no_file_grows(flight, run, beyond=5000)
-        await said_in(flight.stderr, "the event log cannot be written", "uav2: link, silent", "re-plan 1 is on board")
+        await said_in(flight.stderr, "the event log cannot be written", "uav2: link lost", "re-plan 1 is on board")
         no_file_grows(flight, run, beyond=None)
         _, err = await ended(flight)
     assert flight.returncode == 0, err
@@ -83,7 +83,7 @@ async def test_a_disk_that_stays_full(tmp_path: Path) -> None:
         out, err = await ended(flight)
     assert flight.returncode == 0, err
     assert out.startswith("6 of 6 segments inspected")
-    assert "uav2: link, silent" in err
+    assert "uav2: link lost" in err
     assert "report.json cannot be written: File too large" in err
     assert "Traceback" not in err
     assert "internal error" not in err

@@ -31,7 +31,7 @@ from executor.core.messages import (
 from executor.protocols import orders
 from missions import Command, Dialect, Frame, MissionItem, ModeNumber
 
-ACCEPTED, ERROR, INVALID_SEQUENCE, CANCELLED = 0, 1, 13, 15
+ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
 HEARTBEAT_S = 1.0
 ITEM_SILENCE_S = {"ardupilot": 1.0, "px4": 0.25}
 """It asks again for a missing item after this (measured)."""
@@ -60,6 +60,8 @@ class FakeMissions:
         """The item that it stores with another height."""
         self.swallows_ack = False
         """Whether the next final acknowledgement gets lost."""
+        self.other_until_s = float("-inf")
+        """Until then another ground station's transfer, which is dead, keeps it busy."""
         self._upload: _Transfer | None = None
         self._reading_until_s = float("-inf")
         self._last_count = 0
@@ -105,6 +107,10 @@ class FakeMissions:
     def _begin(self, count: int, now_s: float) -> list[Message]:
         if self.refuses is not None:
             return [MissionAck(self.refuses)]
+        if now_s < self.other_until_s:
+            if self.dialect.upload_is_atomic:  # "Busy": whoever asks in vain, the transfer lives longer by it
+                self.other_until_s = max(self.other_until_s, now_s + self.dialect.transfer_freed_s)
+            return [MissionAck(ERROR if self.dialect.upload_is_atomic else DENIED)]
         if self.dialect.upload_is_atomic:
             if now_s < self._reading_until_s or (self._upload is not None and self._upload.items):
                 return [MissionAck(ERROR)]  # "Busy"; the transfer goes on

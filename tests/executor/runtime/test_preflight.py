@@ -19,7 +19,7 @@ from executor.core.messages import (
     Version,
 )
 from executor.core.preflight.checks import Facts
-from executor.errors import ConnectionFailed, PreflightFailed
+from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
 from executor.runtime import preflight, streams
 from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
@@ -191,5 +191,34 @@ async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: D
     await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.vehicle.missions.spoils = 3
     with pytest.raises(PreflightFailed, match="uav1: the mission is not on board: read-back differs: item 3"):
+        await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
+    ready.link.close()
+
+
+@DIALECTS
+async def test_an_upload_that_was_broken_off_is_tried_again_before_anybody_is_refused(dialect: Dialect) -> None:
+    """A radio that drops out in the midst of an upload, for longer than one upload is repeated in flight."""
+    ready, told = Ready(dialect), list[str]()
+    setup = flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    ready.vehicle.missions.stops_at = 4
+
+    def tell(line: str) -> None:
+        told.append(line)
+        ready.vehicle.missions.stops_at = None
+
+    await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission, tell)
+    ready.link.close()
+    assert len(told) == 1
+    assert told[0].startswith("uav1: the upload was broken off (")
+
+
+@DIALECTS
+async def test_an_upload_that_is_always_broken_off_is_a_refusal(dialect: Dialect) -> None:
+    ready = Ready(dialect)
+    setup = flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    ready.vehicle.missions.stops_at = 4
+    with pytest.raises(VehicleRefused, match="uav1: the mission is not on board: "):
         await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.link.close()

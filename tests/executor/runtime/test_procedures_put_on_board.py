@@ -181,6 +181,29 @@ async def test_a_lost_final_acknowledgement_is_no_failure(dialect: Dialect) -> N
     assert board.clock.now_s() < 3.0
 
 
+@DIALECTS
+@pytest.mark.parametrize("dead_s", [1.0, 5.0, 8.0, 9.0])
+async def test_a_transfer_that_another_station_left_is_outwaited(dialect: Dialect, dead_s: float) -> None:
+    """ArduPilot frees it after eight seconds; PX4 after five in which nobody asked, not even in vain."""
+    board, told = Board(dialect), list[str]()
+    board.vehicle.missions.other_until_s = dead_s
+    done = await procedures.put_on_board(board.link, board.clock, dialect, board.items, tell=told.append)
+    board.link.close()
+    assert done == Done(accepted=True)
+    assert board.missing == ()
+    assert told == [f"busy with another mission transfer; uploading again for up to {procedures.busy_s(dialect):g} s"]
+
+
+@DIALECTS
+async def test_a_transfer_that_never_ends_is_told_and_believed(dialect: Dialect) -> None:
+    board = Board(dialect)
+    board.vehicle.missions.other_until_s = float("inf")
+    done = await board.put()
+    why = "error, or busy with another transfer" if dialect is PX4 else "denied: another ground station is uploading"
+    assert done == Done(accepted=False, reason=f"mission refused: {why}", mixed=False)
+    assert board.clock.now_s() == pytest.approx(procedures.busy_s(dialect), abs=1.0)
+
+
 async def test_the_next_upload_waits_until_a_transfer_that_was_left_is_over() -> None:
     """PX4 calls itself busy for five seconds after a download whose end it did not hear."""
     board = Board(PX4)

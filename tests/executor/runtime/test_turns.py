@@ -10,7 +10,7 @@ from selectors import EVENT_READ
 
 import pytest
 
-from executor.runtime.turns import AT_ONCE, InTurns, run
+from executor.runtime.turns import AT_ONCE, InTurns, Loop, run
 
 VEHICLES = 20
 MESSAGES = 5
@@ -81,3 +81,80 @@ def test_others_have_their_turn_between_the_messages_of_a_fleet(ports: list[sock
     most = max(len(one) for one in "".join("m" if what == "message" else "o" for what in heard).split("o"))
     assert heard.count("message") == VEHICLES * MESSAGES
     assert most <= 2 * AT_ONCE  # a deadline that comes due in a round is seen to in the next one
+
+
+class Slow:
+    """A time that somebody else makes, in steps, each when everything before it was dealt with."""
+
+    def __init__(self, said: socket.socket, at_s: float) -> None:
+        self.together = True
+        self.at_s = at_s
+        self.steps: list[float] = []
+        self.rests = 0
+        self._said = said
+
+    def steady_s(self) -> float:
+        return self.at_s
+
+    def rested(self) -> bool:
+        if self.steps:
+            self.at_s += self.steps.pop(0)
+            return True
+        self.rests += 1
+        self._said.send(b"more")
+        return False
+
+    def restless(self) -> None:
+        return
+
+    def waited(self) -> None:
+        self.together = False
+
+
+def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> None:
+    """Ten messages lie there when a second passes: all of them are heard before the deadline at its end."""
+    happened: list[str] = []
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    heard, speaks = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+
+    async def fly() -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, Loop)
+        pace = Slow(there, 500.0)
+
+        def more() -> None:
+            here.recv(100)
+            for _ in range(10):
+                speaks.send(b"heard")
+            pace.steps.append(1.0)
+
+        loop.add_reader(here, more)
+        loop.add_reader(heard, lambda: happened.append(heard.recv(100).decode()))
+        with loop.at_the_pace_of(pace):
+            before_s = loop.time()
+            for _ in range(3):
+                await asyncio.sleep(1.0)
+                happened.append(f"{loop.time() - before_s:.1f} s")
+        loop.remove_reader(here)
+        loop.remove_reader(heard)
+
+    with here, there, heard, speaks:
+        run(fly())
+    assert happened == [*["heard"] * 10, "1.0 s", *["heard"] * 10, "2.0 s", *["heard"] * 10, "3.0 s"]
+
+
+def test_without_another_time_the_computers_goes_on() -> None:
+    async def fly() -> float:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, Loop)
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        with here, there:
+            pace = Slow(there, 7.0)
+            with loop.at_the_pace_of(pace):
+                pace.together = False
+                await asyncio.sleep(0)
+            before_s = loop.time()
+            await asyncio.sleep(0.01)
+            return loop.time() - before_s
+
+    assert run(fly()) >= 0.01

@@ -1,0 +1,85 @@
+"""Whose time a flight goes by: the computer's, or that of a simulated fleet of ours that runs faster."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from functools import partial
+
+from executor.adapters.clock import steady_s
+from executor.adapters.fleet_time import FleetTime
+from executor.core.commands import Level
+from executor.core.connection import Scheme
+from executor.flight.flight_order import Teller
+from executor.runtime.turns import Loop
+from executor.site.config import Site
+from executor.supervised import beside
+
+CALL_AGAIN_S = 0.2
+"""Real seconds between two attempts to find the fleet: it may begin later, and again."""
+WINDOW_S = 5.0
+"""Seconds of our time over which it is compared with the computer's."""
+KEPT = 0.9
+"""Less than this part of the speed is said."""
+
+
+def _no_date() -> float | None:
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class FoundTime:
+    """A steady clock, and what the time of day is on it."""
+
+    steady: Callable[[], float] = steady_s
+    date_unix_s: Callable[[], float | None] = _no_date
+    """None where the computer's own is as good."""
+
+
+@asynccontextmanager
+async def time_of(site: Site, console: Teller) -> AsyncIterator[FoundTime]:
+    """Keep the time together with the simulated fleet of this site, if one of ours flies on this computer.
+
+    Real vehicles, real autopilots in a simulation and everything at real time have the computer's.
+    """
+    loop = asyncio.get_running_loop()
+    ports = [one.link.number for one in site.vehicle if one.link.scheme in {Scheme.UDP_IN, Scheme.UDP_OUT}]
+    if site.flight.speedup <= 1 or not ports or not isinstance(loop, Loop):
+        yield FoundTime()
+        return
+    fleet = FleetTime(site.flight.speedup, steady_s)
+    with loop.at_the_pace_of(fleet):
+        await fleet.call(ports[0])
+        try:
+            async with (
+                beside("keeping the fleet's time", partial(_keep_calling, fleet, ports[0])),
+                beside("comparing the fleet's time", partial(_tell_once, fleet, site.flight.speedup, console)),
+            ):
+                yield FoundTime(fleet.steady_s, fleet.date_unix_s)
+        finally:
+            fleet.hang_up()
+
+
+async def _keep_calling(fleet: FleetTime, port: int) -> None:
+    while True:
+        if not fleet.connected:
+            await fleet.call(port)
+        await asyncio.sleep(CALL_AGAIN_S)
+
+
+async def _tell_once(fleet: FleetTime, speedup: float, console: Teller) -> None:
+    """Say in one line when the computer cannot keep up with the speed that was asked for."""
+    while True:
+        ours_s, own_s, whole = fleet.steady_s(), steady_s(), fleet.together
+        await asyncio.sleep(WINDOW_S)
+        kept = (fleet.steady_s() - ours_s) / (steady_s() - own_s)
+        if whole and fleet.together and kept < KEPT:
+            console.say(Level.INFO, slower(kept * speedup, speedup))
+            return
+
+
+def slower(kept: float, speedup: float) -> str:
+    """Return what the crew is told."""
+    return f"this computer keeps {kept:.1f} of {speedup:g} times real time; the flight is slower, not different"
