@@ -22,6 +22,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/restore.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/leaving.py",),
+    "tests/executor/adapters/test_fleet_time.py": ("executor/lockstep/common_time.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import cast
 
-from executor.common_time import LOOK_REAL_S
+from executor.lockstep.common_time import LOOK_REAL_S
 from executor.simulator.autopilot import STEP_S
 from executor.simulator.config import SimFleet, vehicle_endpoint
 from executor.simulator.stations import Stations

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import cast
 
-from executor.common_time import AHEAD_S, HERE, Greeting, Lines, Turn, greeting_in, time_in, time_line
+from executor.lockstep.common_time import AHEAD_S, HERE, Greeting, Lines, Turn, greeting_in, time_in, time_line
 
 
 class Stations:

@@ -10,7 +10,16 @@ import pytest
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.fleet_time import BUSY_REAL_S, FleetTime
-from executor.common_time import AHEAD_S, LOOK_REAL_S, NAME, PATIENCE_REAL_S, Greeting, greeting_in, time_in, time_line
+from executor.lockstep.common_time import (
+    AHEAD_S,
+    LOOK_REAL_S,
+    NAME,
+    PATIENCE_REAL_S,
+    Greeting,
+    greeting_in,
+    time_in,
+    time_line,
+)
 
 SPEEDUP = 20.0
 NOBODY = 2**22 + 1

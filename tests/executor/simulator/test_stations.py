@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from executor.common_time import (
+from executor.lockstep.common_time import (
     AHEAD_S,
     LOOK_REAL_S,
     PATIENCE_REAL_S,
