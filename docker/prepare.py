@@ -24,6 +24,8 @@ from missions import MissionsError
 
 def fleet(pattern: dict[str, object], vehicles: int, speedup: float) -> dict[str, object]:
     """Return the site of a fleet."""
+    if vehicles < 1:
+        raise ValueError(f"--vehicles {vehicles}: expected at least one vehicle")
     tables = pattern["vehicle"]
     if not isinstance(tables, list) or len(tables) != 1:
         raise ValueError("vehicle: expected one table, the pattern")

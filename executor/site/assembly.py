@@ -10,7 +10,7 @@ from types import MappingProxyType
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.limits import Limits
-from executor.core.preflight.failsafes import LinkFailsafe
+from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
 from executor.site.config import Site
 from missions import (
     Dialect,
@@ -33,9 +33,6 @@ from missions import (
 )
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, travel_for
 
-LINK_MARGIN_S = 3.0
-"""Beyond the time in which a vehicle's own failsafe has acted."""
-LEAST_LINK_TIMEOUT_S = 10.0
 STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
 UPLOAD_ALLOWANCE_S = 1.0
@@ -132,24 +129,8 @@ def stall_s(speedup: float) -> float:
 
 
 def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None) -> float:
-    """Return the silence after which a vehicle is lost.
-
-    It is the site's figure, or by default when the vehicle's own failsafe must have acted. A figure that is shorter
-    than what the vehicle says of itself is not taken: its segments would be given away while it still flies them.
-
-    Args:
-        site: The site file.
-        dialect: The vehicle's autopilot.
-        own: What the vehicle says of itself, once it was asked.
-    """
-    rule = dialect.ground_station_failsafe
-    acts_s = own.after_s if own is not None and own.acts else None
-    if site.faults.link_timeout_s is not None and site.faults.link_timeout_s >= (acts_s or 0.0):
-        return site.faults.link_timeout_s
-    if acts_s is None or site.faults.link_timeout_s is None:
-        least_s = stall_s(site.flight.speedup) + rule.returns_after_s - rule.reacts_after_s
-        acts_s = max(rule.returns_after_s if acts_s is None else acts_s, least_s)
-    return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
+    """Return the silence after which a vehicle of a site is lost: see `declared_lost_after_s`."""
+    return declared_lost_after_s(dialect, site.faults.link_timeout_s, stall_s(site.flight.speedup), own)
 
 
 def limits_of(site: Site) -> Limits:

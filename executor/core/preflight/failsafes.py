@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from missions import BatteryLevel, Dialect, ThresholdUnit
 
+LINK_MARGIN_S = 3.0
+"""Beyond the time in which a vehicle's own failsafe has acted."""
+LEAST_LINK_TIMEOUT_S = 10.0
 Parameters = Mapping[str, float]
 """What a vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
 
@@ -58,6 +61,30 @@ def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
         return LinkFailsafe(False, after_s, words)
     does = dict(rule.actions).get(int(action), "unknown action")
     return LinkFailsafe(True, after_s, f"GCS failsafe: {does} after {after_s:g} s ({setting})")
+
+
+def declared_lost_after_s(
+    dialect: Dialect, wanted_s: float | None, stall_s: float, own: LinkFailsafe | None = None
+) -> float:
+    """Return the silence after which a vehicle is lost.
+
+    It is the site's figure, or by default when the vehicle's own failsafe must have acted. A figure that is shorter
+    than what the vehicle says of itself is not taken: its segments would be given away while it still flies them.
+
+    Args:
+        dialect: The vehicle's autopilot.
+        wanted_s: The site's figure, if it has one.
+        stall_s: The shortest silence that can be told from a busy computer, in the vehicles' time.
+        own: What the vehicle says of itself, once it was asked.
+    """
+    rule = dialect.ground_station_failsafe
+    acts_s = own.after_s if own is not None and own.acts else None
+    if wanted_s is not None and wanted_s >= (acts_s or 0.0):
+        return wanted_s
+    if acts_s is None or wanted_s is None:
+        least_s = stall_s + rule.returns_after_s - rule.reacts_after_s
+        acts_s = max(rule.returns_after_s if acts_s is None else acts_s, least_s)
+    return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
 
 
 def counted_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
