@@ -41,13 +41,15 @@ from missions.heights import implausible, with_heights
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
+from missions.performance import Performance, Ramp
 from missions.planfile import PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
 from missions.planjson import plan_document, read_plan, write_plan
+from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
 from missions.readers import default_network_path, read_network
 from missions.routes import continue_path, flight_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
-from missions.setup import FlightSetup, Inspection, Motion, flight_setup
+from missions.setup import FlightSetup, Inspection, flight_setup
 from missions.tasks import Task, open_task
 from missions.validation import first_reason
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -57,6 +59,7 @@ __all__ = [
     "AUTOPILOTS",
     "NESTED",
     "PX4",
+    "Base",
     "BatteryFailsafe",
     "BatteryLevel",
     "Command",
@@ -64,8 +67,10 @@ __all__ = [
     "EncodeError",
     "EncodedMission",
     "Estimate",
+    "FlightModel",
     "FlightPath",
     "FlightSetup",
+    "FlownMoves",
     "Frame",
     "Geofence",
     "GroundStationFailsafe",
@@ -79,17 +84,19 @@ __all__ = [
     "MissionsError",
     "ModeNumber",
     "Modes",
-    "Motion",
     "Network",
     "NetworkError",
     "OverGround",
     "Pad",
+    "Performance",
     "Phase",
     "PlanFile",
     "PlanFileError",
     "PlanSegment",
+    "Pricing",
     "Pylon",
     "QgcPlan",
+    "Ramp",
     "ReturnParameters",
     "SafetyError",
     "Segment",
@@ -118,6 +125,7 @@ __all__ = [
     "flag_current",
     "flight_path",
     "flight_setup",
+    "flown_instance",
     "highest_return_m",
     "implausible",
     "lowest_over_tops_m",

@@ -1,4 +1,4 @@
-"""How long a flight really takes and what it uses, climbs, stops and holds included: to hold a plan against."""
+"""How long a whole flight takes and what it uses, leg by leg, by the model that plans are made with."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions.geo import FloatArray, LocalFrame
+from missions.pricing import FlightModel
 from missions.safety import legs_m
-from missions.setup import Motion
-from missions.waypoints import FlightPath, Phase, Waypoint
-from planner import Travel
+from missions.waypoints import FlightPath, Phase
 
 STOP_TURN_DEG = 30.0
 """At a pass-through corner sharper than this the vehicle is taken to come to a stop; both autopilots slow down."""
@@ -35,36 +34,34 @@ class Estimate:
     """One for each waypoint: the leg that ends there."""
 
 
-def estimate(path: FlightPath, travel: Travel, motion: Motion, *, consumption: float = 1.0) -> Estimate:
+def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) -> Estimate:
     """Return the duration in seconds and the energy in percent of a full battery of a flight.
-
-    Inspection, holds, climb and descent are charged with the inspection's power, which is nearly that of a hover, and
-    everything else with the transit's; in wind, each with that of its air speed. A leg takes its length over its speed,
-    plus half a ramp for each end at which the vehicle stands, and never less than its height takes.
 
     Args:
         path: The flight; a path without waypoints takes nothing.
-        travel: The planner's energy rates.
-        motion: How the vehicle climbs, stops and waits.
+        model: What the vehicle's flights take.
         consumption: The vehicle's own, relative to the energy model.
     """
     if not path.waypoints:
         return Estimate(0.0, 0.0, ())
     first = path.waypoints[0]
-    along_m = legs_m(path, LocalFrame(first.lat_deg, first.lon_deg))
-    along_m = along_m[:, 1] - along_m[:, 0]
-    stops = [_stops_at_end(path, along_m, index) for index in range(len(path.waypoints))]
-    hold_rate = float(travel.inspection_rates_pct_per_s(np.zeros(2)))
-    legs = []
+    ends_m = legs_m(path, LocalFrame(first.lat_deg, first.lon_deg))
+    along_m = ends_m[:, 1] - ends_m[:, 0]
+    stops = np.array([_stops_at_end(path, along_m, index) for index in range(len(path.waypoints))], dtype=np.float64)
+    at_rest = np.concatenate(([1.0], stops[:-1])) + stops
+    speeds = np.array([point.speed_m_s for point in path.waypoints])
+    seconds, pct = model.legs(along_m, speeds, at_rest)
     for index, point in enumerate(path.waypoints):
-        starts_from_rest = index == 0 or stops[index - 1]
-        moving_s = _moving_s(point, along_m[index], starts_from_rest + stops[index], motion)
-        hold_s = motion.hold_s if point.hold else 0.0
-        slow = point.phase in (Phase.INSPECT, Phase.TAKEOFF, Phase.LAND)
-        rates = travel.inspection_rates_pct_per_s if slow else travel.transit_rates_pct_per_s
-        energy_pct = moving_s * float(rates(along_m[index, :2])) + hold_s * hold_rate
-        legs.append(LegEstimate(moving_s + hold_s, consumption * energy_pct))
-    return Estimate(sum(leg.duration_s for leg in legs), sum(leg.energy_pct for leg in legs), tuple(legs))
+        if point.phase in (Phase.TAKEOFF, Phase.LAND):
+            upright = model.take_off if point.phase is Phase.TAKEOFF else model.landing
+            seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
+            continue
+        stays_s = model.performance.settle_s * stops[index] + model.performance.hold_s * point.hold
+        seconds[index] += stays_s
+        pct[index] += stays_s * model.hover_pct_per_s
+    pct = consumption * pct
+    legs = tuple(LegEstimate(*leg) for leg in zip(seconds.tolist(), pct.tolist(), strict=True))
+    return Estimate(float(seconds.sum()), float(pct.sum()), legs)
 
 
 def _stops_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
@@ -75,15 +72,3 @@ def _stops_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
     lengths = math.hypot(*before) * math.hypot(*after)
     # Straight up or down afterwards: the vehicle stands first.
     return lengths < 1e-6 or float(np.dot(before, after)) / lengths < math.cos(math.radians(STOP_TURN_DEG))
-
-
-def _moving_s(point: Waypoint, along_m: FloatArray, ends_at_rest: int, motion: Motion) -> float:
-    """Return the time of a leg at its speed with 0 to 2 of its ends at rest (trapezoidal or triangular speed)."""
-    length_m = float(np.linalg.norm(along_m))
-    ramp_m = ends_at_rest * point.speed_m_s**2 / (2.0 * motion.acceleration_m_s2)
-    if length_m < ramp_m:
-        moving_s = math.sqrt(2.0 * ends_at_rest * length_m / motion.acceleration_m_s2)
-    else:
-        moving_s = length_m / point.speed_m_s + ends_at_rest * point.speed_m_s / (2.0 * motion.acceleration_m_s2)
-    vertical_m_s = motion.climb_m_s if along_m[2] > 0 else motion.descent_m_s
-    return max(moving_s, abs(float(along_m[2])) / vertical_m_s)

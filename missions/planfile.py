@@ -13,6 +13,7 @@ from pydantic import Field
 from missions.errors import PlanFileError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
+from missions.pricing import Pricing, flown_instance
 from missions.setup import Inspection
 from missions.tasks import DEPOT_M, Task
 from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
@@ -107,6 +108,8 @@ class PlanFile:
     window: Window | None = None
     inspection: Inspection | None = None
     """How to fly it; without it the file can be checked but not exported."""
+    pricing: Pricing | None = field(default=None, compare=False)
+    """From which times and energies follow; without it from ``travel``, the paper's model."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
 
@@ -127,7 +130,7 @@ class PlanFile:
         Raises:
             PlanFileError: its vehicles or coordinates do not make one.
         """
-        return Task(self.instance(), tuple(segment.id for segment in self.segments))
+        return Task(self.instance(), tuple(segment.id for segment in self.segments), self.pricing)
 
     def instance(self) -> Instance:
         """Return the planning problem over positions in ``segments``.
@@ -136,6 +139,8 @@ class PlanFile:
             PlanFileError: its vehicles or coordinates do not make one.
         """
         try:
+            if self.pricing is not None:
+                return flown_instance(self.pricing, self.vehicles)
             return build_instance(self.ends_m, DEPOT_M, self.vehicles, self.travel)
         except InstanceError as error:
             raise PlanFileError(f"{self.source}: {error}") from error
@@ -177,7 +182,7 @@ def make_plan_file(
     Args:
         network: That the task was made from.
         task: The problem that was solved.
-        travel: That it was made with.
+        travel: Speeds and rates, of the paper's model.
         plan: Over the task's instance.
         cost: What the plan was chosen by; None for ``window``, which must then be given.
         solved: How the plan came about.
@@ -207,6 +212,7 @@ def make_plan_file(
         solved=solved,
         window=window,
         inspection=inspection,
+        pricing=task.pricing,
     )
 
 

@@ -8,18 +8,22 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from missions.errors import PlanFileError
 from missions.files import printable, read_text, write_whole
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
+from missions.performance import Performance
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
+from missions.pricing import Base, FlightModel, Pricing
 from missions.setup import MOST, Inspection
-from missions.validation import Figure, Flag, Id, Pair, Text, first_reason, is_none
+from missions.validation import Figure, Flag, Id, Pair, Place, Text, first_reason, is_none
 from planner import (
     Cost,
     Dynamics,
@@ -34,6 +38,11 @@ from planner import (
     segment_of,
     visit_of,
 )
+
+
+def _is_zero(value: float) -> bool:
+    return value == 0
+
 
 Above0 = Annotated[Figure, Field(gt=0)]
 Speed = Annotated[Figure, Field(ge=0.001)]
@@ -98,6 +107,8 @@ class VehiclePart(_Part):
     """What it uses relative to the energy model; without it 1."""
     airborne: Flag = False
     """Whether it flies already, and so pays its way home in any case."""
+    start_up_m: Annotated[Figure, Field(exclude_if=_is_zero)] = 0.0
+    """In the air: its height there, as `model` counts heights."""
 
 
 class VisitPart(_Part):
@@ -142,6 +153,25 @@ class InspectionPart(_Part):
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
 
 
+class VehicleModelPart(_Part):
+    """How one vehicle flies."""
+
+    base: Base
+    performance: Performance
+
+
+class ModelPart(_Part):
+    """From which the times and energies of this file follow."""
+
+    name: Literal["flight"]
+    power: WindPart
+    vehicles: tuple[VehicleModelPart, ...]
+    """In the order of `vehicles`."""
+    tracks: tuple[tuple[Place, Place], ...]
+    """Where the inspection of each segment, in the order of `segments`, is flown from a to b: metres east, north and up
+    of the depot, in the lowest layer."""
+
+
 class PlanDocument(_Part):
     """A plan, with all that is needed to check and to fly it."""
 
@@ -163,6 +193,8 @@ class PlanDocument(_Part):
     window: Annotated[Window | None, Field(exclude_if=is_none)] = None
     inspection: Annotated[InspectionPart | None, Field(exclude_if=is_none)] = None
     """Without it the plan can be checked, but not flown."""
+    model: Annotated[ModelPart | None, Field(exclude_if=is_none)] = None
+    """Without it times and energies follow from `travel` and the straight lines between pylons, as the paper has it."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -191,6 +223,9 @@ class PlanDocument(_Part):
         unknown = [segment for segment in self.uncovered if segment not in known]
         if unknown:
             raise ValueError(f"uncovered: expected ids of segments, got unknown {unknown[0]}")
+        for key, count in (("vehicles", len(self.vehicles)), ("tracks", len(self.segments))):
+            if self.model is not None and len(getattr(self.model, key)) != count:
+                raise ValueError(f"model.{key}: expected {count}, got {len(getattr(self.model, key))}")
         if self.cost.name == WINDOW_COST and self.window is None:
             raise ValueError("window: expected the window that the plan was chosen by")
         return self
@@ -259,6 +294,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         **asdict(content.solved),
         "window": content.window,
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
+        "model": content.pricing and _model(content.pricing, content.vehicles),
         "segments": content.segments,
     }
     try:
@@ -280,6 +316,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
                 vehicle.budget_pct,
                 1.0 if vehicle.consumption is None else vehicle.consumption,
                 vehicle.airborne,
+                vehicle.start_up_m,
             )
             for vehicle in document.vehicles
         ),
@@ -304,5 +341,35 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         inspection=None if inspection is None else Inspection(
             **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
         ),
+        pricing=_pricing(document),
         source=source,
     )  # fmt: skip
+
+
+def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
+    models = [pricing.models[vehicle.name] for vehicle in vehicles]
+    return {
+        "name": "flight",
+        "power": models[0].power,
+        "vehicles": [
+            {"base": pricing.bases[vehicle.name], "performance": model.performance}
+            for vehicle, model in zip(vehicles, models, strict=True)
+        ],
+        "tracks": pricing.tracks_m.tolist(),
+    }
+
+
+def _pricing(document: PlanDocument) -> Pricing | None:
+    if document.model is None:
+        return None
+    travel, model = document.travel, document.model
+    power = SteadyWind(**dict(model.power))
+    named = {vehicle.name: own for vehicle, own in zip(document.vehicles, model.vehicles, strict=True)}
+    return Pricing(
+        np.array(model.tracks, dtype=np.float64).reshape(-1, 2, 3),
+        {name: own.base for name, own in named.items()},
+        {
+            name: FlightModel(own.performance, power, travel.transit_speed_m_s, travel.inspection_speed_m_s)
+            for name, own in named.items()
+        },
+    )

@@ -16,12 +16,13 @@ import numpy as np
 
 from missions.geo import FloatArray
 from missions.pads import column_radius_m, way_around_m
+from missions.pricing import SAME_PLACE_M
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase, Waypoint
 from planner import is_reversed, segment_of
 
-SAME_PLACE_M = 0.5
-"""An inspection that starts this near to where the last one ended needs no waypoint in between."""
+CLIMB_M_S, DESCENT_M_S = 2.5, 1.0
+"""Of take-offs and landings, nominal: their speed is the autopilot's own, no item asks for it."""
 
 
 def flight_path(setup: FlightSetup, vehicle: str, visits: Sequence[int]) -> FlightPath:
@@ -95,11 +96,11 @@ class _Flight:
         ])  # fmt: skip
         ground_m = self.setup.frame.up_m(pad.alt_m)
         if self.here_m[2] <= ground_m:
-            yield self._to(above_pad, Phase.TAKEOFF, self.setup.motion.climb_m_s)
+            yield self._to(above_pad, Phase.TAKEOFF, CLIMB_M_S)
         for number, visit in enumerate(visits, start=first_visit):
             yield from self._visit(number, visit)
         yield from self._transit(above_pad, Phase.RETURN, visit=None, hold=False)
-        yield self._to(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, self.setup.motion.descent_m_s)
+        yield self._to(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, DESCENT_M_S)
 
     def _visit(self, number: int, visit: int) -> Iterator[Waypoint]:
         start, end = self._inspection_m(visit)

@@ -12,6 +12,7 @@ from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
 from missions.network import Network
 from missions.pads import PAD_SPACING_M, Pad, place_pads
+from missions.pricing import Base
 from missions.safety import Layers, plan_layers, tracks_m
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
@@ -54,21 +55,6 @@ class Inspection:
                 raise SafetyError(f"inspection.{key}: expected a positive number up to {MOST:g}, got {value}")
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """How a multicopter climbs, stops and waits; for the heights' legs and for estimates.
-
-    Climb 2.5 m/s and acceleration 2.5 m/s2 are ArduPilot's defaults (WPNAV_SPEED_UP 250, WPNAV_ACCEL 250 cm); descent
-    at 1 m/s lies between its LAND_SPEED 0.5 m/s near the ground and WPNAV_SPEED_DN 1.5 m/s above.
-    """
-
-    climb_m_s: float = 2.5
-    descent_m_s: float = 1.0
-    acceleration_m_s2: float = 2.5
-    hold_s: float = 1.0
-    """At both ends of an inspection: param1 = 1 s makes the speed exact on ArduPilot (measured)."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class FlightSetup:
     """What routes need to become flights; made once before take-off, and kept through every re-plan."""
@@ -80,7 +66,6 @@ class FlightSetup:
     """In the order of the layers' vehicles."""
     tracks_m: FloatArray
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
-    motion: Motion = Motion()
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.
@@ -120,6 +105,30 @@ class FlightSetup:
                 return pad
         raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.layers.vehicles)}")
 
+    @property
+    def tracks_up_m(self) -> FloatArray:
+        """(n, 2, 3) float64: the same with up, in the lowest layer."""
+        return np.concatenate((self.tracks_m, self.layers.track_heights_m[..., np.newaxis]), axis=2)
+
+    def base_of(self, vehicle: str) -> Base:
+        """Return where a vehicle takes off and lands, as flights are priced.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        pad = self.pad_of(vehicle)
+        up_m = self.layers.surface.height_m(pad.east_m, pad.north_m)
+        climb_m = up_m + self.layers.offset_m(vehicle) - self.frame.up_m(pad.alt_m)
+        return Base((pad.east_m, pad.north_m, up_m), climb_m)
+
+    def lowest_layer_up_m(self, vehicle: str, alt_rel_m: float) -> float:
+        """Return a vehicle's height over its own home as flights are priced: in the lowest layer.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        return alt_rel_m + self.frame.up_m(self.pad_of(vehicle).alt_m) - self.layers.offset_m(vehicle)
+
     def return_height_m(self, vehicle: str) -> float:
         """Return the height over its own home at which a vehicle comes home by itself, straight and level.
 
@@ -141,7 +150,6 @@ def flight_setup(
     *,
     pads: Sequence[Pad] | None = None,
     pad_spacing_m: float = PAD_SPACING_M,
-    motion: Motion | None = None,
 ) -> FlightSetup:
     """Choose layers, and pads unless they are given, for a fleet over a network.
 
@@ -151,7 +159,6 @@ def flight_setup(
         inspection: Heights, speeds and distances.
         pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
         pad_spacing_m: The least distance of two chosen pads.
-        motion: How the multicopters climb, stop and wait.
 
     Raises:
         NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
@@ -174,4 +181,4 @@ def flight_setup(
             alt_m=network.frame.alt_m,
             pad_spacing_m=pad_spacing_m,
         )
-    return FlightSetup(network, inspection, layers, tuple(pads), tracks, motion or Motion())
+    return FlightSetup(network, inspection, layers, tuple(pads), tracks)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from missions.network import Network
-from planner import Instance, Plan, Route, Travel, Vehicle, build_instance, is_reversed, segment_of, visit_of
+from missions.pricing import Pricing, flown_instance
+from planner import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 
 DEPOT_M = (0.0, 0.0)
-"""The depot in its own frame: every plan starts and ends there; pads are a few steps away."""
+"""The depot in its own frame; pads are a few steps away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,8 @@ class Task:
     instance: Instance
     segment_ids: tuple[int, ...]
     """The network's segment for each of the instance's."""
+    pricing: Pricing | None = None
+    """From which the instance is made; None: by the paper's model."""
 
     def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the instance's visits as the network's."""
@@ -39,22 +41,22 @@ class Task:
         return Plan(routes, tuple(self.segment_ids[segment] for segment in plan.uncovered))
 
 
-def open_task(network: Network, open_segments: Iterable[int], vehicles: Sequence[Vehicle], travel: Travel) -> Task:
+def open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[Vehicle]) -> Task:
     """Return the problem of inspecting what is still open, from wherever the vehicles are.
 
     Args:
-        network: The whole network.
+        pricing: Of the whole network.
         open_segments: Its segments that are still to be inspected; taken in ascending order.
         vehicles: With the start (east, north) where each becomes free, the budget that is left then, and whether it is
             in the air there.
-        travel: Speeds and energy rates.
 
     Raises:
         IndexError: a segment is not in the network.
         planner.InstanceError: there is no vehicle, or a start is not a number.
     """
     segment_ids = tuple(sorted(set(open_segments)))
-    if segment_ids and not 0 <= segment_ids[0] <= segment_ids[-1] < len(network.segments):
-        raise IndexError(f"open segments {segment_ids[0]} to {segment_ids[-1]}: expected below {len(network.segments)}")
-    ends_m = network.ends_m[list(segment_ids)]
-    return Task(build_instance(ends_m, DEPOT_M, vehicles, travel), segment_ids)
+    count = len(pricing.tracks_m)
+    if segment_ids and not 0 <= segment_ids[0] <= segment_ids[-1] < count:
+        raise IndexError(f"open segments {segment_ids[0]} to {segment_ids[-1]}: expected below {count}")
+    part = pricing.part(segment_ids, (vehicle.name for vehicle in vehicles))
+    return Task(flown_instance(part, vehicles), segment_ids, part)

@@ -10,7 +10,16 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
-from planner.energy import PRESETS, Drone, pct_per_s, power_w, range_speed_m_s, usable_wh
+from planner.energy import (
+    CLIMB_SHARE_PER_M_S,
+    PRESETS,
+    Drone,
+    pct_per_s,
+    power_w,
+    range_speed_m_s,
+    top_speed_m_s,
+    usable_wh,
+)
 from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
 from planner.evaluate import (
     Evaluation,
@@ -27,7 +36,17 @@ from planner.grasp import grasp
 from planner.instance import build_instance
 from planner.loss import LossRow, Repair
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
-from planner.moves import Dynamics, MoveGeometry, Moves, MoveTables, SteadyWind, Travel, travel_for
+from planner.moves import (
+    Dynamics,
+    MoveGeometry,
+    Moves,
+    MoveTables,
+    SteadyWind,
+    Travel,
+    Visits,
+    steady_wind,
+    travel_for,
+)
 from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
 from planner.replan import FreeVehicle, Remainder, remaining, replan, warm_start
 from planner.result import Result
@@ -64,6 +83,7 @@ from planner.window import Breaking, LossRepair, ReplanWindow, WindowResult, los
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",
+    "CLIMB_SHARE_PER_M_S",
     "DEFAULT_PARAMS",
     "EXACT_SEGMENTS",
     "K_C",
@@ -116,6 +136,7 @@ __all__ = [
     "Tally",
     "Travel",
     "Vehicle",
+    "Visits",
     "WindowResult",
     "WindowSearchParams",
     "any_of",
@@ -148,6 +169,8 @@ __all__ = [
     "solve_exact",
     "solve_window",
     "spent_pct",
+    "steady_wind",
+    "top_speed_m_s",
     "travel_for",
     "usable_wh",
     "visit_of",

@@ -164,8 +164,8 @@ def _rebuilt(
         start_pct=np.array([sortie.start_pct[visits] for sortie in sorties]).reshape(home[0].size, home[1].size),
         home_pct=instance.home_pct[home],
         idle_pct=np.array([sortie.idle_pct for sortie in sorties]),
-        depot_s=instance.depot_s[:, visits],
-        depot_pct=instance.depot_pct[:, visits],
+        depot_s=instance.depot_s[home],
+        depot_pct=instance.depot_pct[home],
         value=instance.value[segments],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
@@ -192,8 +192,8 @@ def _sortie(state: Aftermath, vehicle: int, again: FreeVehicle | None) -> _Sorti
         return _Sortie(
             again.free_s + instance.start_s[vehicle], instance.start_pct[vehicle], again.free_s, 0.0, again.free_s, None
         )
-    profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
+    consumption = instance.vehicles[vehicle].consumption
     return _Sortie(
-        again.free_s + instance.depot_s[profile], consumption * instance.depot_pct[profile], again.free_s, 0.0,
+        again.free_s + instance.depot_s[vehicle], consumption * instance.depot_pct[vehicle], again.free_s, 0.0,
         again.free_s, state.flown(vehicle),
     )  # fmt: skip

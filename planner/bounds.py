@@ -122,7 +122,7 @@ def least_earliest_s(instance: Instance) -> float:
         return 0.0
     kinds: dict[tuple[object, ...], float] = {}
     for lost, vehicle in enumerate(instance.vehicles):
-        kind = (replace(vehicle, name=""), instance.profile[lost])
+        kind = (replace(vehicle, name=""), instance.profile[lost], instance.start_pct[lost].tobytes())
         if kind not in kinds:
             kinds[kind] = _least_loss_s(instance, lost)
     return min(kinds.values())
@@ -132,7 +132,7 @@ def _least_loss_s(instance: Instance, lost: int) -> float:
     """Return the earliest time at which the loss of one vehicle can be repaired, whatever the plan."""
     fleet = len(instance.vehicles)
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
-    again = consumption * instance.depot_pct[list(instance.profile)]
+    again = consumption * instance.depot_pct
     homes = instance.home_pct.copy()
     homes[lost] = 0.0  # its path is open
     others = sum(

@@ -56,7 +56,7 @@ def build_instance(
     idle = [transits(start, east, landing, own) for start, own in zip(starts, travels, strict=True)]
     home_s, home_pct = _stacked([home[own] for own in profile], len(first))
     start_s, start_pct = _stacked(begin, len(first))
-    depot_s, depot_pct = _stacked(depot, len(first))
+    depot_s, depot_pct = _stacked([depot[own] for own in profile], len(first))
     geometry = MoveGeometry(first, last, profiles)
     moves: Moves = tables(geometry) if profiles and len(ends) <= tables_up_to else geometry
     return Instance(
@@ -72,7 +72,7 @@ def build_instance(
         depot_s=depot_s,
         depot_pct=depot_pct,
         value=np.hypot(*(last - first)[::2].T),
-        end_m=last,
+        end_m=np.column_stack((last, np.zeros(len(last)))),
         landing_m=(float(landing[0]), float(landing[1])),
     )
 

@@ -59,7 +59,7 @@ class LargeSearch:
         self._params = params.large
         self._of_regions = replace(params, annealing=replace(params.annealing, hot=params.large.hot))
         self._chance = np.random.default_rng(seed)
-        self._middle_m = (instance.end_m[::2] + instance.end_m[1::2]) / 2
+        self._middle_m = (instance.end_m[::2, :2] + instance.end_m[1::2, :2]) / 2
         self._budgets = np.array([vehicle.budget_pct for vehicle in instance.vehicles])
         self._routes: list[tuple[int, ...]] = self._first(initial)
         self._energies = np.zeros(len(instance.vehicles))

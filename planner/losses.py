@@ -144,7 +144,7 @@ class Losses:
         if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
             return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
         again = Route(vehicle, tuple(visits))
-        first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[instance.profile[vehicle], visits[0]])
+        first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[vehicle, visits[0]])
         flown = first - spent_pct(instance, again, 1) + route_energy_pct(instance, again)
         return self._energies_pct[vehicle] + flown
 
@@ -162,7 +162,7 @@ def timing_of(instance: Instance) -> LossTiming:
         start_s=_table(instance.start_s),
         home_s=_table(instance.home_s),
         idle_s=np.array(instance.idle_s, dtype=np.float64),
-        depot=_table(consumption * instance.depot_pct[list(instance.profile)]),
+        depot=_table(consumption * instance.depot_pct),
         airborne=np.array([vehicle.airborne for vehicle in instance.vehicles], dtype=np.int64),
     )
 

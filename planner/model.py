@@ -43,6 +43,8 @@ class Vehicle:
     """What it uses relative to the energy model; 1.1 is a worn pack or a head wind."""
     airborne: bool = False
     """An airborne vehicle pays its way home even when it is given no visit."""
+    start_up_m: float = 0.0
+    """Height of its start, where moves count heights."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +69,13 @@ class Instance:
     idle_pct: FloatArray
     """(k,) float64."""
     depot_s: FloatArray
-    """(p, 2n) float64: seconds from the landing place to the end of visit j: what a landed vehicle flies again."""
+    """(k, 2n) float64: seconds from the ground to the end of visit j: what vehicle k flies again once it has landed."""
     depot_pct: FloatArray
-    """(p, 2n) float64: energy of the same moves for a consumption of 1."""
+    """(k, 2n) float64: energy of the same moves for a consumption of 1."""
     value: FloatArray
     """(n,) float64: what inspecting a segment is worth when not all can be: its length in metres."""
     end_m: FloatArray
-    """(2n, 2) float64: where each visit ends, local east and north in metres."""
+    """(2n, 3) float64: where each visit ends, local east and north in metres, and up where moves count heights."""
     landing_m: tuple[float, float]
     """Where every route ends, local east and north in metres."""
 
@@ -93,8 +95,8 @@ class Instance:
         shapes = {
             "start_s": (fleet, visits), "home_s": (fleet, visits), "idle_s": (fleet,),
             "start_pct": (fleet, visits), "home_pct": (fleet, visits), "idle_pct": (fleet,),
-            "depot_s": (profiles, visits), "depot_pct": (profiles, visits), "value": (visits // 2,),
-            "end_m": (visits, 2),
+            "depot_s": (fleet, visits), "depot_pct": (fleet, visits), "value": (visits // 2,),
+            "end_m": (visits, 3),
         }  # fmt: skip
         for name, shape in shapes.items():
             array: FloatArray = getattr(self, name)

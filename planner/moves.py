@@ -141,11 +141,16 @@ def travel_for(
         pct_per_s(drone, transit_speed_m_s),
         pct_per_s(drone, inspection_speed_m_s),
         dynamics,
-        _wind_of(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s) if any(wind_m_s) else None,
+        steady_wind(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s) if any(wind_m_s) else None,
     )
 
 
-def _wind_of(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> SteadyWind:
+def steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> SteadyWind:
+    """Return a wind, or still air, with what a drone uses in it up to a speed over ground.
+
+    Raises:
+        InstanceError: the battery cannot give what that speed takes against the wind.
+    """
     points = math.ceil((fastest_m_s + math.hypot(*wind_m_s)) / CURVE_STEP_M_S) + 2
     airspeed = tuple(CURVE_STEP_M_S * point for point in range(points))
     return SteadyWind(wind_m_s[0], wind_m_s[1], airspeed, tuple(pct_per_s(drone, speed) for speed in airspeed))

@@ -72,8 +72,8 @@ def part_of(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]
         start_pct=instance.start_pct[rows],
         home_pct=instance.home_pct[rows],
         idle_pct=instance.idle_pct[fleet],
-        depot_s=instance.depot_s[:, visits],
-        depot_pct=instance.depot_pct[:, visits],
+        depot_s=instance.depot_s[rows],
+        depot_pct=instance.depot_pct[rows],
         value=instance.value[list(segments)],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
@@ -83,7 +83,7 @@ def part_of(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]
 def _directed(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return (n,) int64, the visits in an order, each begun at the end that is nearer to where the last one ended."""
     tour = np.empty(len(order), dtype=np.int64)
-    here = np.array(instance.landing_m)
+    here = np.array([*instance.landing_m, 0.0])
     for place, segment in enumerate(order.tolist()):
         last = instance.end_m[2 * segment : 2 * segment + 2]
         # Visit v begins where visit v ^ 1 ends.

@@ -175,8 +175,8 @@ def _reduced(instance: Instance, survivors: Sequence[FreeVehicle], open_segments
         start_pct=np.array([start.row_pct[visits] for start in starts]),
         home_pct=instance.home_pct[home],
         idle_pct=np.array([start.idle_pct for start in starts]),
-        depot_s=instance.depot_s[:, visits],
-        depot_pct=instance.depot_pct[:, visits],
+        depot_s=instance.depot_s[home],
+        depot_pct=instance.depot_pct[home],
         value=instance.value[list(open_segments)],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
@@ -199,9 +199,9 @@ def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
     if visit is not None:
-        east_m, north_m = (float(coordinate) for coordinate in instance.end_m[visit])
+        east_m, north_m, up_m = (float(coordinate) for coordinate in instance.end_m[visit])
         return _Start(
-            replace(vehicle, start_m=(east_m, north_m), airborne=True),
+            replace(vehicle, start_m=(east_m, north_m), start_up_m=up_m, airborne=True),
             instance.moves.seconds(profile, visit, every),
             vehicle.consumption * instance.moves.pct(profile, visit, every),
             float(instance.home_s[number, visit]),
@@ -210,9 +210,9 @@ def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
     if not survivor.completed and not vehicle.airborne:
         return _Start(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
     return _Start(
-        replace(vehicle, start_m=instance.landing_m, airborne=False),
-        instance.depot_s[profile],
-        vehicle.consumption * instance.depot_pct[profile],
+        replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, airborne=False),
+        instance.depot_s[number],
+        vehicle.consumption * instance.depot_pct[number],
         0.0,
         0.0,
     )

@@ -18,14 +18,13 @@ from typing import ParamSpec, Self, TypeVar
 from executor.adapters.interrupts import end_processes, held_back
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
-from missions import Network, open_task
+from missions import Pricing, Task, open_task
 from planner import (
     Cancelled,
     Cost,
     NoImprovement,
     PlannerError,
     Seconds,
-    Travel,
     Vehicle,
     any_of,
     replan,
@@ -57,8 +56,6 @@ REPLAN_COST = Cost.MINMAX
 class SolverSetup:
     """What the worker must know before its first problem."""
 
-    network: Network
-    travel: Travel
     limit_s: float
     """Real seconds for one re-plan."""
     seed: int
@@ -86,23 +83,35 @@ def _ready() -> bool:
     return _worker is not None
 
 
-def _work(problem: Solve) -> SolveEnded:
+def _work(problem: Solve, pricing: Pricing) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
     setup, cancelled, _ = _worker
-    return solve_for_survivors(setup, problem, lambda: cancelled.value >= problem.revision)
+    return solve_for_survivors(setup, problem, pricing, lambda: cancelled.value >= problem.revision)
 
 
-def _judge(problem: Solve) -> SolveEnded:
+def _judge(problem: Solve, pricing: Pricing) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
     setup, _, wanted = _worker
-    return solve_for_survivors(setup, problem, lambda: wanted.value > 0, limit_s=JUDGE_S, settled=JUDGE_SETTLED)
+    return solve_for_survivors(
+        setup, problem, pricing, lambda: wanted.value > 0, limit_s=JUDGE_S, settled=JUDGE_SETTLED
+    )
+
+
+def task_for_survivors(problem: Solve, pricing: Pricing) -> Task:
+    """Return the planning problem of a re-plan."""
+    vehicles = [
+        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne, offer.start_up_m)
+        for offer in problem.survivors
+    ]
+    return open_task(pricing, problem.open_segments, vehicles)
 
 
 def solve_for_survivors(
     setup: SolverSetup,
     problem: Solve,
+    pricing: Pricing,
     cancelled: Callable[[], bool],
     *,
     limit_s: float | None = None,
@@ -113,15 +122,13 @@ def solve_for_survivors(
     Args:
         setup: What the worker knows.
         problem: Who can take over what.
+        pricing: Of the whole network.
         cancelled: Whether the answer is of no use any more.
         limit_s: Real seconds; by default the setup's.
         settled: Iterations without an improvement that are enough.
     """
-    vehicles = [
-        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
-        for offer in problem.survivors
-    ]
-    task = open_task(setup.network, problem.open_segments, vehicles, setup.travel)
+    task = task_for_survivors(problem, pricing)
+    vehicles = task.instance.vehicles
     still_open = set(problem.open_segments)
     tails = [
         task.from_network(v for v in tail if v >> 1 in still_open)
@@ -192,7 +199,7 @@ class SolverProcess:
         if await asyncio.to_thread(end_processes, workers):
             self._tell("the solver did not end when it was told to, and was killed")
 
-    async def solve(self, problem: Solve) -> SolveEnded:
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Return the best routes found within the limit; without routes if the worker died or was cancelled."""
         self._wanted.value += 1
         try:
@@ -200,7 +207,7 @@ class SolverProcess:
                 async with asyncio.timeout(START_S):
                     await self._warm_up()
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
-                return await asyncio.wrap_future(self._submitted(_work, problem))
+                return await asyncio.wrap_future(self._submitted(_work, problem, pricing))
         except BrokenProcessPool:
             self._kill()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver's process died")
@@ -210,13 +217,13 @@ class SolverProcess:
         finally:
             self._wanted.value -= 1
 
-    async def judge(self, problem: Solve) -> tuple[int, ...] | None:
+    async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
         """Return the segments that a re-plan would leave over; None if one that is needed came, or the worker died."""
         if self._wanted.value > 0:
             return None
         try:
             async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
-                ended = await asyncio.wrap_future(self._submitted(_judge, problem))
+                ended = await asyncio.wrap_future(self._submitted(_judge, problem, pricing))
         except (BrokenProcessPool, TimeoutError):
             return None  # the next re-plan finds out, and makes the worker anew
         return None if ended.routes is None else ended.uncovered

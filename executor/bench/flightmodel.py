@@ -21,7 +21,6 @@ from executor.simulator.battery import Battery as Pack
 from executor.site import assembly
 from executor.site.config import check_site
 from missions import dialect_for, flight_path
-from planner import Plan, Route
 
 ARDUPILOT, PX4, QUADROTOR, ACTIVE = 3, 12, 2, 4
 GROUND_S = 5.0
@@ -62,8 +61,7 @@ def model_site(autopilot: str) -> ModelledSite:
     setup, task = assembly.setup_of(ground), assembly.task_of(ground)
     names, count = ground.names, len(ground.network.segments)
     routes = {name: tuple(2 * segment for segment in range(count)[k::VEHICLES]) for k, name in enumerate(names)}
-    plan = Plan(tuple(Route(k, routes[name]) for k, name in enumerate(names)), ())
-    context = assembly.context_of(ground, setup, task, plan)
+    context = assembly.context_of(ground, setup, task)
     boards = tuple(aboard(context, name, 0, flight_path(setup, name, routes[name]), routes[name]) for name in names)
     return ModelledSite(context, boards, names)
 

@@ -117,6 +117,8 @@ class Survivor:
     """What it would do next by its present route: the warm start."""
     kept: int
     """How many waypoints of its present path stay as they are."""
+    start_up_m: float = 0.0
+    """In the air: its height where it becomes free, as flights are priced."""
 
 
 @dataclass(frozen=True, slots=True)

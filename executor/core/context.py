@@ -9,11 +9,8 @@ from enum import Enum
 
 from executor.core.battery.kalman import Prior
 from executor.core.limits import Limits
-from missions import Dialect, FlightSetup, LocalFrame
-from planner import Drone, Travel, pct_per_s, range_speed_m_s
-
-MODEL_SPEED_RATIO = 1.2
-"""Above this multiple of the speed of best range the energy model does not hold."""
+from missions import Dialect, FlightSetup, LocalFrame, Pricing
+from planner import Drone, pct_per_s, top_speed_m_s
 
 
 class FlyAgain(Enum):
@@ -71,12 +68,11 @@ class Scene:
 
 
 def draws_pct_s(drone: Drone) -> tuple[float, ...]:
-    """Return what a second costs at 0, 0.1, 0.2 ... m/s, up to where the energy model ends.
+    """Return what a second costs at 0, 0.1, 0.2 ... m/s, up to what the battery can give.
 
     Every position and every look at the battery asks for one; a step changes the figure by less than 1 %.
     """
-    fastest_m_s = MODEL_SPEED_RATIO * range_speed_m_s(drone)
-    return tuple(pct_per_s(drone, step / 10) for step in range(math.floor(10 * fastest_m_s) + 1))
+    return tuple(pct_per_s(drone, step / 10) for step in range(round(10 * top_speed_m_s(drone)) + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,15 +80,10 @@ class Context(Scene):
     """Everything that `fleet.step` may look at besides the state and the event."""
 
     setup: FlightSetup
-    travel: Travel
+    pricing: Pricing
+    """Times and energies of all moves, with the pads as they really are."""
     wanted: frozenset[int]
     """The network's segments that this flight is for: those of its first plan."""
-    overhead: float
-    """What a real flight path costs relative to the planning model, for holds and ramps; at least 1."""
-    fixed_pct: float
-    """What the climb from the pad and the descent onto it cost, which the planning model does not know."""
-    landing_pct: float
-    """The descent's part of that."""
     fly_again: FlyAgain
     pilot_grace_s: float
     """How long the segments of a vehicle that its pilot has taken are kept for it."""

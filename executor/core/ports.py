@@ -10,6 +10,7 @@ from executor.core.commands import Solve
 from executor.core.connection import Connection
 from executor.core.events import Event, SolveEnded
 from executor.core.messages import Message, Outgoing
+from missions import Pricing
 
 
 class Clock(Protocol):
@@ -103,7 +104,7 @@ class EventSink(Protocol):
 class Solver(Protocol):
     """The planner in a process of its own."""
 
-    async def solve(self, problem: Solve) -> SolveEnded:
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Return the best routes found within the deadline."""
         ...
 
@@ -115,6 +116,6 @@ class Solver(Protocol):
 class Judge(Protocol):
     """The planner, asked what would be, when nothing else is asked."""
 
-    async def judge(self, problem: Solve) -> tuple[int, ...] | None:
+    async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
         """Return the segments that could not be covered; None if something more urgent came."""
         ...

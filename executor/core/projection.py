@@ -6,7 +6,7 @@ import math
 
 from executor.core.battery import account
 from executor.core.battery.kalman import Projection, projected
-from executor.core.context import Context, Scene, VehicleSetup
+from executor.core.context import Scene, VehicleSetup
 from executor.core.vehicle import Stage, VehicleState
 
 FAR, PLENTY_PCT = 3.0, 10.0
@@ -76,11 +76,6 @@ def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSe
     away_m = math.dist(state.motion.fix.place_m, setup.pad_m)
     level_s, down_s = away_m / HOME_SPEED_M_S, max(0.0, state.motion.fix.alt_rel_m) / DESCENT_M_S
     return context.draw_pct_per_s(HOME_SPEED_M_S, 0.0) * level_s + context.draw_pct_per_s(0.0, 0.0) * down_s
-
-
-def consumption(context: Context, state: VehicleState) -> float:
-    """Return what the vehicle uses relative to the planning model, with the overhead of real flight."""
-    return account.factor(state.power.battery) * context.overhead
 
 
 def _share_of_leg_left(state: VehicleState) -> float:

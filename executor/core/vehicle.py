@@ -255,5 +255,5 @@ def aboard(context: Context, name: str, revision: int, path: FlightPath, visits:
         if waypoint.phase is Phase.INSPECT and waypoint.visit is not None
     )
     encoded = encode(path, context.vehicles[name].dialect)
-    legs = estimate(path, context.travel, context.setup.motion).legs
+    legs = estimate(path, context.pricing.models[name]).legs
     return OnBoard(revision, path, encoded.waypoint_of, visits, tracks, places, legs)

@@ -39,7 +39,6 @@ from executor.flight.recorder import NOTHING_LEFT, Keeper, Legacy, in_force
 from executor.flight.together import time_of
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
-from executor.site.assembly import Ground
 from executor.site.plan_words import route_words, summary
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ async def fly(order: Order, console: Console) -> FlightResult:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
     load_parts(order)
-    solver = solver_of(order, order.ground, console)
+    solver = solver_of(order, console)
     with locked(order.run), supervised.hear(lambda text: console.say(Level.FAULT, text), order.run):
         async with time_of(order.site, console) as found:
             clock = SystemClock.beside(order.site.flight.speedup, found.steady)
@@ -82,9 +81,9 @@ def load_parts(order: Order) -> None:
         import executor.flight.mqtt  # noqa: F401 - it is loaded, and used later
 
 
-def solver_of(order: Order, ground: Ground, console: Console) -> SolverProcess:
+def solver_of(order: Order, console: Console) -> SolverProcess:
     """Return the solver of a flight, not started yet."""
-    setup = SolverSetup(ground.network, ground.travel, order.site.flight.solve_s, order.plan.solved.seed)
+    setup = SolverSetup(order.site.flight.solve_s, order.plan.solved.seed)
     return SolverProcess(setup, telling(console))
 
 

@@ -87,7 +87,7 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
     task, plan = order.plan.task(), order.plan.plan
     dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
     own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
-    context = assembly.context_of(ground, setup, task, plan, own)
+    context = assembly.context_of(ground, setup, task, own)
     boards = _boards(context, assembly.routes_of(ground, task, plan))
     return (
         context,

@@ -12,7 +12,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.solver import REPLAN_COST
+from executor.adapters.solver import REPLAN_COST, task_for_survivors
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, SolveEnded, Tick
@@ -21,10 +21,9 @@ from executor.flight.checkpointing import Checkpointer
 from executor.flight.checkpoints import Checkpoint, Planned
 from executor.flight.flight_order import Console, Order
 from executor.runtime.flight import Observer
-from executor.site.assembly import Ground
 from executor.supervised import report_mistake
-from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
-from planner import Plan, Route, Vehicle
+from missions import MissionsError, PlanFile, Pricing, Solved, Task, make_plan_file, read_plan, write_plan
+from planner import Plan, Route
 
 if TYPE_CHECKING:
     from executor.flight.mqtt import Publication
@@ -171,7 +170,7 @@ class Keeper:
 
     async def _keep(self, planned: Planned) -> None:
         try:
-            content = await asyncio.to_thread(_plan_file, self._order, planned)
+            content = await asyncio.to_thread(_plan_file, self._order, self._context.pricing, planned)
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
             self.told(Say(Level.WARNING, text), self._clock.now_s())
@@ -198,10 +197,10 @@ def plan_path(run: Path, planned: Planned) -> Path:
     return RunDirectory(run).plan(planned[1].revision)
 
 
-def _plan_file(order: Order, planned: Planned) -> PlanFile:
+def _plan_file(order: Order, pricing: Pricing, planned: Planned) -> PlanFile:
     """Return a re-plan as a plan file, and keep it where there is room."""
     ground, (solve, event) = order.ground, planned
-    task, plan = _replanned(ground, solve, event)
+    task, plan = _replanned(pricing, solve, event)
     solved = Solved(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
@@ -211,15 +210,11 @@ def _plan_file(order: Order, planned: Planned) -> PlanFile:
     return content
 
 
-def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
-    vehicles = [
-        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
-        for offer in solve.survivors
-    ]
-    task = open_task(ground.network, solve.open_segments, vehicles, ground.travel)
+def _replanned(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
+    task = task_for_survivors(solve, pricing)
     number = {segment: index for index, segment in enumerate(task.segment_ids)}
     visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
-    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(vehicles))
+    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(task.instance.vehicles))
     return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
 
 

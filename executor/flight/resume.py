@@ -312,7 +312,7 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
             away_s = max(0.0, clock.now_s() - left.last_s)
             reopened = Reopened(time.time(), away_s, left.notes)
             # The planner's process starts while the vehicles are asked: they fly meanwhile.
-            solver = fly.solver_of(order, left.begun.ground, console)
+            solver = fly.solver_of(order, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run), left.legacy)

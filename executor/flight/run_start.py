@@ -51,7 +51,7 @@ def beginning(run: Path) -> Beginning:
     own: Mapping[str, LinkFailsafe] = MappingProxyType({
         name: link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
     })  # fmt: skip
-    context = assembly.context_of(ground, setup, task, plan.plan, own)
+    context = assembly.context_of(ground, setup, task, own)
     routes = assembly.routes_of(ground, task, plan.plan)
     paths = assembly.paths_of(setup, routes)
     boards = {

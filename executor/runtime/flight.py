@@ -217,7 +217,10 @@ class Flight:
                 self._aside(vehicle, asks(vehicle))
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
-                self._spawn(self._ended("the solver", partial(self._solver.solve, command), nothing), "solver")
+                self._spawn(
+                    self._ended("the solver", partial(self._solver.solve, command, self.context.pricing), nothing),
+                    "solver",
+                )
             case commands.Compose(revision):
                 asyncio.get_running_loop().call_soon(self.apply, events.MissionsWanted(revision))
             case commands.CancelSolve(revision):

@@ -35,7 +35,7 @@ async def _round(flight: Flight, judge: Judge) -> bool:
         if name not in what_if.worth_judging(flight.state):
             return False
         problem = what_if.if_lost(flight.context, flight.state, name, flight.now_s())
-        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem)
+        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
         if uncovered is None or revision != flight.state.replanning.revision:
             return False
         flight.apply(LossJudged(name, revision, uncovered))

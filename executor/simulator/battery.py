@@ -10,23 +10,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from planner.energy import Drone, pct_per_s, power_w, range_speed_m_s
+from planner.energy import CLIMB_SHARE_PER_M_S, Drone, pct_per_s, power_w, top_speed_m_s
 
 CHARGE_PCT = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 REST_CELL_V = (3.27, 3.61, 3.69, 3.71, 3.73, 3.77, 3.80, 3.84, 3.87, 3.95, 4.02, 4.11, 4.20)
 """Resting voltage of a lithium polymer cell at those charges; the usual published table."""
 HOVER_SAG = 0.03
 """Share of the nominal voltage that hovering costs: 12.6 to 12.26 V in the recorded ArduPilot flight."""
-CLIMB_SHARE_PER_M_S = 0.04
-"""Extra power a m/s of climb: 31.4 A against 28.5 A at 2.5 m/s in the recorded ArduPilot flight."""
-MODEL_SPEED_RATIO = 1.2
-"""Above this multiple of the speed of best range the energy model does not hold."""
 
 
 @lru_cache(maxsize=4096)
 def _drain_pct_s(drone: Drone, decimetres_s: int) -> float:
     """Percent a second at a speed in tenths of m/s; rounding keeps the cache small and costs under 1 %."""
-    return pct_per_s(drone, min(decimetres_s / 10, MODEL_SPEED_RATIO * range_speed_m_s(drone)))
+    return pct_per_s(drone, min(decimetres_s / 10, top_speed_m_s(drone)))
 
 
 class Battery:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,19 +12,21 @@ from executor.core.battery.kalman import Prior
 from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
+from executor.errors import SiteError
 from executor.site.config import Site
 from missions import (
     Dialect,
+    FlightModel,
     FlightPath,
     FlightSetup,
     Inspection,
     Network,
     Pad,
-    Phase,
+    Performance,
+    Pricing,
     Task,
     default_network_path,
     dialect_for,
-    estimate,
     flight_path,
     flight_setup,
     implausible,
@@ -31,7 +34,7 @@ from missions import (
     read_network,
     with_heights,
 )
-from planner import PRESETS, Drone, Plan, Travel, Vehicle, route_energy_pct, travel_for
+from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
@@ -50,6 +53,8 @@ class Ground:
     inspection: Inspection
     drone: Drone
     travel: Travel
+    setup: FlightSetup
+    """Heights, and pads that are chosen around the depot."""
     worth_a_look: tuple[str, ...] = ()
     """What was found about the network's heights, in words."""
 
@@ -72,8 +77,24 @@ def ground_of(site: Site, base: Path) -> Ground:
     network = with_heights(network, flat=table.heights == "flat")
     worth_a_look = tuple(implausible(network, tallest_m=site.network.tallest_m))
     drone = drone_of(site)
+    _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    return Ground(site, network, inspection_of(site, network), drone, travel, worth_a_look)
+    inspection = inspection_of(site, network)
+    setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
+    return Ground(site, network, inspection, drone, travel, setup, worth_a_look)
+
+
+def _check_speeds(site: Site, drone: Drone) -> None:
+    most_m_s = top_speed_m_s(drone)
+    wind_m_s = math.hypot(*site.inspection.wind_m_s)
+    for key in ("speed_m_s", "transit_speed_m_s"):
+        asked_m_s = getattr(site.inspection, key)
+        if asked_m_s + wind_m_s > most_m_s:
+            against = f" against a wind of {wind_m_s:.1f} m/s" if wind_m_s else ""
+            raise SiteError(
+                f"inspection.{key}: expected at most {max(0.0, most_m_s - wind_m_s):.1f} m/s, what the battery of a "
+                f"{drone.name} can give{against}, got {asked_m_s:g}"
+            )
 
 
 def inspection_of(site: Site, network: Network) -> Inspection:
@@ -111,16 +132,38 @@ def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Coll
         if vehicle.name not in without
     ]
     wanted = range(len(ground.network.segments)) if segments is None else segments
-    return open_task(ground.network, wanted, vehicles, ground.travel)
+    return open_task(pricing_of(ground), wanted, vehicles)
 
 
 def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
     """Return heights and pads; pads are chosen around the depot unless the vehicles' places are known.
 
     Raises:
-        MissionsError: there is no room for pads or layers.
+        MissionsError: the pads leave no room.
     """
-    return flight_setup(ground.network, ground.names, ground.inspection, pads=pads)
+    return ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
+
+
+def pricing_of(
+    ground: Ground, setup: FlightSetup | None = None, performances: Mapping[str, Performance] = MappingProxyType({})
+) -> Pricing:
+    """Return what flights take.
+
+    Args:
+        ground: What is known before any vehicle answers.
+        setup: Heights and pads; by default those that were chosen.
+        performances: How vehicles fly by their own parameters, by their name, where they were asked.
+    """
+    table, setup = ground.site.inspection, setup or ground.setup
+    power = steady_wind(ground.drone, max(table.transit_speed_m_s, table.speed_m_s), table.wind_m_s)
+    models = {
+        vehicle.name: FlightModel(
+            performances.get(vehicle.name, dialect_for(vehicle.autopilot).performance),
+            power, table.transit_speed_m_s, table.speed_m_s,
+        )
+        for vehicle in ground.site.vehicle
+    }  # fmt: skip
+    return Pricing(setup.tracks_up_m, {name: setup.base_of(name) for name in ground.names}, models)
 
 
 def stall_s(speedup: float) -> float:
@@ -155,40 +198,10 @@ def paths_of(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Mappi
     return {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
 
 
-@dataclass(frozen=True, slots=True)
-class Overhead:
-    """What real flight paths cost beyond the planning model."""
-
-    factor: float
-    """Of everything that the planner counts, for holds and ramps; at least 1."""
-    fixed_pct: float
-    """Of the climb from the pad and the descent onto it, in percent of a full battery."""
-    landing_pct: float
-    """The descent's part of that."""
-
-
-def overhead_of(ground: Ground, setup: FlightSetup, task: Task, plan: Plan) -> Overhead:
-    """Return what the flight paths of a plan cost beyond the plan."""
-    modelled = sum(route_energy_pct(task.instance, route) for route in plan.routes if route.visits)
-    level_pct, climb_pct, landing_pct = 0.0, 0.0, 0.0
-    for path in paths_of(setup, routes_of(ground, task, plan)).values():
-        legs = estimate(path, ground.travel, setup.motion).legs
-        for waypoint, leg in zip(path.waypoints, legs, strict=True):
-            if waypoint.phase is Phase.TAKEOFF:
-                climb_pct = max(climb_pct, leg.energy_pct)
-            elif waypoint.phase is Phase.LAND:
-                landing_pct = max(landing_pct, leg.energy_pct)
-            else:
-                level_pct += leg.energy_pct
-    factor = max(1.0, level_pct / modelled) if modelled > 0 else 1.0
-    return Overhead(factor, climb_pct + landing_pct, landing_pct)
-
-
 def context_of(
     ground: Ground,
     setup: FlightSetup,
     task: Task,
-    plan: Plan,
     own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
 ) -> Context:
     """Return everything that the decisions in flight may look at.
@@ -197,7 +210,6 @@ def context_of(
         ground: What is known before any vehicle answers.
         setup: Heights and pads.
         task: The problem of the first plan.
-        plan: The first plan.
         own: What vehicles do by themselves in silence, by their name, where they were asked.
     """
     site = ground.site
@@ -215,7 +227,6 @@ def context_of(
             pad_m=(pad.east_m, pad.north_m),
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
         )
-    overhead = overhead_of(ground, setup, task, plan)
     return Context(
         frame=setup.frame,
         setup=setup,
@@ -225,13 +236,10 @@ def context_of(
         draws_pct_s=draws_pct_s(ground.drone),
         prior=Prior(),
         wind_m_s=site.inspection.wind_m_s,
-        travel=ground.travel,
+        pricing=pricing_of(ground, setup),
         wanted=frozenset(task.segment_ids),
         corridor_m=site.inspection.corridor_m,
         inspection_speed_m_s=site.inspection.speed_m_s,
-        overhead=overhead.factor,
-        fixed_pct=overhead.fixed_pct,
-        landing_pct=overhead.landing_pct,
         fly_again=FlyAgain(site.flight.fly_again),
         pilot_grace_s=site.flight.pilot_grace_s,
         pilot_returns=site.flight.pilot_return == "auto",

@@ -121,8 +121,8 @@ def first_plan(
         plan, seconds, window = result.plan, result.seconds, None
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     return make_plan_file(
-        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
-    )
+        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection,
+    )  # fmt: skip
 
 
 def front_plans(
@@ -219,7 +219,7 @@ def _asked(plan: PlanFile) -> dict[str, object]:
     """Return what a plan file says of the site that it was made for."""
     document = plan_document(plan)
     return {
-        **{key: document.get(key) for key in ("depot", "travel", "inspection")},
+        **{key: document.get(key) for key in ("depot", "travel", "inspection", "model")},
         "vehicles": {vehicle.name: asdict(vehicle) for vehicle in plan.vehicles},
         "segments": {
             segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
@@ -301,7 +301,8 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     task = plan.task()
     left = remaining(task.instance, plan.plan, names.index(lost), at_s)
     result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
-    reduced = Task(left.instance, left.open_segments)
+    pricing = plan.pricing and plan.pricing.part(left.open_segments, (one.name for one in left.instance.vehicles))
+    reduced = Task(left.instance, left.open_segments, pricing)
     solved = Solved(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
     content = make_plan_file(
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection

@@ -18,6 +18,7 @@ from missions.autopilots.failsafes import (
     Words,
 )
 from missions.items import Frame
+from missions.performance import Performance, Ramp
 
 
 def _ardupilot(number: int) -> ModeNumber:
@@ -131,6 +132,20 @@ ARDUPILOT = Dialect(
     ground_station_failsafe=ARDUPILOT_LINK,
     battery_failsafe=ARDUPILOT_BATTERY,
     geofence=ARDUPILOT_FENCE,
+    performance=Performance(
+        level=Ramp(acceleration_m_s2=2.5, jerk_m_s3=1.0),  # WPNAV_ACCEL 250 cm/s/s, WPNAV_JERK 1
+        upright=Ramp(acceleration_m_s2=1.0, jerk_m_s3=1.0),  # WPNAV_ACCEL_Z 100 cm/s/s
+        climb_m_s=2.5,  # WPNAV_SPEED_UP 250 cm/s
+        descent_m_s=1.5,  # WPNAV_SPEED_DN 150 cm/s
+        settle_s=0.0,
+        hold_s=1.0,
+        take_off_m_s=2.5,  # WPNAV_SPEED_UP
+        spool_s=3.0,
+        land_fast_m_s=1.5,  # LAND_SPEED_HIGH 0: WPNAV_SPEED_DN
+        land_m_s=0.5,  # LAND_SPEED 50 cm/s
+        land_below_m=10.0,  # LAND_ALT_LOW 1000 cm
+        touch_s=2.0,
+    ),
     oldest_version=(4, 6),
     tested_version="Copter 4.7-dev",
 )

@@ -8,6 +8,7 @@ from enum import Enum
 
 from missions.autopilots.failsafes import BatteryFailsafe, Geofence, GroundStationFailsafe
 from missions.items import Frame
+from missions.performance import Performance
 
 
 class StartStep(Enum):
@@ -142,6 +143,8 @@ class Dialect:
     ground_station_failsafe: GroundStationFailsafe
     battery_failsafe: BatteryFailsafe
     geofence: Geofence
+    performance: Performance
+    """How it flies missions by its own parameters' defaults."""
     oldest_version: tuple[int, int]
     """Major and minor number; what is older was not looked at."""
     tested_version: str

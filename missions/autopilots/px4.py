@@ -12,6 +12,7 @@ from types import MappingProxyType
 from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
 from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
 from missions.items import Frame
+from missions.performance import Performance, Ramp
 
 
 def _px4(main: int, sub: int) -> ModeNumber:
@@ -121,6 +122,20 @@ PX4 = Dialect(
     ground_station_failsafe=PX4_LINK,
     battery_failsafe=PX4_BATTERY,
     geofence=PX4_FENCE,
+    performance=Performance(
+        level=Ramp(acceleration_m_s2=3.0, jerk_m_s3=4.0),  # MPC_ACC_HOR, MPC_JERK_AUTO
+        upright=Ramp(acceleration_m_s2=3.0, jerk_m_s3=4.0),  # MPC_ACC_DOWN_MAX
+        climb_m_s=3.0,  # MPC_Z_V_AUTO_UP
+        descent_m_s=1.5,  # MPC_Z_V_AUTO_DN
+        settle_s=0.0,
+        hold_s=1.0,
+        take_off_m_s=1.5,  # MPC_TKO_SPEED
+        spool_s=3.0,
+        land_fast_m_s=1.5,  # MPC_Z_V_AUTO_DN
+        land_m_s=0.7,  # MPC_LAND_SPEED
+        land_below_m=5.0,  # MPC_LAND_ALT2
+        touch_s=2.0,
+    ),
     oldest_version=(1, 15),
     tested_version="PX4 1.17.0",
 )

@@ -31,7 +31,6 @@ from executor.core.vehicle import Stage, VehicleState, aboard
 from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
 from executor.site import assembly
 from missions import Segment, flight_path
-from planner import Plan, Route
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
@@ -81,8 +80,7 @@ def fleet() -> Fleet:
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
     ground = ground_for(site_of(tuple(ROUTES)), replace(plain, segments=segments, source="gallery"))
     setup, task = assembly.setup_of(ground), assembly.task_of(ground)
-    plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(ROUTES.values())), ())
-    context = assembly.context_of(ground, setup, task, plan)
+    context = assembly.context_of(ground, setup, task)
     boards: dict[str, OnBoard | None] = {
         name: aboard(context, name, 0, flight_path(setup, name, visits), visits) for name, visits in ROUTES.items()
     }

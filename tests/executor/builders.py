@@ -13,8 +13,8 @@ from executor.core.vehicle import VehicleState, aboard
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site, check_site
-from missions import Network, flight_path
-from planner import Plan, Route, travel_for
+from missions import Network, flight_path, flight_setup
+from planner import travel_for
 from tests.missions.builders import line_east
 
 State = TypeVar("State", VehicleState, FleetState)
@@ -39,7 +39,9 @@ def ground_for(site: Site, network: Network) -> Ground:
     """Return what is known before any vehicle answers."""
     table, drone = site.inspection, assembly.drone_of(site)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    return Ground(site, network, assembly.inspection_of(site, network), drone, travel)
+    inspection = assembly.inspection_of(site, network)
+    setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
+    return Ground(site, network, inspection, drone, travel, setup)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +58,7 @@ def fleet_of(
     """Return a fleet over a line due east of the depot, pylons every 100 m; an empty route stays on the ground."""
     ground = ground_for(site_of(tuple(routes), autopilot, **tables), line_east(pylons))
     setup, task = assembly.setup_of(ground), assembly.task_of(ground)
-    plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(routes.values())), ())
-    context = assembly.context_of(ground, setup, task, plan)
+    context = assembly.context_of(ground, setup, task)
     boards = {
         name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
         for name, visits in routes.items()

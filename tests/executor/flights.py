@@ -22,9 +22,9 @@ from executor.analysis.documents import FaultRow, FlightReport
 from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position
 from executor.core.vehicle import FaultKind
-from missions import Inspection, PlanFile, Solved, make_plan_file, open_task, write_plan
+from missions import Inspection, PlanFile, Solved, make_plan_file, write_plan
 from planner import Cost, Plan, Route, Travel, Vehicle
-from tests.missions.builders import FRAME, line_east
+from tests.missions.builders import FRAME, line_east, paper_task
 
 LAUNCH_S = 50.0
 """In the ground station's time."""
@@ -42,7 +42,7 @@ _UAV3 = ((0, 0), (62, 0), (82, 200), (102, 300), (132, 0))
 def first_plan_file() -> PlanFile:
     """Return the first plan: uav1 has segments 3 and 4, uav2 has 0, 1 and 2, uav3 is a spare."""
     vehicles = [Vehicle(name, (0.0, 0.0), 75.0) for name in NAMES]
-    task = open_task(NETWORK, range(5), vehicles, TRAVEL)
+    task = paper_task(NETWORK, range(5), vehicles, TRAVEL)
     plan = Plan((Route(0, (6, 8)), Route(1, (0, 2, 4)), Route(2, ())))
     return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINMAX, Solved("search", 1, 0.1), inspection=INSPECTION)
 
@@ -50,7 +50,7 @@ def first_plan_file() -> PlanFile:
 def second_plan_file() -> PlanFile:
     """Return the re-plan: from 500 m east uav1 has segments 4 and 2 (backwards), uav3 has segment 1 from its pad."""
     vehicles = [Vehicle("uav1", (500.0, 0.0), 60.0, airborne=True), Vehicle("uav3", (0.0, 0.0), 70.0)]
-    task = open_task(NETWORK, (1, 2, 4), vehicles, TRAVEL)
+    task = paper_task(NETWORK, (1, 2, 4), vehicles, TRAVEL)
     plan = Plan((Route(0, (4, 3)), Route(1, (0,))))
     return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINCOMB, Solved("search", 1, 0.1), inspection=INSPECTION)
 

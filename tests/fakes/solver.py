@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
+from missions import Pricing
 
 Answer = Callable[[Solve], SolveEnded]
 
@@ -52,7 +53,7 @@ class FakeSolver:
         self._takes_s = takes_s
         self._news = asyncio.Event()
 
-    async def solve(self, problem: Solve) -> SolveEnded:
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Answer, or say that it was cancelled."""
         self.asked.append(problem)
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 
 import numpy as np
@@ -19,12 +19,11 @@ from missions import (
     Task,
     Waypoint,
     flight_setup,
-    open_task,
 )
 from missions.geo import LocalFrame
 from missions.readers import default_network_path, read_network
 from missions.tasks import DEPOT_M
-from planner import Travel, Vehicle
+from planner import Travel, Vehicle, build_instance
 
 FRAME = LocalFrame(49.6, 15.6, 450.0)
 """A depot for tests."""
@@ -77,8 +76,14 @@ def depot_vehicle(name: str, budget_pct: float, consumption: float = 1.0) -> Veh
 
 
 def whole_task(network: Network, vehicles: Sequence[Vehicle], travel: Travel) -> Task:
-    """Return the problem of inspecting every segment of a network."""
-    return open_task(network, range(len(network.segments)), vehicles, travel)
+    """Return the problem of inspecting every segment of a network, by the paper's model."""
+    return paper_task(network, range(len(network.segments)), vehicles, travel)
+
+
+def paper_task(network: Network, segments: Iterable[int], vehicles: Sequence[Vehicle], travel: Travel) -> Task:
+    """Return the problem of inspecting some segments of a network, by the paper's model."""
+    ids = tuple(sorted(set(segments)))
+    return Task(build_instance(network.ends_m[list(ids)], DEPOT_M, vehicles, travel), ids)
 
 
 def arrival_seq(mission: EncodedMission, waypoint: int) -> int:

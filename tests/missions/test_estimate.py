@@ -1,4 +1,4 @@
-"""Estimates of real flights against sums done by hand."""
+"""Estimates of whole flights against sums done by hand."""
 
 from __future__ import annotations
 
@@ -6,12 +6,18 @@ from dataclasses import replace
 
 import pytest
 
-from missions import FlightPath, Motion, Phase, Waypoint, estimate
-from planner import SteadyWind, Travel
+from missions import FlightModel, FlightPath, Performance, Phase, Ramp, Waypoint, estimate
+from planner import SteadyWind
 from tests.missions.builders import FRAME
 
-TRAVEL = Travel(transit_speed_m_s=5.0, inspection_speed_m_s=1.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
-MOTION = Motion(climb_m_s=2.0, descent_m_s=1.0, acceleration_m_s2=2.5, hold_s=1.0)
+EVEN = Ramp(2.5, 1e9)
+"""As good as without a jerk: a ramp to 5 m/s takes 2 s."""
+PERFORMANCE = Performance(
+    EVEN, EVEN, climb_m_s=2.0, descent_m_s=1.0, settle_s=0.5, hold_s=1.0, take_off_m_s=2.0, spool_s=3.0,
+    land_fast_m_s=2.0, land_m_s=0.5, land_below_m=5.0, touch_s=2.0,
+)  # fmt: skip
+STILL = SteadyWind(0.0, 0.0, (0.0, 10.0), (0.1, 0.1))
+MODEL = FlightModel(PERFORMANCE, STILL, transit_speed_m_s=5.0, inspection_speed_m_s=1.0)
 
 
 def waypoint(phase: Phase, east: float, north: float, up: float, speed: float, *, hold: bool = False) -> Waypoint:
@@ -19,73 +25,87 @@ def waypoint(phase: Phase, east: float, north: float, up: float, speed: float, *
     return Waypoint(phase, lat, lon, up, speed, hold)
 
 
+OUT_AND_HOME = FlightPath(
+    "uav1",
+    (
+        waypoint(Phase.TAKEOFF, 0, 0, 20, 1.0),
+        waypoint(Phase.TRANSIT, 100, 0, 20, 5.0, hold=True),
+        waypoint(Phase.INSPECT, 150, 0, 20, 1.0, hold=True),
+        waypoint(Phase.RETURN, 0, 0, 20, 5.0),
+        waypoint(Phase.LAND, 0, 0, 0, 1.0),
+    ),
+)
+SECONDS = [
+    3.0 + 20.0 / 2.0 + 2.0 / 2.5,  # spool, climb, a ramp at each end
+    100.0 / 5.0 + 5.0 / 2.5 + 1.5,  # a stop with its hold
+    50.0 / 1.0 + 1.0 / 2.5 + 1.5,
+    150.0 / 5.0 + 5.0 / 2.5 + 0.5,  # a stop without one
+    15.0 / 2.0 + 0.5 * 2.0 / 2.5 + 5.0 / 0.5 + 2.0,  # fast, slow, and until the motors stop
+]
+
+
 def test_a_flight_is_the_sum_of_its_legs() -> None:
-    path = FlightPath(
-        "uav1",
-        (
-            waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0),
-            waypoint(Phase.TRANSIT, 100, 0, 20, 5.0, hold=True),
-            waypoint(Phase.INSPECT, 150, 0, 20, 1.0, hold=True),
-            waypoint(Phase.RETURN, 0, 0, 20, 5.0),
-            waypoint(Phase.LAND, 0, 0, 0, 1.0),
-        ),
-    )
-    figures = estimate(path, TRAVEL, MOTION)
-    # Climb 20 / 2 and a ramp at each end of 2 / 5; transit 100 / 5 + 5 / 2.5 and 1 s; 50 / 1 + 1 / 2.5 and 1 s;
-    # 150 / 5 + 5 / 2.5; 20 / 1 + 1 / 2.5.
-    seconds = [10.8, 23.0, 51.4, 32.0, 20.4]
-    energies = [10.8 * 0.2, 22.0 * 0.1 + 1 * 0.2, 51.4 * 0.2, 32.0 * 0.1, 20.4 * 0.2]
-    assert [leg.duration_s for leg in figures.legs] == pytest.approx(seconds, abs=1e-3)
+    figures = estimate(OUT_AND_HOME, MODEL)
+    climb_pct = 20.0 * 0.04 * 0.1  # four percent more for each m/s of climb
+    energies = [0.1 * seconds for seconds in SECONDS]
+    energies[0] += climb_pct
+    assert [leg.duration_s for leg in figures.legs] == pytest.approx(SECONDS, abs=1e-3)
     assert [leg.energy_pct for leg in figures.legs] == pytest.approx(energies, abs=1e-3)
-    assert figures.duration_s == pytest.approx(sum(seconds), abs=1e-3)
+    assert figures.duration_s == pytest.approx(sum(SECONDS), abs=1e-3)
     assert figures.energy_pct == pytest.approx(sum(energies), abs=1e-3)
-    assert estimate(path, TRAVEL, MOTION, consumption=1.5).energy_pct == pytest.approx(1.5 * sum(energies), abs=2e-3)
-
-
-def transit(*places: tuple[float, float]) -> float:
-    points = [waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0)]
-    points += [waypoint(Phase.TRANSIT, east, north, 20, 5.0) for east, north in places]
-    return sum(leg.duration_s for leg in estimate(FlightPath("uav1", tuple(points)), TRAVEL, MOTION).legs[1:])
+    assert estimate(OUT_AND_HOME, MODEL, consumption=1.5).energy_pct == pytest.approx(1.5 * sum(energies), abs=2e-3)
 
 
 def test_wind_costs_what_its_air_speed_does() -> None:
-    wind = SteadyWind(
-        3.0, 0.0, (0.0, 10.0), (0.0 + 1e-9, 1.0)
-    )  # a tenth of a percent a second for each m/s of air speed
-    path = FlightPath(
-        "uav1",
-        (
-            waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0),
-            waypoint(Phase.TRANSIT, 100, 0, 20, 5.0, hold=True),
-            waypoint(Phase.INSPECT, 150, 0, 20, 1.0, hold=True),
-            waypoint(Phase.RETURN, 0, 0, 20, 5.0),
-            waypoint(Phase.LAND, 0, 0, 0, 1.0),
-        ),
+    """A tenth of a percent a second for each m/s of air speed, the air moving east at 3 m/s."""
+    windy = replace(MODEL, power=SteadyWind(3.0, 0.0, (0.0, 10.0), (1e-9, 1.0)))
+    figures = estimate(OUT_AND_HOME, windy)
+    assert [leg.duration_s for leg in figures.legs] == pytest.approx(SECONDS, abs=1e-3)
+    # Out at 5 - 3 = 2 for 18 s; 4 s of ramps, over which the air speed is 3, 0.5, 2 (Simpson), 1.5 s of hover at 3.
+    assert figures.legs[1].energy_pct == pytest.approx(
+        18.0 * 0.2 + 4.0 * (0.3 + 4 * 0.05 + 0.2) / 6 + 1.5 * 0.3, abs=1e-3
     )
-    figures = estimate(path, replace(TRAVEL, wind=wind), MOTION)
-    assert figures.duration_s == pytest.approx(estimate(path, TRAVEL, MOTION).duration_s)
-    # Out 5 - 3, inspecting 1 - 3, home -5 - 3; in hover the wind itself.
-    energies = [10.8 * 0.3, 22.0 * 0.2 + 0.3, 50.4 * 0.2 + 0.3, 32.0 * 0.8, 20.4 * 0.3]
-    assert [leg.energy_pct for leg in figures.legs] == pytest.approx(energies, abs=1e-3)
+    # Home at 8, through 3, 5.5 and 8.
+    assert figures.legs[3].energy_pct == pytest.approx(
+        28.0 * 0.8 + 4.0 * (0.3 + 4 * 0.55 + 0.8) / 6 + 0.5 * 0.3, abs=1e-3
+    )
+
+
+def transit(*places: tuple[float, float], model: FlightModel = MODEL) -> float:
+    points = [waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0)]
+    points += [waypoint(Phase.TRANSIT, east, north, 20, 5.0) for east, north in places]
+    return sum(leg.duration_s for leg in estimate(FlightPath("uav1", tuple(points)), model).legs[1:])
 
 
 def test_a_gentle_corner_is_flown_through_and_a_sharp_one_is_a_stop() -> None:
     straight = transit((100, 0))
     assert transit((50, 0), (100, 0)) == pytest.approx(straight, abs=1e-3)
     # 100 m around a right angle: one more stop, two ramps of 5 / 5 s.
-    assert transit((50, 0), (50, 50)) == pytest.approx(straight + 2.0, abs=1e-3)
+    assert transit((50, 0), (50, 50)) == pytest.approx(straight + 2.0 + 0.5, abs=1e-3)
 
 
-def test_a_leg_too_short_for_its_speed_is_a_triangle() -> None:
+def test_a_leg_too_short_for_its_speed_is_two_ramps() -> None:
     # 2 m from rest to rest at 2.5 m/s2: 2 sqrt(2 / 2.5).
-    assert transit((2, 0)) == pytest.approx(2 * (2 / 2.5) ** 0.5, abs=1e-3)
+    assert transit((2, 0)) == pytest.approx(2 * (2 / 2.5) ** 0.5 + 0.5, abs=1e-3)
+
+
+def test_a_bounded_jerk_rounds_the_ramps() -> None:
+    # To 5 m/s at 2.5 m/s2 and 1 m/s3: the acceleration is not reached, 2 sqrt(5) s each, of which half is lost.
+    gentle = replace(MODEL, performance=replace(PERFORMANCE, level=Ramp(2.5, 1.0)))
+    assert transit((100, 0), model=gentle) == pytest.approx(20.0 + 2 * 5**0.5 + 0.5, abs=1e-3)
+    # At 1 m/s2 it is: 5 + 1 s each.
+    gentler = replace(MODEL, performance=replace(PERFORMANCE, level=Ramp(1.0, 1.0)))
+    assert transit((100, 0), model=gentler) == pytest.approx(20.0 + 6.0 + 0.5, abs=1e-3)
+    # 6 m: the peak is 2 m/s, with ramps of 3 s.
+    assert transit((6, 0), model=gentler) == pytest.approx(6.0 + 0.5, abs=1e-3)
 
 
 def test_a_steep_leg_takes_as_long_as_its_height() -> None:
     points = (waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0), waypoint(Phase.TRANSIT, 10, 0, 60, 5.0, hold=True))
-    figures = estimate(FlightPath("uav1", points), TRAVEL, MOTION)
-    assert figures.legs[1].duration_s == pytest.approx(40 / 2.0 + 1.0, abs=1e-3)
+    figures = estimate(FlightPath("uav1", points), MODEL)
+    # 40 m up at 2 m/s and a ramp at each end, a stop with its hold.
+    assert figures.legs[1].duration_s == pytest.approx(40 / 2.0 + 2.0 / 2.5 + 1.5, abs=1e-3)
 
 
 def test_a_vehicle_on_the_ground_takes_nothing() -> None:
-    assert estimate(FlightPath("uav1", ()), TRAVEL, MOTION).duration_s == 0.0
+    assert estimate(FlightPath("uav1", ()), MODEL).duration_s == 0.0

@@ -19,7 +19,6 @@ from missions import (
     Window,
     check_plan,
     make_plan_file,
-    open_task,
     plan_document,
     read_network,
     read_plan,
@@ -27,7 +26,7 @@ from missions import (
 )
 from missions.readers import default_network_path
 from planner import Cost, Dynamics, Plan, Route, SteadyWind, Travel, Vehicle
-from tests.missions.builders import depot_vehicle, line_east, whole_task
+from tests.missions.builders import depot_vehicle, line_east, paper_task, whole_task
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
 SOLVED = Solved("search", 7, 1.5)
@@ -57,7 +56,7 @@ def full(tmp_path: Path) -> tuple[Path, PlanFile]:
     wind = SteadyWind(3.0, -1.5, (0.0, 5.0, 10.0, 20.0), (0.11, 0.1, 0.13, 0.3))
     travel = replace(TRAVEL, dynamics=Dynamics(2.0, 0.5), wind=wind)
     vehicles = [Vehicle("uav1", (120.5, -30.25), 55.5, 1.1, airborne=True), depot_vehicle("uav2", 90.0)]
-    task = open_task(network, [3, 7, 8, 20], vehicles, travel)
+    task = paper_task(network, [3, 7, 8, 20], vehicles, travel)
     plan = Plan((Route(0, (1, 2)), Route(1, (4,))), uncovered=(3,))
     content = make_plan_file(network, task, travel, plan, Cost.MINCOMB, SOLVED, inspection=Inspection(height_m=18.0))
     longest_s = max(content.durations_s)

@@ -2,37 +2,81 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from missions import open_task
-from planner import Plan, Route, Travel, Vehicle
-from tests.missions.builders import depot_vehicle, line_east, whole_task
+from missions import Base, FlightModel, Performance, Pricing, Ramp, flown_instance, open_task
+from planner import Plan, Route, SteadyWind, Vehicle
+from tests.missions.builders import depot_vehicle, line_east
 
-TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
+QUICK = Ramp(1e6, 1e9)
+MODEL = FlightModel(
+    Performance(QUICK, QUICK, climb_m_s=2.0, descent_m_s=2.0, settle_s=0.5, hold_s=1.0, take_off_m_s=2.0, spool_s=3.0,
+                land_fast_m_s=2.0, land_m_s=0.5, land_below_m=5.0, touch_s=2.0),
+    SteadyWind(0.0, 0.0, (0.0, 100.0), (0.1, 0.1)), 10.0, 2.0,
+)  # fmt: skip
+"""At its speed at once; each stop takes 1.5 s; a second takes a tenth of a percent, and a metre of climb 0.004 %."""
 
 
-def test_a_whole_network_starts_and_lands_at_the_depot() -> None:
-    task = whole_task(line_east(), [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)], TRAVEL)
+def pricing(pylons: int = 4) -> Pricing:
+    ends_m = line_east(pylons).ends_m
+    tracks = [[[*a, 15.0], [*b, 15.0]] for a, b in ends_m.tolist()]
+    names = ("uav1", "uav2")
+    return Pricing(
+        np.array(tracks), {name: Base((0.0, 0.0, 15.0), 20.0) for name in names}, dict.fromkeys(names, MODEL)
+    )
+
+
+def test_a_whole_network_starts_and_lands_on_the_pad() -> None:
+    vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
+    task = open_task(pricing(), range(3), vehicles)
     assert task.segment_ids == (0, 1, 2)
-    assert [vehicle.start_m for vehicle in task.instance.vehicles] == [(0.0, 0.0), (0.0, 0.0)]
-    # 100 m to the first pylon, 100 m along the segment, 200 m home.
-    assert task.instance.start_s[0, 0] == pytest.approx(10.0 + 50.0, abs=1e-6)
-    assert task.instance.home_s[0, 0] == pytest.approx(20.0, abs=1e-6)
-    assert task.instance.start_pct[1, 0] == pytest.approx(1.1 * (10.0 * 0.1 + 50.0 * 0.2), abs=1e-6)
+    # 3 s and 20 m up; 100 m to the first pylon and 100 m along the segment, with a stop at each end.
+    out_s = 3.0 + 10.0 + 10.0 + 1.5 + 50.0 + 1.5
+    assert task.instance.start_s[0, 0] == pytest.approx(out_s, abs=1e-3)
+    # 200 m home and a stop; 15 m down at 2 m/s, 5 m at 0.5 m/s, 2 s to the motors' end.
+    home_s = 20.0 + 0.5 + 7.5 + 10.0 + 2.0
+    assert task.instance.home_s[0, 0] == pytest.approx(home_s, abs=1e-3)
+    assert task.instance.start_pct[1, 0] == pytest.approx(1.1 * (0.1 * out_s + 20.0 * 0.004), abs=1e-3)
+    assert task.instance.home_pct[1, 0] == pytest.approx(1.1 * 0.1 * home_s, abs=1e-3)
+    assert task.instance.depot_s == pytest.approx(task.instance.start_s)
+    # To the next segment, which begins where this one ends.
+    assert task.instance.moves.seconds(0, 0, 2) == pytest.approx(50.0 + 1.5, abs=1e-3)
     assert task.instance.value == pytest.approx([100.0] * 3, abs=1e-6)
 
 
 def test_what_is_open_is_planned_from_where_the_survivors_are() -> None:
-    airborne = Vehicle("uav1", (300.0, 0.0), 40.0, airborne=True)
-    task = open_task(line_east(), [2, 0, 2], [airborne, depot_vehicle("uav2", 70.0)], TRAVEL)
+    airborne = Vehicle("uav1", (300.0, 0.0), 40.0, airborne=True, start_up_m=5.0)
+    task = open_task(pricing(), [2, 0, 2], [airborne, depot_vehicle("uav2", 70.0)])
     assert task.segment_ids == (0, 2)
     # Segment 2 from its a at 300 m: no transit.
-    assert task.instance.start_s[0, 2] == pytest.approx(50.0, abs=1e-6)
-    assert task.instance.idle_s == pytest.approx([30.0, 0.0], abs=1e-6)
+    assert task.instance.start_s[0, 2] == pytest.approx(50.0 + 1.5, abs=1e-3)
+    # Home from there: 300 m, and the landing.
+    assert task.instance.idle_s == pytest.approx([30.0 + 0.5 + 7.5 + 10.0 + 2.0, 0.0], abs=1e-3)
+    # 10 m up on the way.
+    assert task.instance.idle_pct[0] == pytest.approx(0.1 * task.instance.idle_s[0] + 10.0 * 0.004, abs=1e-3)
+
+
+def test_a_steep_way_takes_as_long_as_its_height() -> None:
+    high = Vehicle("uav1", (100.0, 0.0), 40.0, airborne=True, start_up_m=315.0)
+    task = open_task(pricing(), [1], [high])
+    # 100 m over the ground take 10 s at 10 m/s; 300 m down at 2 m/s take 150 s.
+    assert task.instance.start_s[0, 0] == pytest.approx(150.0 + 1.5 + 50.0 + 1.5, abs=1e-3)
+
+
+def test_many_segments_are_priced_when_they_are_asked_for() -> None:
+    vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
+    tables = flown_instance(pricing(6), vehicles)
+    asked = flown_instance(pricing(6), vehicles, tables_up_to=2)
+    every = np.arange(10)
+    assert asked.moves.seconds(0, every[:, np.newaxis], every) == pytest.approx(
+        tables.moves.seconds(0, every[:, np.newaxis], every)
+    )
+    assert asked.moves.part([3, 8]).pct(0, 0, 1) == pytest.approx(float(tables.moves.pct(0, 3, 8)))
 
 
 def test_visits_go_both_ways_between_problem_and_network() -> None:
-    task = open_task(line_east(5), [1, 3], [depot_vehicle("uav1", 80.0)], TRAVEL)
+    task = open_task(pricing(5), [1, 3], [depot_vehicle("uav1", 80.0)])
     assert task.to_network([0, 3]) == (2, 7)
     assert task.from_network([2, 7]) == (0, 3)
     assert task.plan_to_network(Plan((Route(0, (3,)),), (0,))) == Plan((Route(0, (7,)),), (1,))
@@ -41,10 +85,10 @@ def test_visits_go_both_ways_between_problem_and_network() -> None:
 
 
 def test_nothing_open_is_a_problem_without_segments() -> None:
-    assert open_task(line_east(), [], [depot_vehicle("uav1", 80.0)], TRAVEL).instance.segments == 0
+    assert open_task(pricing(), [], [depot_vehicle("uav1", 80.0)]).instance.segments == 0
 
 
 @pytest.mark.parametrize("segment", [-1, 3])
 def test_an_unknown_segment_is_refused(segment: int) -> None:
     with pytest.raises(IndexError, match="expected below 3"):
-        open_task(line_east(), [1, segment], [depot_vehicle("uav1", 80.0)], TRAVEL)
+        open_task(pricing(), [1, segment], [depot_vehicle("uav1", 80.0)])

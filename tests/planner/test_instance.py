@@ -62,7 +62,7 @@ def test_one_segment_by_hand() -> None:
     assert instance.start_pct[0].tolist() == pytest.approx([2 * (0.6 + 8), 2 * (1.0 + 8)])
     assert instance.home_pct[0].tolist() == pytest.approx([2.0, 1.2])
     assert instance.depot_pct[0].tolist() == pytest.approx([0.6 + 8, 1.0 + 8])  # without the vehicle's own consumption
-    assert instance.end_m.tolist() == [[30.0, 40.0], [30.0, 0.0]]
+    assert instance.end_m.tolist() == [[30.0, 40.0, 0.0], [30.0, 0.0, 0.0]]
     assert instance.value.tolist() == [40.0]
     assert instance.idle_s.tolist() == [0.0]
 

@@ -36,7 +36,7 @@ from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from missions import Network, dialect_for, encode, flight_path
-from planner import PRESETS, Plan, Route
+from planner import PRESETS
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.clock import LoopClock
 from tests.fakes.solver import FakeSolver
@@ -261,10 +261,9 @@ class Sky(World):
 
     def _context(self, facts: Mapping[str, Facts]) -> tuple[Context, dict[str, OnBoard | None]]:
         setup, task = self._setup, assembly.task_of(self._ground)
-        plan = Plan(tuple(Route(index, visits) for index, visits in enumerate(self.story.fleet.values())), ())
         dialect = dialect_for(self.autopilot)
         own = {name: link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
-        context = assembly.context_of(self._ground, setup, task, plan, own)
+        context = assembly.context_of(self._ground, setup, task, own)
         boards = {
             name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
             for name, visits in self.story.fleet.items()

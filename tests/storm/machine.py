@@ -10,6 +10,7 @@ from executor.adapters.solver import SolverSetup, solve_for_survivors
 from executor.core.commands import Solve
 from executor.core.events import Event, SolveEnded
 from executor.site.assembly import Ground
+from missions import Pricing
 from tests.stories.world import Sink
 
 SETTLED = 60
@@ -47,12 +48,12 @@ class Deputy:
     def __init__(self, ground: Ground, takes_s: float) -> None:
         self.asked: list[Solve] = []
         self.mood = ""
-        self._setup = SolverSetup(ground.network, ground.travel, 3600.0, 1)
+        self._setup = SolverSetup(3600.0, 1)
         self._takes_s = takes_s
         self._limit_s = ground.site.flight.solve_s
         self._cancelled = -1
 
-    async def solve(self, problem: Solve) -> SolveEnded:
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         self.asked.append(problem)
         mood = self.mood
         takes_s = {"hangs": self._limit_s + 5.0, "late": self._limit_s + 3.0, "fails": 0.1}.get(mood, self._takes_s)
@@ -64,7 +65,8 @@ class Deputy:
         if mood in {"hangs", "fails"}:
             reason = "the solver did not answer" if mood == "hangs" else "the solver's process died"
             return SolveEnded(problem.revision, None, (), 0.0, reason)
-        return replace(solve_for_survivors(self._setup, problem, lambda: False, settled=SETTLED), solve_s=takes_s)
+        ended = solve_for_survivors(self._setup, problem, pricing, lambda: False, settled=SETTLED)
+        return replace(ended, solve_s=takes_s)
 
     def cancel(self, revision: int) -> None:
         self._cancelled = max(self._cancelled, revision)

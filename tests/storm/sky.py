@@ -27,7 +27,6 @@ from executor.runtime.flight import Flight, Observer, keep_heartbeat
 from executor.simulator.faults import parse_fault
 from executor.site import assembly
 from missions import Network, dialect_for, encode, flight_path
-from planner import Plan, Route
 from tests.stories.story import Answers, Story
 from tests.stories.world import Flown, Sky
 from tests.storm.air import STEP_S, Air, suffers
@@ -168,9 +167,7 @@ class StormSky(Sky):
     def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnBoard | None]]:
         setup = self._setup
         task = assembly.task_of(self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits}))
-        routes = enumerate(self.plot.routes.values())
-        plan = Plan(tuple(Route(index, task.from_network(visits)) for index, visits in routes), ())
-        context = assembly.context_of(self._ground, setup, task, plan, own)  # type: ignore[arg-type]
+        context = assembly.context_of(self._ground, setup, task, own)  # type: ignore[arg-type]
         boards = {
             name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
             for name, visits in self.plot.routes.items()

@@ -232,7 +232,7 @@ def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) ->
     """Return what a flight should leave in the battery; None if there is no flight."""
     if path is None:
         return None
-    return remaining_pct - estimate(path, context.travel, context.setup.motion).energy_pct
+    return remaining_pct - estimate(path, context.pricing.models[path.vehicle]).energy_pct
 
 
 def energy_for_flight(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
@@ -242,7 +242,7 @@ def energy_for_flight(context: Context, name: str, path: FlightPath | None, rema
         return Check(
             Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %", CheckCode.ENERGY
         )
-    needed = estimate(path, context.travel, context.setup.motion)
+    needed = estimate(path, context.pricing.models[name])
     left = remaining_pct - needed.energy_pct
     text = (
         f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "
@@ -279,7 +279,7 @@ def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
 
 def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
     """Compare the room on the disk with what the record of a flight takes."""
-    flown_s = sum(estimate(path, context.travel, context.setup.motion).duration_s for path in paths.values())
+    flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
     text = f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about {needed / 1e6:.0f} MB"
     if free_bytes < SPARE_ROOM * needed:

@@ -71,10 +71,12 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     if kept is None:
         return None
     if kept > state.assignment.waypoint:
-        start, spent = state.assignment.board.places_m[kept - 1], projection.modelled_to_reach_pct(state, kept - 1)
+        place, spent = state.assignment.board.places_m[kept - 1], projection.modelled_to_reach_pct(state, kept - 1)
+        alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
     else:
-        start, spent = state.motion.fix.place_m, 0.0
-    return _offer(context, state, start, spent * account.factor(state.power.battery), airborne=True, kept=kept)
+        place, alt_rel_m, spent = state.motion.fix.place_m, state.motion.fix.alt_rel_m, 0.0
+    offer = _offer(context, state, place, spent * account.factor(state.power.battery), airborne=True, kept=kept)
+    return replace(offer, start_up_m=context.setup.lowest_layer_up_m(state.name, alt_rel_m))
 
 
 def _on_its_mission(context: Context, state: VehicleState, now_s: float) -> bool:
@@ -138,16 +140,14 @@ def _offer(
 ) -> Survivor:
     setup = context.vehicles[state.name]
     remaining = state.power.battery.remaining_pct or 0.0
-    # The site's budget is in the planning model's terms; in flight it stands for what such a route really costs.
-    allowed = setup.budget_pct * context.overhead + context.fixed_pct
-    left = min(remaining - setup.reserve_pct, allowed - state.power.battery.used_pct)
-    still_fixed = context.landing_pct if airborne else context.fixed_pct
-    budget = left - spent_pct - still_fixed - QUANTUM_PCT
+    left = min(remaining - setup.reserve_pct, setup.budget_pct - state.power.battery.used_pct)
+    budget = left - spent_pct - QUANTUM_PCT
     tail: tuple[int, ...] = ()
     if state.assignment.board is not None and airborne:
         ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
         tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
-    return Survivor(state.name, start_m, max(0.0, budget), projection.consumption(context, state), airborne, tail, kept)
+    factor = account.factor(state.power.battery)
+    return Survivor(state.name, start_m, max(0.0, budget), factor, airborne, tail, kept)
 
 
 def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:

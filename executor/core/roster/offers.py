@@ -11,7 +11,8 @@ from executor.core.replan import replanning
 from executor.core.state import FleetState, Offer
 from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
 from executor.core.words import count_of
-from missions import Phase
+from missions import Phase, open_task
+from planner import Vehicle
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -61,17 +62,10 @@ def open_segments(context: Context, state: FleetState) -> frozenset[int]:
 
 def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    remaining = vehicle.power.battery.remaining_pct or 0.0
-    spare_pct = remaining - context.vehicles[vehicle.name].reserve_pct - context.fixed_pct
-    ends_m, pad_m, travel = context.setup.network.ends_m, context.vehicles[vehicle.name].pad_m, context.travel
-    reach = set()
-    for segment in segments:
-        a, b = (tuple(end) for end in ends_m[segment].tolist())
-        transit_s = (math.dist(pad_m, a) + math.dist(b, pad_m)) / travel.transit_speed_m_s
-        inspect_s = math.dist(a, b) / travel.inspection_speed_m_s
-        if travel.transit_pct_per_s * transit_s + travel.inspection_pct_per_s * inspect_s <= spare_pct:
-            reach.add(segment)
-    return frozenset(reach)
+    spare_pct = (vehicle.power.battery.remaining_pct or 0.0) - context.vehicles[vehicle.name].reserve_pct
+    task = open_task(context.pricing, segments, (Vehicle(vehicle.name, (0.0, 0.0), spare_pct),))
+    alone_pct = (task.instance.start_pct[0] + task.instance.home_pct[0]).reshape(-1, 2).min(axis=1)
+    return frozenset(segment for segment, pct in zip(task.segment_ids, alone_pct, strict=True) if pct <= spare_pct)
 
 
 def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:

@@ -18,10 +18,12 @@ import pytest_asyncio
 from executor.adapters.solver import SolverProcess, SolverSetup, solve_for_survivors
 from executor.core.commands import Solve, Survivor
 from executor.core.events import SolveEnded
-from planner import PRESETS, travel_for
+from executor.site import assembly
+from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import line_east
 
-SETUP = SolverSetup(line_east(7), travel_for(PRESETS["mavic3"], 8.0, 3.0), 0.5, 1)
+SETUP = SolverSetup(0.5, 1)
+PRICING = assembly.pricing_of(ground_for(site_of(("uav1", "uav2", "uav3")), line_east(7)))
 PATIENCE_S = 15.0
 SOURCE = Path(__file__).parents[3]
 
@@ -41,7 +43,7 @@ def segments(answer: SolveEnded) -> list[int]:
 
 
 def test_everything_is_shared_among_the_survivors() -> None:
-    answer = solve_for_survivors(SETUP, problem(), lambda: False)
+    answer = solve_for_survivors(SETUP, problem(), PRICING, lambda: False)
     assert segments(answer) == [1, 2, 3, 4, 5]
     assert answer.routes is not None
     assert [route.vehicle for route in answer.routes] == ["uav1", "uav3"]
@@ -51,28 +53,30 @@ def test_everything_is_shared_among_the_survivors() -> None:
 
 def test_what_no_budget_reaches_is_named() -> None:
     answer = solve_for_survivors(
-        SETUP, problem(2, survivor("uav1", budget_pct=4.0), survivor("uav3", budget_pct=0.0)), lambda: False
+        SETUP, problem(2, survivor("uav1", budget_pct=4.0), survivor("uav3", budget_pct=0.0)), PRICING, lambda: False
     )
     assert set(segments(answer)) | set(answer.uncovered) == {1, 2, 3, 4, 5}
     assert answer.uncovered
 
 
 def test_a_tail_that_is_not_open_any_more_is_no_hindrance() -> None:
-    answer = solve_for_survivors(SETUP, problem(3, survivor("uav1", tail=(0, 2)), survivor("uav3")), lambda: False)
+    answer = solve_for_survivors(
+        SETUP, problem(3, survivor("uav1", tail=(0, 2)), survivor("uav3")), PRICING, lambda: False
+    )
     assert segments(answer) == [1, 2, 3, 4, 5]
 
 
 def test_what_two_carry_is_flown_once() -> None:
     """As when a vehicle comes back from its pilot whose work another was given meanwhile."""
     answer = solve_for_survivors(
-        SETUP, problem(4, survivor("uav1", tail=(2, 4)), survivor("uav3", tail=(4, 6))), lambda: False
+        SETUP, problem(4, survivor("uav1", tail=(2, 4)), survivor("uav3", tail=(4, 6))), PRICING, lambda: False
     )
     assert segments(answer) == [1, 2, 3, 4, 5]
 
 
 def test_a_cancellation_is_seen_while_it_works() -> None:
     looks = itertools.count()
-    answer = solve_for_survivors(SETUP, problem(), lambda: next(looks) >= 3)
+    answer = solve_for_survivors(SETUP, problem(), PRICING, lambda: next(looks) >= 3)
     assert (answer.routes, answer.reason) == (None, "cancelled")
 
 
@@ -84,7 +88,7 @@ async def process() -> AsyncIterator[SolverProcess]:
 
 async def asked(process: SolverProcess, question: Solve) -> SolveEnded:
     async with asyncio.timeout(PATIENCE_S):
-        return await process.solve(question)
+        return await process.solve(question, PRICING)
 
 
 @pytest.mark.asyncio

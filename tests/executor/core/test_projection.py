@@ -68,7 +68,6 @@ def test_what_is_learned_of_the_consumption_counts() -> None:
     modelled_pct = projection.modelled_to_reach_pct(state, LAST)
     assert account.factor(state.power.battery) == 1.5
     assert projection.to_finish_pct(state) == pytest.approx(1.5 * modelled_pct)
-    assert projection.consumption(CONTEXT, state) == pytest.approx(1.5 * CONTEXT.overhead)
     ahead = projection.at_landing(CONTEXT, state, SETUP)
     assert ahead is not None
     assert ahead.mean_pct == pytest.approx(60.0 - 1.5 * modelled_pct)

@@ -77,7 +77,7 @@ def test_it_fits_a_site_without_the_lost_vehicle(ground: Ground, tmp_path: Path)
 def test_a_flight_is_for_the_segments_of_its_plan(ground: Ground) -> None:
     plan = next_sortie(ground, short_report([2, 4, 5]), seed=1)
     assert plan is not None
-    context = assembly.context_of(ground, assembly.setup_of(ground), plan.task(), plan.plan)
+    context = assembly.context_of(ground, assembly.setup_of(ground), plan.task())
     before = fleet.initial(dict.fromkeys(NAMES))
     assert context.segments == 3
     assert replanning.orphans(context, before) == {2, 4, 5}

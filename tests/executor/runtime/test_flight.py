@@ -20,7 +20,7 @@ from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.runtime import procedures
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from missions import encode
+from missions import Pricing, encode
 from tests.executor.builders import THREE, Fleet, fleet_of
 from tests.fakes.clock import LoopClock
 from tests.fakes.flyer import Flyer
@@ -231,11 +231,11 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
 
 async def test_a_solver_that_dies_of_our_mistake_is_asked_again_and_ends_nobodys_supervision() -> None:
     class Mistaken(FakeSolver):
-        async def solve(self, problem: Solve) -> SolveEnded:
+        async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
             if not self.asked:
                 self.asked.append(problem)
                 raise ValueError("no such vehicle")
-            return await super().solve(problem)
+            return await super().solve(problem, pricing)
 
     async with flying(fleet_of()) as (sky, _):
         sky.solver = sky.flight._solver = Mistaken()

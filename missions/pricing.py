@@ -1,0 +1,222 @@
+"""What flights take: from how a vehicle moves and what its power is to the times and energies of all moves.
+
+There is one description of a flight. The planner's matrices, the checks before the flight, its progress, re-plans and
+reports price their legs here, so that a plan says what will be flown. A *move* is what a route consists of: the
+transit to a segment's first pylon, which ends with a stop, and the inspection to its last one, which does too. What a
+move takes therefore does not depend on what comes before or after it.
+
+Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
+what a move takes is the same in each. A transit is priced as one straight leg; where hills make the flight follow the
+ground it is a little longer, which `estimate` of the path knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from missions.geo import FloatArray
+from missions.performance import Performance
+from missions.validation import Figure, Place
+from planner import CLIMB_SHARE_PER_M_S, Instance, Moves, MoveTables, SteadyWind, Vehicle, Visits
+
+SAME_PLACE_M = 0.5
+"""An inspection that starts this near to where the last one ended needs no waypoint in between."""
+TABLES_UP_TO = 1000
+"""Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+REST = (0.0, 0.0)
+Speed = Annotated[Figure, Field(ge=0.001)]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightModel:
+    """What one vehicle's flights take."""
+
+    performance: Performance
+    power: SteadyWind
+    """What it uses at an air speed, and the wind."""
+    transit_speed_m_s: Speed
+    inspection_speed_m_s: Speed
+
+    def legs(self, along_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (...) float64 seconds and energies in percent of a full battery of straight legs.
+
+        Args:
+            along_m: (..., 3) float64, east, north and up.
+            speed_m_s: (...) float64 over the ground, at most.
+            ends: (...) float64, how many of the two ends are at rest.
+        """
+        length_m, rise_m = np.hypot(along_m[..., 0], along_m[..., 1]), along_m[..., 2]
+        seconds = self.performance.legs_s(length_m, rise_m, speed_m_s, ends)
+        speed = self.performance.leg_speed_m_s(length_m, rise_m, speed_m_s)
+        # A leg too short for its speed is two ramps, whose mean speed is half of the peak's.
+        peak = np.minimum(speed, 2.0 * length_m / np.maximum(seconds, 1e-9))
+        ramps_s = np.minimum(seconds, ends * self.performance.level.ramp_s(peak))
+        toward = along_m[..., :2] / np.maximum(length_m, 1e-9)[..., np.newaxis] * peak[..., np.newaxis]
+        cruise, half, rest = (self._rates_pct_per_s(share * toward) for share in (1.0, 0.5, 0.0))
+        ramp_pct = ramps_s * (cruise + 4.0 * half + rest) / 6.0  # Simpson's rule over speeds from 0 to the peak
+        climb_pct = CLIMB_SHARE_PER_M_S * np.maximum(rise_m, 0.0) * cruise
+        return seconds, np.asarray((seconds - ramps_s) * cruise + ramp_pct + climb_pct)
+
+    @property
+    def hover_pct_per_s(self) -> float:
+        """What a second at rest over a place uses."""
+        return float(self._rates_pct_per_s(np.zeros(2)))
+
+    def take_off(self, climb_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of climbs from the pad."""
+        seconds = self.performance.take_off_s(climb_m)
+        return seconds, np.asarray((seconds + CLIMB_SHARE_PER_M_S * climb_m) * self.hover_pct_per_s)
+
+    def landing(self, drop_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of landings from over the pad."""
+        seconds = self.performance.landing_s(drop_m)
+        return seconds, np.asarray(seconds * self.hover_pct_per_s)
+
+    def moves(self, from_m: FloatArray, first_m: FloatArray, last_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of moves from rest; the three arrays (..., 3) broadcast against each other."""
+        there_m, along_m = first_m - from_m, last_m - first_m
+        transit_s, transit_pct = self._stopping(there_m, self.transit_speed_m_s, self.performance.hold_s)
+        away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
+        inspect_s, inspect_pct = self._stopping(along_m, self.inspection_speed_m_s, self.performance.hold_s)
+        seconds = np.where(away, transit_s, 0.0) + inspect_s
+        return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
+
+    def ways_home(self, from_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
+        level_s, level_pct = self._stopping(np.array(base.place_m) - from_m, self.transit_speed_m_s, 0.0)
+        land_s, land_pct = self.landing(np.array(base.climb_m))
+        return level_s + land_s, level_pct + land_pct
+
+    def _stopping(self, along_m: FloatArray, speed_m_s: float, hold_s: float) -> tuple[FloatArray, FloatArray]:
+        shape = along_m.shape[:-1]
+        seconds, pct = self.legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
+        stays_s = self.performance.settle_s + hold_s
+        return seconds + stays_s, pct + stays_s * self.hover_pct_per_s
+
+    def _rates_pct_per_s(self, velocities_m_s: FloatArray) -> FloatArray:
+        return self.power.rates_pct_per_s(velocities_m_s[..., 0], velocities_m_s[..., 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """Where a vehicle takes off and lands."""
+
+    place_m: Place
+    """Over its pad, where its climb ends and its landing begins."""
+    climb_m: Annotated[Figure, Field(ge=0)]
+    """From the pad's ground to there, in the vehicle's own layer."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pricing:
+    """From which the time and the energy of every move of a fleet are made."""
+
+    tracks_m: FloatArray
+    """(n, 2, 3) float64: the two ends of every segment's inspection leg."""
+    bases: Mapping[str, Base]
+    """By the vehicle's name."""
+    models: Mapping[str, FlightModel]
+
+    def part(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
+        """Return that of some segments, numbered anew in the order given, and of some vehicles."""
+        names = tuple(vehicles)
+        return Pricing(
+            self.tracks_m[list(segments)],
+            {name: self.bases[name] for name in names},
+            {name: self.models[name] for name in names},
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FlownMoves:
+    """Moves priced when they are asked for: memory grows with the segments, not with their square."""
+
+    first_m: FloatArray
+    """(2n, 3) float64: where each visit begins."""
+    last_m: FloatArray
+    """(2n, 3) float64: where it ends."""
+    models: tuple[FlightModel, ...]
+    """One for each profile."""
+
+    @property
+    def profiles(self) -> int:
+        """Number of profiles."""
+        return len(self.models)
+
+    @property
+    def visits(self) -> int:
+        """Number of visits."""
+        return len(self.first_m)
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds of moves."""
+        return self._between(profile, before, after)[0]
+
+    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the energy of moves."""
+        return self._between(profile, before, after)[1]
+
+    def part(self, visits: Sequence[int]) -> MoveTables:
+        """Return the moves between some of the visits, as tables."""
+        return replace(self, first_m=self.first_m[list(visits)], last_m=self.last_m[list(visits)]).tables()
+
+    def tables(self) -> MoveTables:
+        """Return all moves."""
+        every = np.arange(self.visits)
+        blocks = [self._between(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
+        shape = (self.profiles, self.visits, self.visits)
+        seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
+        return MoveTables(seconds, pct)
+
+    def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        return self.models[profile].moves(self.last_m[before], self.first_m[after], self.last_m[after])
+
+
+def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
+    """Return the planning problem of all segments of a pricing.
+
+    A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``.
+
+    Args:
+        pricing: Of at least these vehicles.
+        vehicles: The fleet.
+        tables_up_to: Segments beyond which moves are priced when they are asked for.
+
+    Raises:
+        planner.InstanceError: there is no vehicle, or a start is not a number.
+    """
+    tracks_m = pricing.tracks_m.reshape(-1, 2, 3)
+    first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
+    profiles = tuple(dict.fromkeys(pricing.models[vehicle.name] for vehicle in vehicles))
+    flown = FlownMoves(first_m, last_m, profiles)
+    moves: Moves = flown.tables() if profiles and len(tracks_m) <= tables_up_to else flown
+    start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
+    idle = np.zeros((2, len(vehicles)))
+    for row, vehicle in enumerate(vehicles):
+        model, base = pricing.models[vehicle.name], pricing.bases[vehicle.name]
+        climb = np.array(model.take_off(np.array(base.climb_m)))
+        again[:, row] = np.array(model.moves(np.array(base.place_m), first_m, last_m)) + climb[:, np.newaxis]
+        home[:, row] = model.ways_home(last_m, base)
+        start[:, row] = again[:, row]
+        if vehicle.airborne:
+            here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
+            start[:, row] = model.moves(here_m, first_m, last_m)
+            idle[:, row] = model.ways_home(here_m, base)
+    consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
+    return Instance(
+        vehicles=tuple(vehicles),
+        profile=tuple(profiles.index(pricing.models[vehicle.name]) for vehicle in vehicles),
+        moves=moves,
+        start_s=start[0], start_pct=start[1] * consumption,
+        home_s=home[0], home_pct=home[1] * consumption,
+        idle_s=idle[0], idle_pct=idle[1] * consumption[:, 0],
+        depot_s=again[0], depot_pct=again[1],
+        value=np.hypot(*(last_m - first_m)[::2, :2].T),
+        end_m=last_m,
+        landing_m=REST,
+    )  # fmt: skip
