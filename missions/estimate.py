@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions.geo import FloatArray, LocalFrame
-from missions.pricing import FlightModel
+from missions.pricing import UNKNOWN, FlightModel
 from missions.safety import legs_m
 from missions.waypoints import FlightPath, Phase
 
@@ -57,6 +57,9 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
             seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
             continue
         stays_s = model.performance.settle_s * stops[index] + model.performance.hold_s * point.hold
+        if index and stops[index - 1]:
+            before_m = along_m[index - 1] if path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
+            stays_s += float(model.performance.turns_s(before_m, along_m[index]))
         seconds[index] += stays_s
         pct[index] += stays_s * model.hover_pct_per_s
     pct = consumption * pct

@@ -1,8 +1,11 @@
 """How a multicopter flies the legs of a mission: the one description from which every flight's time is made.
 
-A leg is flown from rest, or from the leg before it in passing, along a straight line. The autopilots build up speed
-with a bounded acceleration, and the acceleration with a bounded jerk: the ramp from rest to a speed ``v`` then takes
-``v / a + a / j``, or ``2 sqrt(v / j)`` where the acceleration is not reached, and covers half of ``v`` times that.
+A leg is flown from rest, or from the leg before it in passing, along a straight line. Autopilots build up speed with a
+bounded acceleration ``a``, the acceleration with a bounded jerk ``j``, and ArduPilot the jerk over a time ``s``. The
+ramp from rest to a speed ``v`` takes ``v / a + s + a / j`` where the acceleration is reached, and else
+``2 (s + p / j)`` with the peak ``p = j / 2 (sqrt(s^2 + 4 v / j) - s)`` of the acceleration; it covers half of ``v``
+times that. A leg of length ``d`` from rest to rest takes ``d / v`` and one ramp (ArduPilot: SCurve.cpp; flights of both
+autopilots in simulation follow it, see docs/results).
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ from missions.validation import Figure
 Above0 = Annotated[Figure, Field(gt=0)]
 From0 = Annotated[Figure, Field(ge=0)]
 SHORT_M = 1e-6
+STEPS = 8
+"""Of Newton's method for legs too short for their speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,28 +32,38 @@ class Ramp:
 
     acceleration_m_s2: Above0
     jerk_m_s3: Above0
+    smooth_s: From0 = 0.0
+    """In which the jerk is built up."""
 
     def ramp_s(self, speed_m_s: FloatArray) -> FloatArray:
         """Return the time from rest to a speed, or from it to rest."""
-        full = self.acceleration_m_s2**2 / self.jerk_m_s3
-        reached = speed_m_s / self.acceleration_m_s2 + self.acceleration_m_s2 / self.jerk_m_s3
-        return np.asarray(np.where(speed_m_s >= full, reached, 2.0 * np.sqrt(speed_m_s / self.jerk_m_s3)))
+        acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
+        peak = 0.5 * jerk * (np.sqrt(smooth**2 + 4.0 * speed_m_s / jerk) - smooth)
+        reached = speed_m_s / acceleration + smooth + acceleration / jerk
+        return np.asarray(np.where(peak >= acceleration, reached, 2.0 * (smooth + peak / jerk)))
 
-    def peak_m_s(self, length_m: FloatArray, ends: FloatArray) -> FloatArray:
-        """Return the speed that is reached on lengths too short for more, with 1 or 2 ends at rest."""
-        area = 2.0 * length_m / np.maximum(ends, 1)  # speed times ramp
-        lag_s, full = self.acceleration_m_s2 / self.jerk_m_s3, self.acceleration_m_s2**2 / self.jerk_m_s3
-        reached = 0.5 * self.acceleration_m_s2 * (np.sqrt(lag_s**2 + 4.0 * area / self.acceleration_m_s2) - lag_s)
-        return np.asarray(np.where(reached >= full, reached, np.cbrt(area**2 * self.jerk_m_s3 / 4.0)))
+    def short_s(self, length_m: FloatArray, ends: FloatArray) -> FloatArray:
+        """Return the time of lengths on which no speed is held, with 1 or 2 ends at rest."""
+        acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
+        area = 2.0 * length_m / np.maximum(ends, 1)  # the peak's speed times its ramp
+        lag_s = smooth + acceleration / jerk
+        fast = 0.5 * acceleration * (np.sqrt(lag_s**2 + 4.0 * area / acceleration) - lag_s)
+        # area = 2 j q^2 ... with q the peak of the acceleration over the jerk: 2 j q (s + q)^2
+        q = np.cbrt(area / (2.0 * jerk)) + 1e-12
+        for _ in range(STEPS):
+            value = 2.0 * jerk * q * (smooth + q) ** 2 - area
+            q = np.maximum(q - value / (2.0 * jerk * (smooth + q) * (smooth + 3.0 * q)), 1e-12)
+        gentle = jerk * q >= acceleration
+        return np.asarray(ends * np.where(gentle, fast / acceleration + lag_s, 2.0 * (smooth + q)))
 
     def leg_s(self, length_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
-        """Return the time of lengths at a speed, with 0, 1 or 2 of their ends at rest."""
+        """Return the time of lengths at a speed, with 0, 1 or 2 of their ends at rest; none takes no time."""
         ramp_s = self.ramp_s(speed_m_s)
         whole = length_m / speed_m_s + 0.5 * ends * ramp_s
         short = (ends > 0) & (length_m < 0.5 * ends * speed_m_s * ramp_s)
-        if not np.any(short):
-            return np.asarray(whole)
-        return np.asarray(np.where(short, ends * self.ramp_s(self.peak_m_s(length_m, ends)), whole))
+        if np.any(short):
+            whole = np.where(short, self.short_s(length_m, ends), whole)
+        return np.asarray(np.where(length_m > SHORT_M, whole, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,22 +77,25 @@ class Performance:
     climb_m_s: Above0
     """At most, on a leg."""
     descent_m_s: Above0
+    turn_s: From0
+    """What beginning a leg at a right angle to the one before it takes after a stop; an about-turn takes twice that."""
     settle_s: From0
     """What a stop takes beyond its ramp, until its hold begins."""
     hold_s: From0
     """What a hold of the mission takes then."""
+    spool_s: From0
+    """Of a take-off, beyond its climb: the motors, the lift-off, the climb's end."""
     take_off_m_s: Above0
     """Climb from the pad."""
-    spool_s: From0
-    """From the order to take off until it climbs, and what the climb's end takes beyond its ramp."""
-    land_fast_m_s: Above0
-    """Descent onto the pad."""
+    take_off_below_m: From0
+    """Up to this height; then it is that of a leg."""
     land_m_s: Above0
-    """Its last part's speed."""
+    """Descent onto the pad."""
     land_below_m: From0
-    """Height of its last part."""
+    """Below this height; above it is that of ``land_fast_m_s``."""
+    land_fast_m_s: Above0
     touch_s: From0
-    """What a landing takes beyond its descents."""
+    """Of a landing, beyond its descent: its beginning, the touch-down, the motors."""
 
     def legs_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
         """Return the times of straight legs; all arrays broadcast against each other.
@@ -88,8 +106,7 @@ class Performance:
             speed_m_s: Over the ground, at most: a steep leg is flown as fast as its height allows.
             ends: How many of the two ends are at rest: 0, 1 or 2.
         """
-        speed_m_s = self.leg_speed_m_s(length_m, rise_m, speed_m_s)
-        level_s = self.level.leg_s(length_m, speed_m_s, ends)
+        level_s = self.level.leg_s(length_m, self.leg_speed_m_s(length_m, rise_m, speed_m_s), ends)
         steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
         return np.asarray(np.maximum(level_s, self.upright.leg_s(np.abs(rise_m), steepest, ends)))
 
@@ -99,15 +116,21 @@ class Performance:
         able = steepest * length_m / np.maximum(np.abs(rise_m), SHORT_M)
         return np.asarray(np.minimum(speed_m_s, np.maximum(able, SHORT_M)))
 
+    def turns_s(self, before_m: FloatArray, after_m: FloatArray) -> FloatArray:
+        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others.
+
+        A vector of no length is a direction that nobody knows: it counts as a right angle.
+        """
+        lengths = np.hypot(before_m[..., 0], before_m[..., 1]) * np.hypot(after_m[..., 0], after_m[..., 1])
+        along = before_m[..., 0] * after_m[..., 0] + before_m[..., 1] * after_m[..., 1]
+        return np.asarray(self.turn_s * (1.0 - along / np.maximum(lengths, SHORT_M)))
+
     def take_off_s(self, climb_m: FloatArray) -> FloatArray:
         """Return the times from the order to take off until it stands over its pad."""
-        two = np.full_like(climb_m, 2.0)
-        return np.asarray(self.spool_s + self.upright.leg_s(climb_m, np.full_like(climb_m, self.take_off_m_s), two))
+        slow_m = np.minimum(climb_m, self.take_off_below_m)
+        return np.asarray(self.spool_s + slow_m / self.take_off_m_s + (climb_m - slow_m) / self.climb_m_s)
 
     def landing_s(self, drop_m: FloatArray) -> FloatArray:
-        """Return the times from standing over its pad to the ground."""
+        """Return the times from standing over its pad until its motors have stopped."""
         slow_m = np.minimum(drop_m, self.land_below_m)
-        fast_m = drop_m - slow_m
-        one = np.full_like(drop_m, 1.0)
-        fast_s = self.upright.leg_s(fast_m, np.full_like(drop_m, self.land_fast_m_s), one)
-        return np.asarray(fast_s + slow_m / self.land_m_s + self.touch_s)
+        return np.asarray(self.touch_s + slow_m / self.land_m_s + (drop_m - slow_m) / self.land_fast_m_s)

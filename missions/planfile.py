@@ -13,9 +13,9 @@ from pydantic import Field
 from missions.errors import PlanFileError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
-from missions.pricing import Pricing, flown_instance
+from missions.pricing import DEPOT_M, Pricing, flown_instance
 from missions.setup import Inspection
-from missions.tasks import DEPOT_M, Task
+from missions.tasks import Task
 from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
 from planner import (
     Cost,

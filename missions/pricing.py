@@ -28,7 +28,10 @@ SAME_PLACE_M = 0.5
 """An inspection that starts this near to where the last one ended needs no waypoint in between."""
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
-REST = (0.0, 0.0)
+DEPOT_M = (0.0, 0.0)
+"""The depot in its own frame; pads are a few steps away."""
+UNKNOWN = np.zeros(3)
+"""The direction of who may face anywhere."""
 Speed = Annotated[Figure, Field(ge=0.001)]
 
 
@@ -77,25 +80,39 @@ class FlightModel:
         seconds = self.performance.landing_s(drop_m)
         return seconds, np.asarray(seconds * self.hover_pct_per_s)
 
-    def moves(self, from_m: FloatArray, first_m: FloatArray, last_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of moves from rest; the three arrays (..., 3) broadcast against each other."""
+    def moves(
+        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of moves from rest; the four arrays (..., 3) broadcast against each other.
+
+        Args:
+            from_m: Where they begin.
+            facing_m: Along which the vehicle arrived there; of no length where nobody knows.
+            first_m: Where the visits begin.
+            last_m: Where they end.
+        """
         there_m, along_m = first_m - from_m, last_m - first_m
-        transit_s, transit_pct = self._stopping(there_m, self.transit_speed_m_s, self.performance.hold_s)
         away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
-        inspect_s, inspect_pct = self._stopping(along_m, self.inspection_speed_m_s, self.performance.hold_s)
+        hold_s = self.performance.hold_s
+        transit_s, transit_pct = self._stopping(facing_m, there_m, self.transit_speed_m_s, hold_s)
+        before_m = np.where(away[..., np.newaxis], there_m, facing_m)
+        inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
-    def ways_home(self, from_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+    def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
-        level_s, level_pct = self._stopping(np.array(base.place_m) - from_m, self.transit_speed_m_s, 0.0)
+        there_m = np.array(base.place_m) - from_m
+        level_s, level_pct = self._stopping(facing_m, there_m, self.transit_speed_m_s, 0.0)
         land_s, land_pct = self.landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
-    def _stopping(self, along_m: FloatArray, speed_m_s: float, hold_s: float) -> tuple[FloatArray, FloatArray]:
+    def _stopping(
+        self, before_m: FloatArray, along_m: FloatArray, speed_m_s: float, hold_s: float
+    ) -> tuple[FloatArray, FloatArray]:
         shape = along_m.shape[:-1]
         seconds, pct = self.legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
-        stays_s = self.performance.settle_s + hold_s
+        stays_s = self.performance.settle_s + hold_s + self.performance.turns_s(before_m, along_m)
         return seconds + stays_s, pct + stays_s * self.hover_pct_per_s
 
     def _rates_pct_per_s(self, velocities_m_s: FloatArray) -> FloatArray:
@@ -174,7 +191,8 @@ class FlownMoves:
         return MoveTables(seconds, pct)
 
     def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
-        return self.models[profile].moves(self.last_m[before], self.first_m[after], self.last_m[after])
+        facing_m = self.last_m[before] - self.first_m[before]
+        return self.models[profile].moves(self.last_m[before], facing_m, self.first_m[after], self.last_m[after])
 
 
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
@@ -200,13 +218,13 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     for row, vehicle in enumerate(vehicles):
         model, base = pricing.models[vehicle.name], pricing.bases[vehicle.name]
         climb = np.array(model.take_off(np.array(base.climb_m)))
-        again[:, row] = np.array(model.moves(np.array(base.place_m), first_m, last_m)) + climb[:, np.newaxis]
-        home[:, row] = model.ways_home(last_m, base)
+        again[:, row] = np.array(model.moves(np.array(base.place_m), UNKNOWN, first_m, last_m)) + climb[:, np.newaxis]
+        home[:, row] = model.ways_home(last_m, last_m - first_m, base)
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
-            start[:, row] = model.moves(here_m, first_m, last_m)
-            idle[:, row] = model.ways_home(here_m, base)
+            start[:, row] = model.moves(here_m, UNKNOWN, first_m, last_m)
+            idle[:, row] = model.ways_home(here_m, UNKNOWN, base)
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),
@@ -218,5 +236,5 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
         depot_s=again[0], depot_pct=again[1],
         value=np.hypot(*(last_m - first_m)[::2, :2].T),
         end_m=last_m,
-        landing_m=REST,
+        landing_m=DEPOT_M,
     )  # fmt: skip

@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from missions.pricing import Pricing, flown_instance
 from planner import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 
-DEPOT_M = (0.0, 0.0)
-"""The depot in its own frame; pads are a few steps away."""
-
 
 @dataclass(frozen=True, slots=True)
 class Task:

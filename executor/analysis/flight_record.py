@@ -12,7 +12,7 @@ from executor.core.coverage import Run, Sample, Track, follow
 from executor.core.vehicle import FaultKind
 from missions import PlanFile
 from missions.geo import FloatArray
-from missions.tasks import DEPOT_M
+from missions.pricing import DEPOT_M
 from planner import (
     Instance,
     Route,

@@ -55,6 +55,7 @@ def fleet_of(
                 home_alt_m=pad.alt_m,
                 drone=ground.drone,
                 consumption=wind,
+                wind_m_s=ground.site.inspection.wind_m_s,
                 transfer_patience_s=assembly.stall_s(speedup),
                 parameters={
                     rule.action: float(rule.action_return if failsafe else 0),

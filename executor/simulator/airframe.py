@@ -57,6 +57,7 @@ class Airframe:
         self.battery = Battery(
             vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
         )
+        self._wind_m_s = vehicle.wind_m_s
         self.armed = False
         self.crashed_s: float | None = None
         """When it was destroyed."""
@@ -101,12 +102,17 @@ class Airframe:
         """Where the last take-off was to end, until another kind of flight begins; the next leg begins there."""
         return self._climbed_to if self.climbing_out else None
 
+    @property
+    def _air_speed_m_s(self) -> float:
+        if self.body.on_ground:
+            return 0.0
+        east_m_s, north_m_s = self._wind_m_s
+        return math.hypot(self.body.v_east_m_s - east_m_s, self.body.v_north_m_s - north_m_s)
+
     def step(self, now_s: float, dt_s: float) -> None:
         """Live for ``dt_s``, until ``now_s``."""
         self._now_s = now_s
-        self.battery.step(
-            dt_s, motors=self.motors_on, speed_m_s=self.body.ground_speed_m_s, climb_m_s=self.body.v_up_m_s
-        )
+        self.battery.step(dt_s, motors=self.motors_on, speed_m_s=self._air_speed_m_s, climb_m_s=self.body.v_up_m_s)
         self.highest_m = max(self.highest_m, self.body.up_m)
         if self._falling:
             self._fall(dt_s)

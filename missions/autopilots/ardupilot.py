@@ -132,19 +132,22 @@ ARDUPILOT = Dialect(
     ground_station_failsafe=ARDUPILOT_LINK,
     battery_failsafe=ARDUPILOT_BATTERY,
     geofence=ARDUPILOT_FENCE,
-    performance=Performance(
-        level=Ramp(acceleration_m_s2=2.5, jerk_m_s3=1.0),  # WPNAV_ACCEL 250 cm/s/s, WPNAV_JERK 1
-        upright=Ramp(acceleration_m_s2=1.0, jerk_m_s3=1.0),  # WPNAV_ACCEL_Z 100 cm/s/s
+    performance=Performance(  # AC_WPNav.cpp, SCurve.cpp; 313 legs in simulation follow it within 0.1 s (median)
+        # WPNAV_ACCEL 250 cm/s/s, WPNAV_JERK 1 m/s/s/s, twice ATC_INPUT_TC 0.15 s
+        level=Ramp(acceleration_m_s2=2.5, jerk_m_s3=1.0, smooth_s=0.3),
+        upright=Ramp(acceleration_m_s2=1.0, jerk_m_s3=1.0, smooth_s=0.3),  # WPNAV_ACCEL_Z 100 cm/s/s
         climb_m_s=2.5,  # WPNAV_SPEED_UP 250 cm/s
         descent_m_s=1.5,  # WPNAV_SPEED_DN 150 cm/s
+        turn_s=0.45,  # measured
         settle_s=0.0,
         hold_s=1.0,
+        spool_s=6.3,  # measured, from MISSION_START to the next item
         take_off_m_s=2.5,  # WPNAV_SPEED_UP
-        spool_s=3.0,
-        land_fast_m_s=1.5,  # LAND_SPEED_HIGH 0: WPNAV_SPEED_DN
+        take_off_below_m=0.0,
         land_m_s=0.5,  # LAND_SPEED 50 cm/s
-        land_below_m=10.0,  # LAND_ALT_LOW 1000 cm
-        touch_s=2.0,
+        land_below_m=11.6,  # measured: LAND_ALT_LOW 1000 cm, and the way to that speed
+        land_fast_m_s=1.5,  # LAND_SPEED_HIGH 0: WPNAV_SPEED_DN
+        touch_s=2.9,  # measured
     ),
     oldest_version=(4, 6),
     tested_version="Copter 4.7-dev",

@@ -21,8 +21,8 @@ from missions import (
     flight_setup,
 )
 from missions.geo import LocalFrame
+from missions.pricing import DEPOT_M
 from missions.readers import default_network_path, read_network
-from missions.tasks import DEPOT_M
 from planner import Travel, Vehicle, build_instance
 
 FRAME = LocalFrame(49.6, 15.6, 450.0)

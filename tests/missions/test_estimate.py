@@ -13,8 +13,8 @@ from tests.missions.builders import FRAME
 EVEN = Ramp(2.5, 1e9)
 """As good as without a jerk: a ramp to 5 m/s takes 2 s."""
 PERFORMANCE = Performance(
-    EVEN, EVEN, climb_m_s=2.0, descent_m_s=1.0, settle_s=0.5, hold_s=1.0, take_off_m_s=2.0, spool_s=3.0,
-    land_fast_m_s=2.0, land_m_s=0.5, land_below_m=5.0, touch_s=2.0,
+    EVEN, EVEN, climb_m_s=2.0, descent_m_s=1.0, turn_s=0.0, settle_s=0.5, hold_s=1.0, spool_s=3.0, take_off_m_s=1.0,
+    take_off_below_m=4.0, land_m_s=0.5, land_below_m=5.0, land_fast_m_s=2.0, touch_s=2.0,
 )  # fmt: skip
 STILL = SteadyWind(0.0, 0.0, (0.0, 10.0), (0.1, 0.1))
 MODEL = FlightModel(PERFORMANCE, STILL, transit_speed_m_s=5.0, inspection_speed_m_s=1.0)
@@ -36,11 +36,11 @@ OUT_AND_HOME = FlightPath(
     ),
 )
 SECONDS = [
-    3.0 + 20.0 / 2.0 + 2.0 / 2.5,  # spool, climb, a ramp at each end
+    3.0 + 4.0 / 1.0 + 16.0 / 2.0,  # spool, climb
     100.0 / 5.0 + 5.0 / 2.5 + 1.5,  # a stop with its hold
     50.0 / 1.0 + 1.0 / 2.5 + 1.5,
     150.0 / 5.0 + 5.0 / 2.5 + 0.5,  # a stop without one
-    15.0 / 2.0 + 0.5 * 2.0 / 2.5 + 5.0 / 0.5 + 2.0,  # fast, slow, and until the motors stop
+    15.0 / 2.0 + 5.0 / 0.5 + 2.0,  # fast, slow, and until the motors stop
 ]
 
 
@@ -98,6 +98,26 @@ def test_a_bounded_jerk_rounds_the_ramps() -> None:
     assert transit((100, 0), model=gentler) == pytest.approx(20.0 + 6.0 + 0.5, abs=1e-3)
     # 6 m: the peak is 2 m/s, with ramps of 3 s.
     assert transit((6, 0), model=gentler) == pytest.approx(6.0 + 0.5, abs=1e-3)
+
+
+def test_the_jerk_may_be_built_up_too() -> None:
+    """As ArduPilot does: to 5 m/s at 2.5 m/s2 and 1 m/s3 with 0.3 s for the jerk, 4.77 s; to 10 m/s 6.8 s."""
+    smooth = replace(MODEL, performance=replace(PERFORMANCE, level=Ramp(2.5, 1.0, 0.3)))
+    peak = 0.5 * ((0.09 + 20.0) ** 0.5 - 0.3)
+    assert transit((100, 0), model=smooth) == pytest.approx(20.0 + 2 * (0.3 + peak) + 0.5, abs=1e-3)
+    # A metre: the peak q of the jerk's time follows from 2 q (0.3 + q)^2 = 1, and the leg takes four (0.3 + q).
+    q = 0.606
+    assert 2 * q * (0.3 + q) ** 2 == pytest.approx(1.0, abs=6e-3)
+    assert transit((1, 0), model=smooth) == pytest.approx(4 * (0.3 + q) + 0.5, abs=2e-2)
+
+
+def test_after_a_stop_a_turn_takes_its_time() -> None:
+    turning = replace(MODEL, performance=replace(PERFORMANCE, turn_s=1.0))
+    there = transit((50, 0), (50, 50)), transit((50, 0), (50, 50), model=turning)
+    # After the climb nobody knows where it faces: as a right angle, and then one.
+    assert there[1] - there[0] == pytest.approx(2.0, abs=1e-3)
+    back = transit((50, 0), (0, 0)), transit((50, 0), (0, 0), model=turning)
+    assert back[1] - back[0] == pytest.approx(3.0, abs=1e-3)
 
 
 def test_a_steep_leg_takes_as_long_as_its_height() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,8 +13,10 @@ from tests.missions.builders import depot_vehicle, line_east
 
 QUICK = Ramp(1e6, 1e9)
 MODEL = FlightModel(
-    Performance(QUICK, QUICK, climb_m_s=2.0, descent_m_s=2.0, settle_s=0.5, hold_s=1.0, take_off_m_s=2.0, spool_s=3.0,
-                land_fast_m_s=2.0, land_m_s=0.5, land_below_m=5.0, touch_s=2.0),
+    Performance(
+        QUICK, QUICK, climb_m_s=2.0, descent_m_s=2.0, turn_s=0.0, settle_s=0.5, hold_s=1.0, spool_s=3.0,
+        take_off_m_s=2.0, take_off_below_m=10.0, land_m_s=0.5, land_below_m=5.0, land_fast_m_s=2.0, touch_s=2.0,
+    ),
     SteadyWind(0.0, 0.0, (0.0, 100.0), (0.1, 0.1)), 10.0, 2.0,
 )  # fmt: skip
 """At its speed at once; each stop takes 1.5 s; a second takes a tenth of a percent, and a metre of climb 0.004 %."""
@@ -62,6 +66,20 @@ def test_a_steep_way_takes_as_long_as_its_height() -> None:
     task = open_task(pricing(), [1], [high])
     # 100 m over the ground take 10 s at 10 m/s; 300 m down at 2 m/s take 150 s.
     assert task.instance.start_s[0, 0] == pytest.approx(150.0 + 1.5 + 50.0 + 1.5, abs=1e-3)
+
+
+def test_turning_on_the_spot_takes_its_time() -> None:
+    turning = replace(MODEL, performance=replace(MODEL.performance, turn_s=1.0))
+    towards = pricing()
+    task = open_task(
+        replace(towards, models=dict.fromkeys(towards.models, turning)), range(3), [depot_vehicle("uav1", 80.0)]
+    )
+    # On along the line; back along it; from the pad, where nobody knows where it faces, to the first pylon and on.
+    assert task.instance.moves.seconds(0, 0, 2) == pytest.approx(50.0 + 1.5, abs=1e-3)
+    assert task.instance.moves.seconds(0, 2, 3) == pytest.approx(2.0 + 50.0 + 1.5, abs=1e-3)
+    assert task.instance.start_s[0, 0] == pytest.approx(3.0 + 10.0 + 1.0 + 10.0 + 1.5 + 50.0 + 1.5, abs=1e-3)
+    # Home from the line's end is back along it.
+    assert task.instance.home_s[0, 0] == pytest.approx(2.0 + 20.0 + 0.5 + 7.5 + 10.0 + 2.0, abs=1e-3)
 
 
 def test_many_segments_are_priced_when_they_are_asked_for() -> None:

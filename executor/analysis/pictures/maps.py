@@ -29,7 +29,7 @@ from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, VehicleSty
 from executor.core.words import since_take_off
 from missions import PlanFile
 from missions.geo import FloatArray
-from missions.tasks import DEPOT_M
+from missions.pricing import DEPOT_M
 
 FONT_PT = 9.0
 LEFT_PT = 8.0
