@@ -42,7 +42,7 @@ from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.performance import Performance, Ramp
-from missions.planfile import PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
+from missions.planfile import BreakingLoss, PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
 from missions.planjson import plan_document, read_plan, write_plan
 from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
@@ -62,6 +62,7 @@ __all__ = [
     "Base",
     "BatteryFailsafe",
     "BatteryLevel",
+    "BreakingLoss",
     "Command",
     "Dialect",
     "EncodeError",

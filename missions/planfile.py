@@ -69,6 +69,16 @@ class PlanSegment:
 
 
 @dataclass(frozen=True, slots=True)
+class BreakingLoss:
+    """A loss that nothing repairs."""
+
+    vehicle: Text
+    """Its name."""
+    from_s: Figure
+    to_s: Figure
+
+
+@dataclass(frozen=True, slots=True)
 class Window:
     """The re-plan window: from when on the others can finish if any one vehicle is lost."""
 
@@ -76,6 +86,8 @@ class Window:
     """Of the longest route."""
     earliest_s: Figure
     longest_route_s: Figure
+    breaking: Annotated[BreakingLoss | None, Field(exclude_if=is_none)] = None
+    """The loss just before it that has no re-plan."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,6 @@ from executor.analysis.report import checked
 from executor.cli.console import TerminalConsole
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
-    DEFAULT_COST,
     DEFAULT_STRETCH_PCT,
     FIRST_AUTOPILOT,
     AfterOption,
@@ -156,7 +155,7 @@ def fly(
     site: SiteArgument,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
-    cost: PlanCostOption = DEFAULT_COST,
+    cost: PlanCostOption = None,
     solver: SolverOption = SolverName.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
     all_vehicles: EverybodyOption = False,
@@ -191,7 +190,7 @@ def preflight(
     site: SiteArgument,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
-    cost: PlanCostOption = DEFAULT_COST,
+    cost: PlanCostOption = None,
     solver: SolverOption = SolverName.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
     all_vehicles: EverybodyOption = False,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from executor.site.planning import DEFAULT
+from executor.site.planning import DEFAULT, WINDOW_UP_TO
 from missions import AUTOPILOTS
 from planner import Cost
 
@@ -82,10 +82,11 @@ SeedOption = Annotated[
     int, typer.Option(min=0, max=MOST_SEED, help="Random seed; the same seed reproduces the result.")
 ]
 PlanCostOption = Annotated[
-    PlanCostName,
+    PlanCostName | None,
     typer.Option(
         help="What to optimise: minmax, the longest route; minsum, all routes together; mincomb, both; window, the "
-        "re-plan window, so that any one vehicle may be lost as early as possible."
+        "re-plan window, so that any one vehicle may be lost as early as possible. Without it the window, or minmax "
+        f"for one vehicle, for more than {WINDOW_UP_TO} segments and for other solvers."
     ),
 ]
 SolverOption = Annotated[
@@ -110,7 +111,6 @@ EverybodyOption = Annotated[
 ]
 StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
 MINMAX_COST = CostName(Cost.MINMAX.value)
-DEFAULT_COST = PlanCostName.WINDOW if DEFAULT.cost is None else PlanCostName(DEFAULT.cost.value)
 DEFAULT_REPLAN_COST = MINMAX_COST if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
 DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
 FaultOption = Annotated[

@@ -21,7 +21,7 @@ from planner import Cost, Progress
 
 
 def wanted_of(
-    cost: PlanCostName,
+    cost: PlanCostName | None,
     solver: SolverName,
     stretch_pct: float,
     all_vehicles: bool,
@@ -35,7 +35,8 @@ def wanted_of(
         PlanFileError: the solver cannot do it.
     """
     return Wanted(
-        cost=None if cost is PlanCostName.WINDOW else Cost(cost.value),
+        cost=None if cost in {None, PlanCostName.WINDOW} else Cost(cost.value),
+        usual=cost is None,
         seconds=seconds,
         seed=seed,
         solver=PlanSolver(solver.value),
@@ -93,6 +94,7 @@ def plan_and_tell(
         planner.PlannerError: the solver cannot take this problem.
     """
     task = assembly.task_of(ground, segments)
+    wanted = wanted.for_task(task)
     progressed = announced(ground, console, wanted, len(task.segment_ids))
     content = planning.first_plan(ground, wanted, progressed, task)
     console.progress("")

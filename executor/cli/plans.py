@@ -12,7 +12,6 @@ import typer
 
 from executor.cli.console import TerminalConsole
 from executor.cli.options import (
-    DEFAULT_COST,
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
     FIRST_AUTOPILOT,
@@ -42,7 +41,7 @@ from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from executor.site.heights import PlannedHeights, planned_heights
-from executor.site.plan_words import left_over_words, left_words, route_words, summary
+from executor.site.plan_words import left_over_words, left_words, route_words, summary, window_words
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
     PlanFile,
@@ -80,7 +79,7 @@ FrontOption = Annotated[
 
 def plan(
     site: SiteArgument,
-    cost: PlanCostOption = DEFAULT_COST,
+    cost: PlanCostOption = None,
     solver: SolverOption = SolverName.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
     all_vehicles: EverybodyOption = False,
@@ -328,11 +327,8 @@ def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | N
     for line in (*route_words(content), summary(content)):
         print(line)
     print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
-    if content.window is not None:
-        print(
-            f"re-plan window {content.window.window_pct:.1f} %: from {content.window.earliest_s:.0f} s on any one "
-            "vehicle may be lost"
-        )
+    for line in window_words(content):
+        print(line)
     if heights is not None:
         print(f"heights: {heights.words}")
         for line in heights.warnings:

@@ -78,6 +78,19 @@ def summary(plan: PlanFile) -> str:
     )
 
 
+def window_words(plan: PlanFile) -> list[str]:
+    """Return in a line from when on any one vehicle may be lost, and whose loss is not repaired before; none known."""
+    window = plan.window
+    if window is None:
+        return []
+    breaking = window.breaking
+    before = "" if breaking is None else (
+        f"; lost between {breaking.from_s:.0f} and {breaking.to_s:.0f} s, {breaking.vehicle} leaves segments over"
+    )  # fmt: skip
+    share = f"re-plan window {window.window_pct:.0f} %"
+    return [f"{share}: from {window.earliest_s:.0f} s on any one vehicle may be lost{before}"]
+
+
 def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
     """Return what is left over, a line for each reason, each with the names of `most` segments at most."""
     reasons: dict[str, list[str]] = {}

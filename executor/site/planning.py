@@ -12,7 +12,17 @@ import numpy as np
 
 from executor.site import assembly
 from executor.site.assembly import Ground
-from missions import PlanFile, PlanFileError, Solved, Task, Window, check_plan, make_plan_file, plan_document
+from missions import (
+    BreakingLoss,
+    PlanFile,
+    PlanFileError,
+    Solved,
+    Task,
+    Window,
+    check_plan,
+    make_plan_file,
+    plan_document,
+)
 from planner import (
     DEFAULT_PARAMS,
     Cost,
@@ -43,6 +53,10 @@ SAME_PLACE_M = 1.0
 SAME = 1e-9
 """Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
 CHANGES_NAMED = 3
+WINDOW_UP_TO = 150
+"""Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
+WINDOW_SETTLED = 30_000
+"""The same as `SETTLED` for a search on the window."""
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
@@ -73,6 +87,9 @@ class Wanted:
     """Searches side by side; 0 for as many as there are processors."""
     params: SearchParams = DEFAULT_PARAMS
     """What the search is tuned by."""
+    usual: bool = False
+    """Whether nobody asked for a cost: then it is the window where there is one to search for in this time, and else
+    MinMax."""
 
     def __post_init__(self) -> None:
         """Check that the solver can do it.
@@ -80,7 +97,7 @@ class Wanted:
         Raises:
             PlanFileError: the window is asked of a solver that does not know it, or the paper's solver is to be tuned.
         """
-        if self.cost is None and self.solver is not PlanSolver.SEARCH:
+        if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
         if self.params != DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
             raise PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
@@ -90,11 +107,19 @@ class Wanted:
         """Searches side by side."""
         return self.starts or os.cpu_count() or 1
 
+    def for_task(self, task: Task) -> Wanted:
+        """Return what is asked of a task."""
+        if not self.usual:
+            return self
+        able = self.solver is PlanSolver.SEARCH and len(task.instance.vehicles) > 1
+        searched = able and 0 < len(task.segment_ids) <= WINDOW_UP_TO
+        return replace(self, cost=None if searched else Cost.MINMAX, usual=False)
 
-DEFAULT = Wanted(cost=Cost.MINMAX, seconds=5.0, seed=1)
+
+DEFAULT = Wanted(cost=None, seconds=5.0, seed=1, stretch=0.05, usual=True)
 """What every command plans by where it is not told otherwise: what was looked at is what is flown.
 
-MinMax, as re-plans in flight: everybody is home early, and budgets are left for a loss."""
+The window, so that any one vehicle may be lost as early as possible, at a small price in time."""
 
 
 def first_plan(
@@ -109,13 +134,15 @@ def first_plan(
         planner.PlannerError: the solver cannot take this problem.
     """
     task = assembly.task_of(ground) if task is None else task
+    wanted = wanted.for_task(task)
     window: Window | None
     if wanted.cost is None:
+        stop = any_of(Seconds(wanted.seconds), NoImprovement(WINDOW_SETTLED))
         found = solve_window(
-            task.instance, stretch=wanted.stretch, stop=Seconds(wanted.seconds), seed=wanted.seed,
+            task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
         )  # fmt: skip
-        plan, seconds, window = found.plan, found.seconds, window_in(found.window)
+        plan, seconds, window = found.plan, found.seconds, window_in(found.window, task.instance)
     else:
         result = _solved(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, window = result.plan, result.seconds, None
@@ -141,7 +168,8 @@ def front_plans(
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
     return tuple(
         make_plan_file(
-            ground.network, task, ground.travel, entry.plan, None, solved, window=window_in(entry.window),
+            ground.network, task, ground.travel, entry.plan, None, solved,
+            window=window_in(entry.window, task.instance),
             inspection=ground.inspection,
         )
         for entry in found
@@ -153,7 +181,9 @@ def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
     plans = {}
     for cost in Cost:
         content = first_plan(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
-        plans[cost.value] = replace(content, window=window_in(replan_window(content.instance(), content.plan)))
+        plans[cost.value] = replace(
+            content, window=window_in(replan_window(content.instance(), content.plan), ground.names)
+        )
     return plans
 
 
@@ -181,9 +211,13 @@ def _settled(seconds: float) -> StopRule:
     return any_of(Seconds(seconds), NoImprovement(SETTLED))
 
 
-def window_in(found: ReplanWindow) -> Window:
+def window_in(found: ReplanWindow, instance: Instance) -> Window:
     """Return a re-plan window as plan files keep it."""
-    return Window(found.window_pct, found.earliest_s, found.longest_route_s)
+    loss = None
+    if found.breaking is not None:
+        breaking = found.breaking
+        loss = BreakingLoss(instance.vehicles[breaking.vehicle].name, breaking.from_s, breaking.to_s)
+    return Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
 
 
 def fits(plan: PlanFile, ground: Ground, source: str) -> None:
