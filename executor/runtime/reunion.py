@@ -64,7 +64,9 @@ async def asked(
         async with asyncio.TaskGroup() as tasks:
             for name, answer in answers.items():
                 if answer.heard.is_set():
-                    tasks.create_task(_read(links[name], clock, context.vehicles[name].dialect, answer), name=name)
+                    reads = _matters(state(), state().vehicles[name])
+                    asks = _asked_one(links[name], clock, context.vehicles[name].dialect, answer, reads=reads)
+                    tasks.create_task(asks, name=name)
         found = [
             found_on(context, state(), name, answer.items, answer.seq)
             if answer.heard.is_set()
@@ -79,8 +81,16 @@ async def asked(
 
 def _expected(state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether a vehicle matters so much that the others wait for it."""
+    return _matters(state, vehicle) or vehicle.stage is Stage.RETURNING
+
+
+def _matters(state: FleetState, vehicle: VehicleState) -> bool:
+    """Return whether it matters what a vehicle carries: it flies by it, or may hold half of it.
+
+    Over a bad link reading takes long, and nobody watches the others meanwhile.
+    """
     pending = state.replanning.replan is not None and vehicle.name in state.replanning.replan.pending
-    return pending or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+    return pending or vehicle.stage in {Stage.STARTING, Stage.FLYING}
 
 
 async def _first(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
@@ -104,8 +114,9 @@ async def _all(answers: Mapping[str, _Answer], expected: list[str]) -> None:
                 await answers[name].heard.wait()
 
 
-async def _read(link: Link, clock: Clock, dialect: Dialect, answer: _Answer) -> None:
-    answer.items = await procedures.read_mission(link, clock)
+async def _asked_one(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, *, reads: bool) -> None:
+    if reads:
+        answer.items = await procedures.read_mission(link, clock)
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
             await streams.asked_for(link, clock, dialect)
