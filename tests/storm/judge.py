@@ -182,7 +182,9 @@ class StormJudge(Judge):
         if "landed or" in line.text or self._lied(found["name"], at_s, "forged disarmed"):
             return ""
         stops = [one for one in self.happened(found["name"], "kill") if one.t_s <= at_s]
-        if stops and (stops[-1].up_m or 0.0) <= FALLS_FROM_M and super()._silent(found["name"], stops[-1].t_s):
+        whole = self._came_down(found["name"], at_s)[-1:] == ["fell"]  # from no height that breaks it
+        low = stops and (whole or (stops[-1].up_m or 0.0) <= FALLS_FROM_M)
+        if low and super()._silent(found["name"], stops[-1].t_s):
             return ""  # it stands where it would have landed, and nobody saw how that came
         if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed

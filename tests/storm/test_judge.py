@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from executor.core.commands import Level, Say
 from executor.core.events import LaunchOrdered
 from executor.simulator.truth import Truth
 from tests.stories.story import Story
@@ -25,11 +28,22 @@ def truth(name: str, t_s: float, what: str, place: tuple[float, float], up_m: fl
 
 
 def stormed(
-    *happened: tuple[str, float, str], truths: tuple[Truth, ...] = (), began: tuple[Happening, ...] = ()
+    *happened: tuple[str, float, str],
+    truths: tuple[Truth, ...] = (),
+    began: tuple[Happening, ...] = (),
+    ended: tuple[str, ...] = tuple(PADS),
 ) -> Stormed:
-    """Return the flight of two vehicles with nothing to inspect in which this happened, each over its pad."""
+    """Return the flight of two vehicles with nothing to inspect in which this happened, each over its pad.
+
+    Args:
+        happened: Who, when and what.
+        truths: The same with more of it.
+        began: What the story holds.
+        ended: Who lands in the end.
+    """
     told = [truth(name, 0.0, "at", place) for name, place in PADS.items()]
-    told += [truth(name, t_s, what, place) for name, place in PADS.items() for t_s, what in (*BEGUN, *ENDED)]
+    told += [truth(name, t_s, what, place) for name, place in PADS.items() for t_s, what in BEGUN]
+    told += [truth(name, t_s, what, PADS[name]) for name in ended for t_s, what in ENDED]
     told += [truth(name, t_s, what, PADS[name]) for name, t_s, what in happened]
     flown = Flown(
         Story("test", ()), "ardupilot", (*told, *truths), ((LAUNCH_S, LaunchOrdered()),), (), (), (), LAUNCH_S, END_S,
@@ -38,6 +52,10 @@ def stormed(
     plot = Plot(1, "ardupilot", "line", dict.fromkeys(PADS, ()), began)
     shown = dict.fromkeys(PADS, "landed")
     return Stormed(plot, flown, tuple((one.at_s, one) for one in began), (), False, shown, SPACING_M)
+
+
+def said(told: Stormed, at_s: float, text: str) -> Stormed:
+    return replace(told, flown=replace(told.flown, said=(*told.flown.said, (at_s, Say(Level.INFO, text)))))
 
 
 def rules(told: Stormed) -> set[str]:
@@ -49,3 +67,16 @@ def test_who_falls_through_anothers_layer_did_not_fly_there(falls: str | None, f
     near = tuple(truth(name, 100.0, "at", PADS["uav1"], up_m) for name, up_m in (("uav1", 12.0), ("uav2", 14.0)))
     fault = (("uav2", 99.0, f"fault uav2:{falls}@0s"),) if falls else ()
     assert rules(stormed(*fault, truths=near)) == found
+
+
+@pytest.mark.parametrize(("unseen", "ends", "found"), [
+    (True, "fell", set()), (False, "fell", {"line"}), (True, "crash", {"line"}),
+])  # fmt: skip
+def test_who_is_stopped_low_over_its_pad_and_comes_down_whole_unseen_is_taken_for_landed(
+    unseen: bool, ends: str, found: set[str]
+) -> None:
+    silence = (("uav1", 100.0, "fault uav1:silent=60s@0s"),) if unseen else ()
+    stopped = truth("uav1", 120.0, "kill", PADS["uav1"], up_m=2.6)
+    falls = (("uav1", 120.0, "disarmed"), ("uav1", 120.7, ends))
+    told = stormed(*silence, *falls, truths=(stopped,), ended=("uav2",))
+    assert rules(said(told, 163.0, "uav1: landed with 90 %")) == found
