@@ -134,7 +134,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/baseline_detector.py",
         "executor/replay/pictures_tuning.py",
     ),
-    "tests/executor/runtime/test_flight.py": ("executor/runtime/reunion.py",),
     "tests/executor/runtime/test_preflight.py": ("executor/runtime/streams.py",),
     "tests/executor/simulated/test_demo_site.py": ("executor/simulated/fleet.py",),
     "tests/executor/simulator/test_ardupilot.py": ("executor/simulator/mission_ardupilot.py",),

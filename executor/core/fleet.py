@@ -215,17 +215,27 @@ def _started(context: Context, state: FleetState, event: StartEnded, now_s: floa
         )
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
-    why = f"did not start: {event.reason}" + (", and it has disarmed" if stopped else "")
+    why = f"did not start: {event.reason}"
+    if event.armed and not vehicle.armed and not _beats(context, vehicle, now_s):
+        # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
+        why += ", and no HEARTBEAT comes from it"
+        return declare(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
+    why += ", and it has disarmed" if stopped else ""
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+
+
+def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether what its HEARTBEAT says is of now."""
+    beat_s = vehicle.link.heartbeat_s
+    return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
 
 
 def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
     """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
     if not (vehicle.sortie.armed_once or event.armed):
         return True
-    fix, beat_s = vehicle.motion.fix, vehicle.link.heartbeat_s
-    fresh = beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
-    if not fresh or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
+    fix = vehicle.motion.fix
+    if not _beats(context, vehicle, now_s) or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         return False  # it may have taken off, or its autopilot may have started anew
     return not vehicle.sortie.took_off and not comes_home(context, vehicle) and vehicle.custody.cause is Cause.OURS
 

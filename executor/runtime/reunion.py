@@ -20,6 +20,10 @@ from missions import Dialect, MissionItem
 
 ONE_REAL_S = 5.0
 """How long one vehicle that should be heard is waited for; supervision of the others waits meanwhile."""
+READ_REAL_S = 6.0
+READ_WAYPOINT_REAL_S = 0.25
+"""How long a mission is read at most, and more for each waypoint that it should have. Who cannot be read in that time
+is taken at its word, as one that refuses; only half of a new mission is worth any time."""
 STREAMS_REAL_S = 3.0
 """A vehicle keeps its streams; only one that was restarted needs to be asked again, and the link may be slow."""
 
@@ -64,7 +68,9 @@ async def asked(
         async with asyncio.TaskGroup() as tasks:
             for name, answer in answers.items():
                 if answer.heard.is_set():
-                    tasks.create_task(_read(links[name], clock, context.vehicles[name].dialect, answer), name=name)
+                    patience_s = _patience_real_s(state(), state().vehicles[name])
+                    asks = _asked_one(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
+                    tasks.create_task(asks, name=name)
         found = [
             found_on(context, state(), name, answer.items, answer.seq)
             if answer.heard.is_set()
@@ -79,8 +85,23 @@ async def asked(
 
 def _expected(state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether a vehicle matters so much that the others wait for it."""
-    pending = state.replanning.replan is not None and vehicle.name in state.replanning.replan.pending
-    return pending or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+    return _pending(state, vehicle) or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+
+
+def _pending(state: FleetState, vehicle: VehicleState) -> bool:
+    return state.replanning.replan is not None and vehicle.name in state.replanning.replan.pending
+
+
+def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
+    """Return how long a vehicle's mission is read: not at all unless it flies by it, to the end if half may be there.
+
+    Over a bad link reading takes long, and nobody watches the others meanwhile.
+    """
+    if _pending(state, vehicle):
+        return None
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
+        return 0.0
+    return READ_REAL_S + READ_WAYPOINT_REAL_S * len(vehicle.assignment.board.path.waypoints)
 
 
 async def _first(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
@@ -104,8 +125,11 @@ async def _all(answers: Mapping[str, _Answer], expected: list[str]) -> None:
                 await answers[name].heard.wait()
 
 
-async def _read(link: Link, clock: Clock, dialect: Dialect, answer: _Answer) -> None:
-    answer.items = await procedures.read_mission(link, clock)
+async def _asked_one(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:
+    if patience_s != 0.0:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(patience_s):
+                answer.items = await procedures.read_mission(link, clock)
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
             await streams.asked_for(link, clock, dialect)

@@ -162,7 +162,9 @@ class Airframe:
         self.happened("on_pad")
 
     def lose_thrust(self) -> None:
-        """Fall; on the ground, break down."""
+        """Fall; on the ground, break down. Who lies destroyed has nothing to lose, and no last words again."""
+        if self.crashed_s is not None:
+            return
         if self.body.on_ground:
             self._break()
         else:

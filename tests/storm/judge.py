@@ -182,7 +182,9 @@ class StormJudge(Judge):
         if "landed or" in line.text or self._lied(found["name"], at_s, "forged disarmed"):
             return ""
         stops = [one for one in self.happened(found["name"], "kill") if one.t_s <= at_s]
-        if stops and (stops[-1].up_m or 0.0) <= FALLS_FROM_M and super()._silent(found["name"], stops[-1].t_s):
+        whole = self._came_down(found["name"], at_s)[-1:] == ["fell"]  # from no height that breaks it
+        low = stops and (whole or (stops[-1].up_m or 0.0) <= FALLS_FROM_M)
+        if low and super()._silent(found["name"], stops[-1].t_s):
             return ""  # it stands where it would have landed, and nobody saw how that came
         if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed
@@ -341,7 +343,8 @@ class StormJudge(Judge):
     def _obeys(self, name: str, at_s: float) -> bool:
         """Return whether it flies a mission of ours, and nothing was done to it."""
         modes = [one.what for one in self.happened(name, "mode ") if one.t_s <= at_s]
-        falls = (f"fault {name}:crash", f"fault {name}:wreck")  # from then on
+        # From then on it falls: motors stop where a flight controller restarts.
+        falls = (f"fault {name}:crash", f"fault {name}:wreck", f"fault {name}:reboot")
         done = self.happened(name, "pilot ", "station ", "kill", "failsafe ", "crash", "wreck", "storm ", *falls)
         mission = MISSION[self.flown.autopilot]["mission"]
         return bool(modes) and modes[-1] == f"mode {mission}" and not any(one.t_s <= at_s for one in done)

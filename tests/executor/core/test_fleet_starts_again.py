@@ -120,18 +120,18 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments left "
-                    "without a vehicle"
+                    "uav1: did not start: arm: denied, and no HEARTBEAT comes from it; last position 49.600138, "
+                    "15.599467, 0 m over its home; 2 segments left without a vehicle"
                 ),
             )
         ],
         {
             "uav1": {
-                "stage": Stage.LANDED,
+                "stage": Stage.LOST,
                 "ordered_mode_s": NOW_S,
                 "fault": Fault(
-                    FaultKind.INTERRUPTION,
-                    "did not start: arm: denied, and it has disarmed",
+                    FaultKind.LINK,
+                    "did not start: arm: denied, and no HEARTBEAT comes from it",
                     NOW_S,
                     FaultCode.NOT_STARTED,
                 ),
@@ -140,7 +140,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: interruption, did not start: arm: denied, and it has disarmed",
+            "trigger": "uav1: did not start: arm: denied, and no HEARTBEAT comes from it",
             "trigger_s": NOW_S,
         },
     ),

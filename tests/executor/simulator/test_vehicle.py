@@ -192,6 +192,16 @@ def test_a_reboot_in_the_air_is_a_crash(kind: AutopilotKind) -> None:
 
 
 @KINDS
+def test_a_crash_of_who_lies_destroyed_lets_nothing_be_heard_again(kind: AutopilotKind) -> None:
+    flight = Flight(kind, "uav1:reboot@20s", "uav1:crash@40s")
+    flight.start()
+    flight.run(60)
+    assert "fault uav1:crash@40s" in flight.what()
+    assert flight.what().count("crash") == 1
+    assert not [at_s for at_s, _ in flight.log if at_s > flight.when("fault uav1:reboot@20s") + 0.1]
+
+
+@KINDS
 def test_a_reboot_on_the_ground_is_five_silent_seconds_and_a_new_clock(kind: AutopilotKind) -> None:
     flight = Flight(kind, charge_pct=70.0)
     flight.run(20)

@@ -1,0 +1,82 @@
+"""The judge of storms sees what must not be, and excuses what nobody on the ground can help; by truths made for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from executor.core.commands import Level, Say
+from executor.core.events import LaunchOrdered
+from executor.simulator.truth import Truth
+from tests.stories.story import Story
+from tests.stories.world import Flown
+from tests.storm.judge import findings
+from tests.storm.plot import Happening, Plot
+from tests.storm.sky import Stormed
+
+PADS = {"uav1": (49.6, 15.6), "uav2": (49.602, 15.6)}
+LAUNCH_S, END_S = 10.0, 400.0
+BEGUN = ((10.5, "order command 400 1"), (10.6, "armed"), (10.8, "mode AUTO"), (11.0, "took_off"))
+ENDED = ((300.0, "descends"), (320.0, "landed"), (322.0, "disarmed"))
+SPACING_M = 6.0
+
+
+def truth(name: str, t_s: float, what: str, place: tuple[float, float], up_m: float = 0.0) -> Truth:
+    sender = 255 if what.startswith("order") else None
+    return Truth(name, what, t_s, t_s, sender, *place, up_m, 90.0)
+
+
+def stormed(
+    *happened: tuple[str, float, str],
+    truths: tuple[Truth, ...] = (),
+    began: tuple[Happening, ...] = (),
+    ended: tuple[str, ...] = tuple(PADS),
+) -> Stormed:
+    """Return the flight of two vehicles with nothing to inspect in which this happened, each over its pad.
+
+    Args:
+        happened: Who, when and what.
+        truths: The same with more of it.
+        began: What the story holds.
+        ended: Who lands in the end.
+    """
+    told = [truth(name, 0.0, "at", place) for name, place in PADS.items()]
+    told += [truth(name, t_s, what, place) for name, place in PADS.items() for t_s, what in BEGUN]
+    told += [truth(name, t_s, what, PADS[name]) for name in ended for t_s, what in ENDED]
+    told += [truth(name, t_s, what, PADS[name]) for name, t_s, what in happened]
+    flown = Flown(
+        Story("test", ()), "ardupilot", (*told, *truths), ((LAUNCH_S, LaunchOrdered()),), (), (), (), LAUNCH_S, END_S,
+        END_S, {"uav1": 1, "uav2": 2}, PADS, {}, {}, frozenset(), 20.0, 0,
+    )  # fmt: skip
+    plot = Plot(1, "ardupilot", "line", dict.fromkeys(PADS, ()), began)
+    shown = dict.fromkeys(PADS, "landed")
+    return Stormed(plot, flown, tuple((one.at_s, one) for one in began), (), False, shown, SPACING_M)
+
+
+def said(told: Stormed, at_s: float, text: str) -> Stormed:
+    return replace(told, flown=replace(told.flown, said=(*told.flown.said, (at_s, Say(Level.INFO, text)))))
+
+
+def rules(told: Stormed) -> set[str]:
+    return {finding.rule for finding in findings(told)}
+
+
+@pytest.mark.parametrize(("falls", "found"), [(None, {"apart"}), ("reboot", set()), ("crash", set())])
+def test_who_falls_through_anothers_layer_did_not_fly_there(falls: str | None, found: set[str]) -> None:
+    near = tuple(truth(name, 100.0, "at", PADS["uav1"], up_m) for name, up_m in (("uav1", 12.0), ("uav2", 14.0)))
+    fault = (("uav2", 99.0, f"fault uav2:{falls}@0s"),) if falls else ()
+    assert rules(stormed(*fault, truths=near)) == found
+
+
+@pytest.mark.parametrize(("unseen", "ends", "found"), [
+    (True, "fell", set()), (False, "fell", {"line"}), (True, "crash", {"line"}),
+])  # fmt: skip
+def test_who_is_stopped_low_over_its_pad_and_comes_down_whole_unseen_is_taken_for_landed(
+    unseen: bool, ends: str, found: set[str]
+) -> None:
+    silence = (("uav1", 100.0, "fault uav1:silent=60s@0s"),) if unseen else ()
+    stopped = truth("uav1", 120.0, "kill", PADS["uav1"], up_m=2.6)
+    falls = (("uav1", 120.0, "disarmed"), ("uav1", 120.7, ends))
+    told = stormed(*silence, *falls, truths=(stopped,), ended=("uav2",))
+    assert rules(said(told, 163.0, "uav1: landed with 90 %")) == found
