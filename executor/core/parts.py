@@ -109,7 +109,7 @@ class OnBoard:
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """Where a vehicle on its mission was when it was last heard, before nobody listened or nobody was heard."""
+    """Where a vehicle on its mission was before a gap in its positions, or before nobody listened."""
 
     fix: Fix
     waypoint: int
@@ -216,6 +216,8 @@ class Assignment:
     board: OnBoard | None = None
     waypoint: int = 0
     """The waypoint at the end of the leg under way, by the vehicle's own word."""
+    fix_waypoint: int | None = None
+    """The same when its newest position came: after a silence either may be heard first."""
     run: Run | None = None
     run_visit: int | None = None
     """The visit that `run` belongs to."""

@@ -1,9 +1,10 @@
-"""What a vehicle flew while nobody listened, where everything that is known fits one story.
+"""What a vehicle flew while it was not heard, or nobody listened, where everything that is known fits one story.
 
 A segment that was seen counts by its positions. Of one that nobody saw there is this evidence: the vehicle's own clock
 ran on; it was on the mission that we know before and after; it is now where that mission leads in just that time; and
 no segment can have been flown too fast without making it early. Then the segment counts, and is marked as inferred.
-Anything that does not fit makes the whole time worth nothing, and the segments are flown again.
+Anything that does not fit makes the whole time worth nothing, and the segments are flown again. It is one rule for a
+gap in one vehicle's positions, for a silence of all, and for a flight that is taken up again.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from dataclasses import dataclass
 
 from executor.core.battery import account
 from executor.core.context import Context
-from executor.core.coverage import SPEED_FACTOR, Run, Sample, run_joined
-from executor.core.parts import Before, Fix, OnBoard
+from executor.core.coverage import NOISE_M, SPEED_FACTOR, Run, Sample, run_joined
+from executor.core.parts import Before, Cause, Fix, OnBoard
 from executor.core.vehicle import VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_mission_mode
@@ -60,6 +61,10 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
         return NOTHING
+    if not _at_stake(before, board, waypoint if state.armed else len(board.legs)):
+        return NOTHING
+    if not context.infers:
+        return Inferred(why_not="the site asks for proof by positions")
     elapsed_s = fix.boot_s - before.fix.boot_s
     if elapsed_s <= 0.0:
         return Inferred(why_not="its clock was reset")
@@ -78,13 +83,23 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     expected_s = _left_s(board, before.waypoint, before.fix) - _left_s(board, waypoint, fix)
     expected_s += sum(leg.duration_s for leg in board.legs[before.waypoint + 1 : waypoint + 1])
     tolerance_s = _tolerance_s(board, (*visits, *(() if joins is None else (joins,))))
-    if abs(elapsed_s - expected_s) > tolerance_s:
+    early_s = tolerance_s
+    if waypoint == before.waypoint:
+        # A part of one segment between two known places: how fast it was flown is known as well.
+        early_s = TOLERANCE * expected_s + NOISE_M / context.inspection_speed_m_s
+    if not -early_s <= elapsed_s - expected_s <= tolerance_s:
         return Inferred(why_not=f"it took {elapsed_s:.0f} s where its way takes {expected_s:.0f} s")
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
     if joins is None:
         return Inferred(segments)
     sample = Sample(fix.boot_s, fix.place_m, math.hypot(*fix.velocity_m_s[:2]))
     return Inferred(segments, joins, run_joined(board.tracks[joins], sample, context.inspection_speed_m_s))
+
+
+def _at_stake(before: Before, board: OnBoard, waypoint: int) -> bool:
+    """Return whether there is anything that may have been inspected."""
+    ahead = board.path.waypoints[before.waypoint + 1 : waypoint + 1]
+    return before.run is not None or any(point.phase is Phase.INSPECT for point in ahead)
 
 
 def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> str:
@@ -94,8 +109,21 @@ def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: 
         return "it is not on its mission any more"
     if before is None or waypoint < before.waypoint:
         return "its mission went back"
+    if why_not := _touched(state, before.fix.at_s):
+        return why_not
     away_m = math.inf if fix is None else _beside_m(board, waypoint, fix.place_m)
     return f"it is {away_m:.0f} m beside its way" if away_m > context.corridor_m else ""
+
+
+def _touched(state: VehicleState, since_s: float) -> str:
+    """Return what else happened to a vehicle than that it flew its mission; empty if nothing did."""
+    if state.telemetry.mode_since_s > since_s:
+        return "its mode changed meanwhile"
+    if state.custody.taken is not None or state.custody.cause is Cause.PERSON:
+        return "it is in other hands"
+    if state.assignment.carried.doubted():
+        return "it may carry another mission"
+    return "its position jumped" if state.motion.jump[1] > since_s else ""
 
 
 def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: float) -> Inferred:
