@@ -89,7 +89,7 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     # What it began meanwhile at the first pylon, and was seen to begin, needs no evidence.
     joins = None if vehicle.assignment.run is not None else found.joins
     proven = {board.tracks[joins].segment} if joins is not None else set()
-    vehicle = _unproven(vehicle, board, {*found.segments, *proven})
+    vehicle = _unproven(vehicle, board, {*found.segments, *proven}, told=bool(found.why_not))
     known = replace(vehicle.assignment, waypoint=waypoint)
     vehicle = replace(
         vehicle,
@@ -116,8 +116,17 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)
 
 
-def _unproven(vehicle: VehicleState, board: OnBoard, counted: Collection[int] = ()) -> VehicleState:
-    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it counts all the same."""
+def _unproven(
+    vehicle: VehicleState, board: OnBoard, counted: Collection[int] = (), *, told: bool = False
+) -> VehicleState:
+    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it counts all the same.
+
+    Args:
+        vehicle: Heard again.
+        board: What it carries.
+        counted: Segments that count.
+        told: Whether it is said already why the others do not.
+    """
     known, before, fix = vehicle.assignment, vehicle.assignment.before, vehicle.motion.fix
     judged = replace(known, before=None)
     if before is None or before.run is None or before.run_visit is None or fix is None:
@@ -126,5 +135,7 @@ def _unproven(vehicle: VehicleState, board: OnBoard, counted: Collection[int] = 
     if segment in counted:
         return replace(vehicle, assignment=judged)
     why = f"no position for {fix.boot_s - before.fix.boot_s:.1f} s"
-    broken = (*known.runs_broken, (segment, why))
-    return replace(vehicle, assignment=replace(judged, runs_broken=broken, owed=(before.run_visit, why)))
+    owed = known.owed if told else (before.run_visit, why)
+    return replace(
+        vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed)
+    )
