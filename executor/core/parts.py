@@ -121,6 +121,18 @@ class Before:
 
 
 @dataclass(frozen=True, slots=True)
+class Declined:
+    """A new mission that a vehicle could not be given."""
+
+    at_s: float
+    """When that was known."""
+    tries: int
+    """How many in a row."""
+    maybe: OnBoard | None = None
+    """What it may carry all the same, instead of its old one; None where that cannot be."""
+
+
+@dataclass(frozen=True, slots=True)
 class LinkState:
     """When it was heard, how well, and by whom else."""
 
@@ -232,6 +244,8 @@ class Assignment:
     """The revision whose mission is being put on board."""
     stubborn: bool = False
     """Whether it could not be given a new mission: it is planned around."""
+    declined: Declined | None = None
+    """That mission, until it is given one."""
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
 

@@ -258,7 +258,7 @@ def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleStat
     owed = old.owed if old.owed is not None and stays(old.owed[0]) else None
     assignment = replace(
         old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, before=None,
-        carried=Carried(ours_s=now_s),
+        stubborn=False, declined=None, carried=Carried(ours_s=now_s),
     )  # fmt: skip
     return replace(vehicle, assignment=assignment)
 

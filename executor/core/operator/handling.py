@@ -235,7 +235,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         fault=None,
         watches=(),
         orders=replace(vehicle.orders, excluded=False, lands=False, held_s=None, cleared_s=now_s),
-        assignment=replace(vehicle.assignment, stubborn=False, failures=0),
+        assignment=replace(vehicle.assignment, stubborn=False, declined=None, failures=0),
         telemetry=replace(vehicle.telemetry, alarm=("", float("-inf"))),
         sortie=replace(vehicle.sortie, armed_once=False),
         custody=replace(vehicle.custody, taken=None),

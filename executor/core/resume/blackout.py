@@ -136,6 +136,4 @@ def _unproven(
         return replace(vehicle, assignment=judged)
     why = f"no position for {fix.boot_s - before.fix.boot_s:.1f} s"
     owed = known.owed if told else (before.run_visit, why)
-    return replace(
-        vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed)
-    )
+    return replace(vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed))

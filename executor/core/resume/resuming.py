@@ -91,6 +91,8 @@ def found_on(
     paths = (
         {} if vehicle.assignment.board is None else {vehicle.assignment.board.revision: vehicle.assignment.board.path}
     )
+    if vehicle.assignment.declined is not None and (maybe := vehicle.assignment.declined.maybe) is not None:
+        paths[maybe.revision] = maybe.path
     if plan is not None and name in plan.missions:
         paths[plan.solve.revision] = plan.missions[name].path
     matches = []
