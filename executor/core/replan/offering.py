@@ -27,7 +27,7 @@ AGAIN_S = 10.0
 LATER = frozenset({
     Ending.NO_ANSWER, Ending.ERROR, Ending.OTHER_STATION, Ending.CANCELLED, Ending.BROKEN_OFF, Ending.LEFT_MISSION,
 })  # fmt: skip
-"""Ends of an upload after which the next one may end well; a plain refusal does not become another answer by waiting."""
+"""Ends of an upload after which the next may end well; a plain refusal does not become another answer by waiting."""
 
 
 def declined(

@@ -72,6 +72,12 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         return _landed(context, state, board, elapsed_s)
     if why_not := _elsewhere(context, state, board, waypoint):
         return Inferred(why_not=why_not)
+    return _in_time(context, before, fix, board, waypoint)
+
+
+def _in_time(context: Context, before: Before, fix: Fix, board: OnBoard, waypoint: int) -> Inferred:
+    """Look at a vehicle in the air that is where its mission leads: whether it took the time for it."""
+    elapsed_s = fix.boot_s - before.fix.boot_s
     visits = _passed(before, board, waypoint)
     joins = board.path.waypoints[waypoint].visit
     if board.path.waypoints[waypoint].phase is not Phase.INSPECT or (

@@ -65,6 +65,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "strangers": frozenset(),
             "before": None,
             "fix_waypoint": None,
+            "declined": None,
             "held_s": None,
             "hold_asked_s": -math.inf,
             "excluded": False,
