@@ -1,7 +1,7 @@
 """A new mission that a vehicle was not given is offered to it again when it answers.
 
-Whoever was busy, or did not answer, may take one later. Until then the others are given its part. What it carries is
-read first: that shows that it answers, and an upload whose end nobody heard may be on board after all.
+One that was busy, or did not answer, may take a mission later. Until then its part is planned for other vehicles. What
+it carries is read first: that shows that it answers, and an upload whose end nobody heard may be on board after all.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 OFFERS = 3
 """How often in a row a new mission is offered: who takes none of them is planned around for the rest of the flight."""
 AGAIN_S = 10.0
-"""Before it is offered the next one: an upload has its own patience, and the others are being given its part."""
+"""Before it is offered the next one: an upload has its own patience, and its part is being planned for others."""
 LATER = frozenset({
     Ending.NO_ANSWER, Ending.ERROR, Ending.OTHER_STATION, Ending.CANCELLED, Ending.BROKEN_OFF, Ending.LEFT_MISSION,
 })  # fmt: skip
@@ -69,7 +69,7 @@ def offered_again(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 
 def _answers(vehicle: VehicleState, refused: Declined, now_s: float) -> bool:
-    """Return whether it is heard again, and not in other hands."""
+    """Return whether it was heard since, and is not in other hands."""
     known, beat_s = vehicle.assignment, vehicle.link.heartbeat_s
     if not known.stubborn or known.pending is not None or known.before is not None or in_other_hands(vehicle):
         return False

@@ -1,4 +1,4 @@
-"""A time in which nobody was heard, or nobody listened: what the vehicles did meanwhile, and how long they can.
+"""A time in which a vehicle, or nobody, was heard, or nobody listened: what was done meanwhile, and how long one can.
 
 The ground's own radio ends no flight. While nobody at all is heard nothing is held against anybody, until the battery
 of each would be empty; a vehicle whose link is regained is taken up where it is, with what it flew.
@@ -49,7 +49,7 @@ def may_fly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
 
 
 def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
-    """Take up a vehicle that is heard again; None as long as it has not said enough."""
+    """Take up a vehicle whose link, or position, is regained; None as long as it has not said enough."""
     before, board, fix = vehicle.assignment.before, vehicle.assignment.board, vehicle.motion.fix
     if before is None:
         return state, ()
