@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.commands import Level
+from executor.core.intents import Action, Outcome
 from executor.core.messages import Battery, Heartbeat, MissionCurrent, Position
 from executor.core.vehicle import FaultKind, Stage
 from tests.executor.builders import fleet_of
@@ -214,3 +215,20 @@ def test_a_site_may_ask_for_proof_instead(long_s: float) -> None:
     assert flight.solves()
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.vehicle("uav2").assignment.runs_broken[0][0] == 2
+
+
+def test_an_operator_may_ask_for_proof_in_flight() -> None:
+    flight = patient()
+    assert flight.ask(Action.PROVE).text == "every segment that counts was proven by positions"
+    silent(flight, 30.0)
+    flight.run(lambda: 3 in flight.state.coverage.inspected)
+    flight.pass_s(3.0)
+    record = flight.ask(Action.PROVE)
+    assert (record.outcome, record.text) == (Outcome.ACCEPTED, "segments 2, 3 flown again for proof")
+    assert of_uav2(flight) == frozenset()
+    flight.run(lambda: bool(flight.solves()))
+    assert {2, 3} <= set(flight.solves()[0].open_segments)
+    flight.finish()
+    assert flight.outcome(record).outcome is Outcome.DONE
+    assert (set(flight.state.coverage.inspected), of_uav2(flight)) == (EVERYTHING, frozenset())
+    assert set(flight.state.coverage.flown) == EVERYTHING, "each is proven by positions"
