@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -137,7 +138,7 @@ def test_a_mission_that_went_back_proves_nothing() -> None:
     assert back == Inferred(why_not="its mission went back")
 
 
-TOUCHED: list[tuple[dict[str, object], str]] = [
+TOUCHED: list[tuple[dict[str, Any], str]] = [
     ({"taken": TakenOver(NOW_S)}, "it is in other hands"),
     ({"cause": Cause.PERSON}, "it is in other hands"),
     ({"carried": Carried(told_s=NOW_S)}, "it may carry another mission"),
@@ -149,13 +150,13 @@ TOUCHED: list[tuple[dict[str, object], str]] = [
 @pytest.mark.parametrize(
     ("changes", "why_not"), [*TOUCHED, ({"mode_since_s": NOW_S + 0.1}, "its mode changed meanwhile")]
 )
-def test_to_whom_anything_else_happened_meanwhile_proves_nothing(changes: dict[str, object], why_not: str) -> None:
+def test_to_whom_anything_else_happened_meanwhile_proves_nothing(changes: dict[str, Any], why_not: str) -> None:
     assert found(TRANSIT, HOME, **changes) == Inferred(why_not=why_not)
     assert found(TRANSIT, HOME, mode_since_s=NOW_S, jump=(50.0, NOW_S)).segments == (0, 1), "that was before"
 
 
 @pytest.mark.parametrize(("changes", "why_not"), TOUCHED)
-def test_nor_does_one_that_has_landed(changes: dict[str, object], why_not: str) -> None:
+def test_nor_does_one_that_has_landed(changes: dict[str, Any], why_not: str) -> None:
     assert landed(**changes) == Inferred(why_not=why_not)
 
 
