@@ -255,6 +255,10 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
             else state.coverage.flown
         )
         state = replace(state, coverage=replace(state.coverage, inspected=inspected, flown=MappingProxyType(flown)))
+    if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
+        # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
+        broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
+        state = replace(state, coverage=replace(state.coverage, inferred=state.coverage.inferred - broken))
     if isinstance(event.message, Position):
         state = separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.

@@ -65,6 +65,19 @@ def test_a_gap_in_its_positions_alone_is_judged_alike() -> None:
     assert flight.vehicle("uav2").assignment.before is None
 
 
+def test_what_is_flown_again_from_end_to_end_is_not_called_inferred() -> None:
+    """Its gap fits, and the rest of the segment is flown too fast."""
+    flight = patient()
+    silent(flight, 7.0)
+    flight.run(lambda: of_uav2(flight) == frozenset({2}))
+    flight.crafts["uav2"].speed = 2.0
+    flight.run(lambda: bool(flight.vehicle("uav2").assignment.runs_broken))
+    flight.crafts["uav2"].speed = 1.0
+    assert of_uav2(flight) == frozenset()
+    flight.finish()
+    assert (set(flight.state.coverage.flown), of_uav2(flight)) == (EVERYTHING, frozenset())
+
+
 def test_what_is_heard_without_a_gap_needs_no_evidence() -> None:
     flight = patient()
     silent(flight, 4.0)
