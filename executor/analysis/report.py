@@ -161,7 +161,7 @@ def report_of(
             )
             for absence in state.listening.absences
         ),
-        inferred=tuple(sorted(state.coverage.inferred & set(state.coverage.inspected))),
+        inferred=tuple(sorted(state.coverage.unproven())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
         inspections=tuple(_inspection(context, state, segment) for segment in sorted(state.coverage.flown)),

@@ -89,6 +89,8 @@ class Context(Scene):
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
     pilot_returns: bool
     """Whether a vehicle that its pilot has put back on its mission is in the plan again at once."""
+    infers: bool
+    """Whether what nobody saw of a mission counts where everything that is known fits; else it is flown again."""
     offer_s: float
     """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float

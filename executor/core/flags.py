@@ -82,7 +82,7 @@ FLAGS: tuple[FlagRule, ...] = (
     FlagRule(
         "stubborn", "It did not take a new mission: planned around.", EVERYWHERE,
         "An upload that failed.",
-        "It is included on the ground.",
+        "It answers again, or is included on the ground.",
         lambda one: one.assignment.stubborn,
     ),
     FlagRule(

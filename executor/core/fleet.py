@@ -54,7 +54,7 @@ from executor.core.places import (
     place_words,
     seen_at_rest,
 )
-from executor.core.replan import replanning
+from executor.core.replan import offering, replanning
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
@@ -265,6 +265,10 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
             else state.coverage.flown
         )
         state = replace(state, coverage=replace(state.coverage, inspected=inspected, flown=MappingProxyType(flown)))
+    if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
+        # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
+        broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
+        state = replace(state, coverage=replace(state.coverage, inferred=state.coverage.inferred - broken))
     if isinstance(event.message, Position):
         state = separated(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
@@ -332,6 +336,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
+    state, more = offering.offered_again(context, state, now_s)
+    commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
     state, more = texts.tell_passed_over(state, now_s)
@@ -534,8 +540,9 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         )
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
-        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, stubborn=True)))
-        text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it"
+        refused, how_long = offering.declined(context, vehicle, mission, event, now_s)
+        state = state.put(refused)
+        text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it{how_long}"
         commands.append(Say(Level.WARNING, text))
         state = replace(
             state,

@@ -35,11 +35,13 @@ class Action(Enum):
     """Begin the flight: the answer to the question before the take-off."""
     REPLAN = "replan"
     """Plan everything anew that is still to be flown."""
+    PROVE = "prove"
+    """Fly again, for proof by positions, what counts as inspected by evidence alone."""
     ABORT = "abort"
     """Everybody returns."""
 
 
-FOR_ALL = frozenset({Action.REPLAN, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
+FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
 BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
 """Answers to what is asked before the flight."""

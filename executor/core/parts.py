@@ -109,7 +109,7 @@ class OnBoard:
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """Where a vehicle on its mission was when it was last heard, before nobody listened or nobody was heard."""
+    """Where a vehicle on its mission was before a gap in its positions, or before nobody listened."""
 
     fix: Fix
     waypoint: int
@@ -118,6 +118,18 @@ class Before:
     remaining_pct: float | None
     until_s: float = float("-inf")
     """What was said later than this is news."""
+
+
+@dataclass(frozen=True, slots=True)
+class Declined:
+    """A new mission that a vehicle could not be given."""
+
+    at_s: float
+    """When that was known."""
+    tries: int
+    """How many in a row."""
+    maybe: OnBoard | None = None
+    """What it may carry all the same, instead of its old one; None where that cannot be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +228,8 @@ class Assignment:
     board: OnBoard | None = None
     waypoint: int = 0
     """The waypoint at the end of the leg under way, by the vehicle's own word."""
+    fix_waypoint: int | None = None
+    """The same when its newest position came: after a silence either may be heard first."""
     run: Run | None = None
     run_visit: int | None = None
     """The visit that `run` belongs to."""
@@ -230,6 +244,8 @@ class Assignment:
     """The revision whose mission is being put on board."""
     stubborn: bool = False
     """Whether it could not be given a new mission: it is planned around."""
+    declined: Declined | None = None
+    """That mission, until it is given one."""
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
 

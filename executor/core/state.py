@@ -186,7 +186,11 @@ class Coverage:
     attempts: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
     """How often a segment was flown without proof."""
     inferred: frozenset[int] = frozenset()
-    """Segments of which the whole or a part was flown in such a time: nobody saw it, everything fits."""
+    """Segments of which the whole or a part was flown in a silence: nobody saw it, everything fits."""
+
+    def unproven(self) -> frozenset[int]:
+        """Return the segments that count as inspected by evidence alone."""
+        return self.inferred & set(self.inspected)
 
 
 @dataclass(frozen=True, slots=True)

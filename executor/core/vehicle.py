@@ -10,6 +10,7 @@ from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.parts import (
     Assignment,
+    Before,
     Custody,
     LinkState,
     MotionState,
@@ -194,11 +195,12 @@ class VehicleState:
         )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:
-        """Visits of its mission that it has not passed, the one under way included."""
-        board = self.assignment.board
+        """Visits of its mission that it is not known to have passed, the one under way included."""
+        board, before = self.assignment.board, self.assignment.before
         if board is None:
             return ()
-        ahead = {waypoint.visit for waypoint in board.path.waypoints[self.assignment.waypoint :]}
+        passed = self.assignment.waypoint if before is None else min(before.waypoint, self.assignment.waypoint)
+        ahead = {waypoint.visit for waypoint in board.path.waypoints[passed:]}
         return tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
 
 
@@ -227,10 +229,25 @@ def supposed_lost(state: VehicleState, now_s: float) -> VehicleState:
     return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST))
 
 
+def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before | None:
+    """Return where a vehicle on its mission was when it last said so; None for one that is not on it.
+
+    Args:
+        vehicle: With nothing of what it says after a gap.
+        until_s: What is said later than this is news.
+    """
+    known, fix = vehicle.assignment, vehicle.motion.fix
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or fix is None or known.board is None:
+        return None
+    waypoint = known.waypoint if known.fix_waypoint is None else known.fix_waypoint
+    return Before(fix, waypoint, known.run, known.run_visit, vehicle.power.battery.remaining_pct, until_s)
+
+
 def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleState:
     """Return a vehicle with another mission on board, known to be ours.
 
     What is flown of a visit that stands no longer in its place is over: an upload may take longer than was reckoned.
+    What it did in a gap that nobody has judged yet was on another mission.
     """
     old = vehicle.assignment
 
@@ -240,8 +257,9 @@ def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleStat
     run, run_visit = (old.run, old.run_visit) if stays(old.run_visit) else (None, None)
     owed = old.owed if old.owed is not None and stays(old.owed[0]) else None
     assignment = replace(
-        old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, carried=Carried(ours_s=now_s)
-    )
+        old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, before=None,
+        stubborn=False, declined=None, carried=Carried(ours_s=now_s),
+    )  # fmt: skip
     return replace(vehicle, assignment=assignment)
 
 

@@ -63,7 +63,7 @@ class Done:
     code: Ending | None = field(default=None, compare=False)
     """Why it was not accepted."""
     broken_off: bool = field(default=False, compare=False)
-    """Whether an upload had begun, and came to no end."""
+    """Whether an upload had begun, and nobody knows its end."""
 
 
 def reason_of(outcome: Outcome | None) -> str:
@@ -124,7 +124,7 @@ async def put_on_board(
             mixed = not dialect.upload_is_atomic
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.begun or not isinstance(upload.outcome, Rejected)
-        broken_off = upload.begun and isinstance(upload.outcome, TimedOut | Rejected)
+        broken_off = _broken_off(upload, broken=broken_off)
         if not isinstance(upload.outcome, Accepted):
             reason, code = reason_of(upload.outcome), code_of(upload.outcome)
             busy = _told_busy(upload, code, busy, dialect, tell)
@@ -134,12 +134,21 @@ async def put_on_board(
         download = await converse(DownloadDialogue(), link, clock)
         if not isinstance(download.outcome, Accepted):
             reason, code = reason_of(download.outcome), code_of(download.outcome)
+            broken_off |= isinstance(download.outcome, TimedOut)
             continue
         different = differences(items, download.items, dialect)
         if not different:
             return Done(accepted=True)
         reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
     return Done(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
+
+
+def _broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
+    """Return whether an upload has come to no end since one began: who does not answer any more has ended nothing."""
+    if upload.begun:
+        return isinstance(upload.outcome, TimedOut | Rejected)
+    unheard = isinstance(upload.outcome, TimedOut) or code_of(upload.outcome) in BUSY
+    return broken and unheard
 
 
 def _outwaits(busy: int) -> bool:

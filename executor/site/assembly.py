@@ -243,6 +243,7 @@ def context_of(
         fly_again=FlyAgain(site.flight.fly_again),
         pilot_grace_s=site.flight.pilot_grace_s,
         pilot_returns=site.flight.pilot_return == "auto",
+        infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
         horizon_s=2.0 + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S),
     )

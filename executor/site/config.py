@@ -191,6 +191,9 @@ class FlightTable(_Table):
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
     pilot_return: Literal["ask", "auto"] = "ask"
     """When a pilot has put the vehicle back on its mission: `ask` waits for the operator's include, `auto` does not."""
+    inferred: Literal["count", "fly"] = "count"
+    """What a vehicle flew while it was not heard, or nobody listened, where its clock, place and mission fit: `count`
+    it, marked as inferred; `fly` it again for proof by positions."""
 
 
 class FaultsTable(_Table):

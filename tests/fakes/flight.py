@@ -32,6 +32,7 @@ from executor.core.commands import (
     Upload,
 )  # fmt: skip
 from executor.core.context import Context
+from executor.core.endings import Ending
 from executor.core.events import (
     Event,
     Found,
@@ -53,6 +54,7 @@ from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.parts import OnBoard
 from executor.core.ports import EventSink
+from executor.core.resume.resuming import found_on
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath, Phase, encode
@@ -408,7 +410,8 @@ class Story:
     def _uploaded(self, command: Upload) -> Event | None:
         craft = self.crafts[command.vehicle]
         if craft.mute:
-            return UploadEnded(command.vehicle, command.revision, accepted=False, mixed=False, reason="silence")
+            name, revision = command.vehicle, command.revision
+            return UploadEnded(name, revision, accepted=False, mixed=False, reason="silence", code=Ending.NO_ANSWER)
         planned = self.upload_results.get(command.vehicle)
         if planned:
             return planned.pop(0)
@@ -420,6 +423,9 @@ class Story:
         assert board is not None
         if craft.unreadable:
             return MissionRead(Found(name, heard=True, seq=None, items=None, matches=()))
+        if craft.alike is None and craft.path is not None:
+            carries = encode(craft.path, self.context.vehicles[name].dialect).items
+            return MissionRead(found_on(self.context, self.state, name, carries, None))
         items = len(board.waypoint_of)
         alike = items if craft.alike is None else craft.alike
         match = Match(board.revision, alike, whole=alike == items)

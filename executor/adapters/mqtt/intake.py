@@ -46,11 +46,22 @@ class IntentMessage(BaseModel):
     id: Annotated[str, Field(pattern=ID)]
     """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
     action: Literal[
-        "hold", "resume", "return", "land", "exclude", "include", "disarm", "replan", "abort", "prepare", "take-off"
+        "hold",
+        "resume",
+        "return",
+        "land",
+        "exclude",
+        "include",
+        "disarm",
+        "replan",
+        "prove",
+        "abort",
+        "prepare",
+        "take-off",
     ]
     """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
-    """Whose; left out for `replan`, `abort`, `prepare` and `take-off`."""
+    """Whose; left out for `replan`, `prove`, `abort`, `prepare` and `take-off`."""
     confirmed: bool = False
     """Whether the second question was answered with yes, which an acknowledgement asked."""
     token: Annotated[str, Field(max_length=256)] | None = None

@@ -87,7 +87,18 @@ class _Wish(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
     action: Literal[
-        "hold", "resume", "return", "land", "exclude", "include", "disarm", "replan", "abort", "prepare", "take-off"
+        "hold",
+        "resume",
+        "return",
+        "land",
+        "exclude",
+        "include",
+        "disarm",
+        "replan",
+        "prove",
+        "abort",
+        "prepare",
+        "take-off",
     ]
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
     confirmed: bool = False

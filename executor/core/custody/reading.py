@@ -7,8 +7,9 @@ from dataclasses import replace
 from executor.core import carried
 from executor.core.commands import Command, Level, Say
 from executor.core.events import Found
+from executor.core.parts import Declined
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState, carrying
 
 
 def wanted(vehicle: VehicleState, now_s: float) -> bool:
@@ -32,6 +33,8 @@ def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetSt
                 assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=None)),
             )
         ), ()
+    if vehicle.assignment.stubborn and vehicle.assignment.declined is not None:
+        return _read_of_declined(state, vehicle, vehicle.assignment.declined, found, now_s)
     was_ours = vehicle.assignment.carried.foreign_s is None
     known = carried.after_reading(vehicle.assignment.carried, found.against(vehicle.assignment.board.revision), now_s)
     state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=known)))
@@ -39,3 +42,27 @@ def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetSt
         return state, ()
     text = f"{vehicle.name}: reported a new mission; verified by read-back, it is ours"
     return state, (Say(Level.WARNING, text),)
+
+
+def _read_of_declined(
+    state: FleetState, vehicle: VehicleState, declined: Declined, found: Found, now_s: float
+) -> tuple[FleetState, tuple[Command, ...]]:
+    """Take what a vehicle carries whose last upload came to no known end."""
+    board, maybe = vehicle.assignment.board, declined.maybe
+    new = None if maybe is None else found.against(maybe.revision)
+    if maybe is not None and new is not None and new.whole:
+        carries = carrying(vehicle, maybe, now_s)
+        # It is planned around until it is planned with again: others have its part by now.
+        known = replace(carries.assignment, stubborn=True, declined=replace(declined, maybe=None))
+        known = replace(known, carried=replace(known.carried, read_s=now_s))
+        text = (
+            f"{vehicle.name}: its new mission of re-plan {maybe.revision} is on board after all, verified by read-back"
+        )
+        return state.put(replace(carries, assignment=known)), (Say(Level.INFO, text),)
+    if found.items is None or board is None:
+        unread = replace(vehicle.assignment.carried, told_s=None, asked_s=None)
+        declined = replace(declined, at_s=now_s, tries=declined.tries + 1)
+        known = replace(vehicle.assignment, carried=unread, declined=declined)
+        return state.put(replace(vehicle, assignment=known)), ()
+    looked_up = carried.after_reading(vehicle.assignment.carried, found.against(board.revision), now_s)
+    return state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=looked_up))), ()

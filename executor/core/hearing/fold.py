@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from executor.core import carried, link_quality
 from executor.core.battery import account
 from executor.core.context import Scene
-from executor.core.coverage import Sample, SegmentPass, follow
+from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
 from executor.core.hearing.charge import powered, status_told
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
@@ -32,7 +32,7 @@ from executor.core.messages import (
     Wind,
 )
 from executor.core.parts import Assignment, Fix, LinkState, MotionState
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState, before_of
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 
@@ -270,9 +270,20 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
     motion = MotionState(fix, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
-    covered = _covered(context, state, sample)
-    after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=covered.assignment)
+    covered = _covered(context, _after_gap(state, elapsed_s), sample)
+    assignment = covered.assignment
+    if assignment.fix_waypoint != assignment.waypoint:
+        assignment = replace(assignment, fix_waypoint=assignment.waypoint)
+    after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
     return Folded(after, covered.inspected, covered.flown)
+
+
+def _after_gap(state: VehicleState, elapsed_s: float) -> VehicleState:
+    """Keep where it was before a gap in which nobody saw what it flew, until that is judged."""
+    if elapsed_s <= GAP_S or state.assignment.before is not None or state.motion.fix is None:
+        return state
+    before = before_of(state, state.motion.fix.at_s)
+    return state if before is None else replace(state, assignment=replace(state.assignment, before=before, run=None))
 
 
 def _jump(context: Scene, before: Fix | None, fix: Fix, elapsed_s: float) -> tuple[float, float] | None:

@@ -235,7 +235,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         fault=None,
         watches=(),
         orders=replace(vehicle.orders, excluded=False, lands=False, held_s=None, cleared_s=now_s),
-        assignment=replace(vehicle.assignment, stubborn=False, failures=0),
+        assignment=replace(vehicle.assignment, stubborn=False, declined=None, failures=0),
         telemetry=replace(vehicle.telemetry, alarm=("", float("-inf"))),
         sortie=replace(vehicle.sortie, armed_once=False),
         custody=replace(vehicle.custody, taken=None),
@@ -287,6 +287,22 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
     return _Ordered(state, "all open segments are re-planned", open=True)
 
 
+def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    again = state.coverage.unproven()
+    inspected = {segment: by for segment, by in state.coverage.inspected.items() if segment not in again}
+    flown = {segment: how for segment, how in state.coverage.flown.items() if segment not in again}
+    trigger = f"{intent.source} asks for proof"
+    coverage = replace(
+        state.coverage,
+        inspected=MappingProxyType(inspected),
+        flown=MappingProxyType(flown),
+        inferred=state.coverage.inferred - again,
+    )
+    known = replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s)
+    text = f"{replanning.listed(context, again)} flown again for proof"
+    return _Ordered(replace(state, coverage=coverage, replanning=known), text, open=True)
+
+
 def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     state, commands = _recall(context, state, now_s)
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
@@ -327,6 +343,7 @@ _HANDLERS: Mapping[Action, _Handler] = {
     Action.EXCLUDE: _exclude,
     Action.INCLUDE: _include,
     Action.REPLAN: _replan,
+    Action.PROVE: _prove,
     Action.ABORT: _abort,
     Action.DISARM: _disarm,
     Action.PREPARE: _answer,
@@ -453,7 +470,7 @@ _Settled = tuple[Outcome | None, str, IntentReason | None]
 
 
 def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> _Settled:
-    if record.intent.action is Action.REPLAN:
+    if record.intent.action in {Action.REPLAN, Action.PROVE}:
         return _replan_settled(state, record)
     for name in sorted(record.waiting):
         vehicle = state.vehicles[name]

@@ -228,6 +228,13 @@ def _replan(context: Context, state: FleetState, now_s: float) -> Why:
     return None
 
 
+def _prove(context: Context, state: FleetState, now_s: float) -> Why:
+    if not state.coverage.unproven():
+        return IntentReason.NOTHING_TO_PLAN, "every segment that counts was proven by positions"
+    why = _replan(context, state, now_s)
+    return None if why is not None and why[0] is IntentReason.NOTHING_TO_PLAN else why
+
+
 def _abort(context: Context, state: FleetState, now_s: float) -> Why:  # noqa: ARG001
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
     if not flies and state.crew.offer is None:
@@ -244,4 +251,6 @@ _VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], W
     Action.INCLUDE: _include,
     Action.DISARM: _disarm,
 }
-_FLEET: Mapping[Action, Callable[[Context, FleetState, float], Why]] = {Action.REPLAN: _replan, Action.ABORT: _abort}
+_FLEET: Mapping[Action, Callable[[Context, FleetState, float], Why]] = {
+    Action.REPLAN: _replan, Action.PROVE: _prove, Action.ABORT: _abort,
+}  # fmt: skip

@@ -1,4 +1,4 @@
-"""A time in which nobody was heard, or nobody listened: what the vehicles did meanwhile, and how long they can.
+"""A time in which a vehicle, or nobody, was heard, or nobody listened: what was done meanwhile, and how long one can.
 
 The ground's own radio ends no flight. While nobody at all is heard nothing is held against anybody, until the battery
 of each would be empty; a vehicle whose link is regained is taken up where it is, with what it flew.
@@ -7,16 +7,18 @@ of each would be empty; a vehicle whose link is regained is taken up where it is
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, Scene
-from executor.core.parts import Before, OnBoard
+from executor.core.homing.homeward import on_mission
+from executor.core.parts import OnBoard
 from executor.core.replan import replanning
-from executor.core.resume.inference import NOTHING, flown_meanwhile
+from executor.core.resume.inference import flown_meanwhile
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import VehicleState, before_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -24,25 +26,6 @@ CATCH_UP_S = 5.0
 """So long a vehicle whose link is regained has to say where it is, in which mode, on which item."""
 ENDURES = 1.5
 """Nobody flies longer than this many times what the energy model makes of its battery."""
-
-
-def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before | None:
-    """Return where a vehicle on its mission is now, before all links are lost; None for one that is not on it."""
-    if (
-        vehicle.stage not in {Stage.STARTING, Stage.FLYING}
-        or vehicle.motion.fix is None
-        or vehicle.assignment.board is None
-    ):
-        return None
-    percent = vehicle.power.battery.remaining_pct
-    return Before(
-        vehicle.motion.fix,
-        vehicle.assignment.waypoint,
-        vehicle.assignment.run,
-        vehicle.assignment.run_visit,
-        percent,
-        until_s,
-    )
 
 
 def began(state: FleetState, since_s: float) -> FleetState:
@@ -66,23 +49,27 @@ def may_fly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
 
 
 def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
-    """Take up a vehicle whose link is regained after all were lost; None as long as it has not said enough."""
-    before = vehicle.assignment.before
+    """Take up a vehicle whose link, or position, is regained; None as long as it has not said enough."""
+    before, board, fix = vehicle.assignment.before, vehicle.assignment.board, vehicle.motion.fix
     if before is None:
         return state, ()
     since_s = before.until_s
     asked = math.isinf(since_s)  # after a restart it was asked already
-    if asked or vehicle.motion.fix is None or vehicle.link.heartbeat_s is None or vehicle.assignment.board is None:
+    if asked or fix is None or vehicle.link.heartbeat_s is None or board is None:
         return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), ()
-    if vehicle.link.stale or vehicle.link.regained_s is None or vehicle.link.regained_s <= since_s:
+    again_s = since_s if vehicle.link.regained_s is None else max(since_s, vehicle.link.regained_s)
+    if vehicle.link.stale or (again_s <= since_s and fix.at_s <= since_s):
         return None
-    said = vehicle.motion.fix.at_s > since_s and vehicle.link.heartbeat_s > since_s
+    said = fix.at_s > since_s and vehicle.link.heartbeat_s > since_s
     item = vehicle.telemetry.item_s is not None and vehicle.telemetry.item_s > since_s
-    if said and (item or not vehicle.armed):
-        return caught_up(context, state, vehicle, vehicle.assignment.board, None)
-    if now_s - vehicle.link.regained_s < CATCH_UP_S:
+    given = vehicle.assignment.pending is not None or vehicle.assignment.stubborn
+    if given:  # what it carries now is known when that is over
+        return state.put(_unproven(vehicle, board)), ()
+    if said and (item or not vehicle.armed or not on_mission(context, vehicle)):
+        return caught_up(context, state, vehicle, board, None)
+    if now_s - again_s < CATCH_UP_S:
         return None
-    return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), ()
+    return state.put(_unproven(vehicle, board)), ()
 
 
 def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
@@ -98,24 +85,26 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     waypoint = vehicle.assignment.waypoint
     if seq is not None and 0 <= seq < len(board.waypoint_of):
         waypoint = board.waypoint_of[seq] or waypoint
-    found = NOTHING if vehicle.assignment.before is None else flown_meanwhile(context, vehicle, board, waypoint)
-    took_off = vehicle.sortie.took_off or not vehicle.armed
-    run, visit = (
-        (vehicle.assignment.run, vehicle.assignment.run_visit) if found.joins is None else (found.run, found.joins)
-    )
+    found = flown_meanwhile(context, vehicle, board, waypoint)
+    # What it began meanwhile at the first pylon, and was seen to begin, needs no evidence.
+    joins = None if vehicle.assignment.run is not None else found.joins
+    proven = {board.tracks[joins].segment} if joins is not None else set()
+    vehicle = _unproven(vehicle, board, {*found.segments, *proven}, told=bool(found.why_not))
+    known = replace(vehicle.assignment, waypoint=waypoint)
     vehicle = replace(
         vehicle,
-        assignment=replace(vehicle.assignment, before=None, waypoint=waypoint, run=run, run_visit=visit),
-        sortie=replace(vehicle.sortie, took_off=took_off),
+        assignment=known if joins is None else replace(known, run=found.run, run_visit=joins),
+        sortie=replace(vehicle.sortie, took_off=vehicle.sortie.took_off or not vehicle.armed),
     )
     state = state.put(vehicle)
     new = [segment for segment in found.segments if segment not in state.coverage.inspected]
     inspected = {**state.coverage.inspected, **dict.fromkeys(new, vehicle.name)}
-    marked = set(new) if found.joins is None else {*new, board.tracks[found.joins].segment}
     state = replace(
         state,
         coverage=replace(
-            state.coverage, inspected=MappingProxyType(inspected), inferred=state.coverage.inferred | marked
+            state.coverage,
+            inspected=MappingProxyType(inspected),
+            inferred=state.coverage.inferred | {*new, *proven},
         ),
     )
     if found.why_not:
@@ -125,3 +114,26 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
         return state, ()
     listed = replanning.listed(context, tuple(new))
     return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)
+
+
+def _unproven(
+    vehicle: VehicleState, board: OnBoard, counted: Collection[int] = (), *, told: bool = False
+) -> VehicleState:
+    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it counts all the same.
+
+    Args:
+        vehicle: Heard again.
+        board: What it carries.
+        counted: Segments that count.
+        told: Whether it is said already why the others do not.
+    """
+    known, before, fix = vehicle.assignment, vehicle.assignment.before, vehicle.motion.fix
+    judged = replace(known, before=None)
+    if before is None or before.run is None or before.run_visit is None or fix is None:
+        return replace(vehicle, assignment=judged)
+    segment = board.tracks[before.run_visit].segment
+    if segment in counted:
+        return replace(vehicle, assignment=judged)
+    why = f"no position for {fix.boot_s - before.fix.boot_s:.1f} s"
+    owed = known.owed if told else (before.run_visit, why)
+    return replace(vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed))

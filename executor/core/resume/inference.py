@@ -1,9 +1,10 @@
-"""What a vehicle flew while nobody listened, where everything that is known fits one story.
+"""What a vehicle flew while it was not heard, or nobody listened, where everything that is known fits one story.
 
 A segment that was seen counts by its positions. Of one that nobody saw there is this evidence: the vehicle's own clock
 ran on; it was on the mission that we know before and after; it is now where that mission leads in just that time; and
 no segment can have been flown too fast without making it early. Then the segment counts, and is marked as inferred.
-Anything that does not fit makes the whole time worth nothing, and the segments are flown again.
+Anything that does not fit makes the whole time worth nothing, and the segments are flown again. It is one rule for a
+gap in one vehicle's positions, for a silence of all, and for a flight that is taken up again.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from dataclasses import dataclass
 
 from executor.core.battery import account
 from executor.core.context import Context
-from executor.core.coverage import SPEED_FACTOR, Run, Sample, run_joined
-from executor.core.parts import Before, Fix, OnBoard
+from executor.core.coverage import NOISE_M, SPEED_FACTOR, Run, Sample, run_joined
+from executor.core.parts import Before, Cause, Fix, OnBoard
 from executor.core.vehicle import VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_home_mode, is_mission_mode
+from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
 from missions.geometry import locate
 from planner import segment_of
 
@@ -60,13 +61,23 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
         return NOTHING
+    if not _at_stake(before, board, waypoint if state.armed else len(board.legs)):
+        return NOTHING
+    if not context.infers:
+        return Inferred(why_not="the site asks for proof by positions")
     elapsed_s = fix.boot_s - before.fix.boot_s
     if elapsed_s <= 0.0:
         return Inferred(why_not="its clock was reset")
     if not state.armed:
-        return _landed(context, state, board, elapsed_s)
-    if why_not := _elsewhere(context, state, board, waypoint):
+        return _landed(context, state, before, fix, board)
+    if why_not := _elsewhere(context, state, before, fix, board, waypoint):
         return Inferred(why_not=why_not)
+    return _in_time(context, before, fix, board, waypoint)
+
+
+def _in_time(context: Context, before: Before, fix: Fix, board: OnBoard, waypoint: int) -> Inferred:
+    """Look at a vehicle in the air that is where its mission leads: whether it took the time for it."""
+    elapsed_s = fix.boot_s - before.fix.boot_s
     visits = _passed(before, board, waypoint)
     joins = board.path.waypoints[waypoint].visit
     if board.path.waypoints[waypoint].phase is not Phase.INSPECT or (
@@ -78,7 +89,11 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     expected_s = _left_s(board, before.waypoint, before.fix) - _left_s(board, waypoint, fix)
     expected_s += sum(leg.duration_s for leg in board.legs[before.waypoint + 1 : waypoint + 1])
     tolerance_s = _tolerance_s(board, (*visits, *(() if joins is None else (joins,))))
-    if abs(elapsed_s - expected_s) > tolerance_s:
+    early_s = tolerance_s
+    if waypoint == before.waypoint:
+        # A part of one segment between two known places: how fast it was flown is known as well.
+        early_s = TOLERANCE * expected_s + NOISE_M / context.inspection_speed_m_s
+    if not -early_s <= elapsed_s - expected_s <= tolerance_s:
         return Inferred(why_not=f"it took {elapsed_s:.0f} s where its way takes {expected_s:.0f} s")
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
     if joins is None:
@@ -87,27 +102,41 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     return Inferred(segments, joins, run_joined(board.tracks[joins], sample, context.inspection_speed_m_s))
 
 
-def _elsewhere(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> str:
+def _at_stake(before: Before, board: OnBoard, waypoint: int) -> bool:
+    """Return whether there is anything that may have been inspected."""
+    ahead = board.path.waypoints[before.waypoint + 1 : waypoint + 1]
+    return before.run is not None or any(point.phase is Phase.INSPECT for point in ahead)
+
+
+def _elsewhere(context: Context, state: VehicleState, before: Before, fix: Fix, board: OnBoard, waypoint: int) -> str:
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
-    before, fix, dialect = state.assignment.before, state.motion.fix, context.vehicles[state.name].dialect
-    if state.telemetry.heartbeat is None or not is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode):
+    dialect, beat = context.vehicles[state.name].dialect, state.telemetry.heartbeat
+    if beat is None or not is_mission_mode(dialect, beat.custom_mode):
         return "it is not on its mission any more"
-    if before is None or waypoint < before.waypoint:
+    if waypoint < before.waypoint:
         return "its mission went back"
-    away_m = math.inf if fix is None else _beside_m(board, waypoint, fix.place_m)
-    return f"it is {away_m:.0f} m beside its way" if away_m > context.corridor_m else ""
+    if state.telemetry.mode_since_s > before.fix.at_s:
+        return "its mode changed meanwhile"
+    away_m = _beside_m(board, waypoint, fix.place_m)
+    return _touched(state, before.fix.at_s) or (
+        f"it is {away_m:.0f} m beside its way" if away_m > context.corridor_m else ""
+    )
 
 
-def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: float) -> Inferred:
+def _touched(state: VehicleState, since_s: float) -> str:
+    """Return what else happened to a vehicle than that it flew its mission; empty if nothing did."""
+    if state.custody.taken is not None or state.custody.cause is Cause.PERSON:
+        return "it is in other hands"
+    if state.assignment.carried.doubted():
+        return "it may carry another mission"
+    return "its position jumped" if state.motion.jump[1] > since_s else ""
+
+
+def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, board: OnBoard) -> Inferred:
     """Look at a vehicle that is on the ground again: when it landed nobody knows, but what it used tells how far."""
-    before, fix, setup = state.assignment.before, state.motion.fix, context.vehicles[state.name]
-    if before is None or fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return Inferred(why_not="it is not on its pad")
-    if state.telemetry.heartbeat is None or is_home_mode(setup.dialect, state.telemetry.heartbeat.custom_mode):
-        return Inferred(why_not="it came home by itself")
-    if setup.failsafe_s is not None and elapsed_s >= setup.failsafe_s:
-        # PX4 goes back to its mission mode once it has disarmed, however it came home.
-        return Inferred(why_not="its own failsafe may have brought it home")
+    elapsed_s = fix.boot_s - before.fix.boot_s
+    if why_not := _otherwise(context, state, before, fix):
+        return Inferred(why_not=why_not)
     rest = board.legs[before.waypoint + 1 :]
     left = _share_left(board, before.waypoint, before.fix)
     first = board.legs[before.waypoint]
@@ -122,6 +151,21 @@ def _landed(context: Context, state: VehicleState, board: OnBoard, elapsed_s: fl
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
         return Inferred(why_not=f"it used {used_pct:.0f} % where its way costs {expected_pct:.0f} %")
     return Inferred(tuple(segment_of(board.visits[visit]) for visit in visits))
+
+
+def _otherwise(context: Context, state: VehicleState, before: Before, fix: Fix) -> str:
+    """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
+    setup, beat = context.vehicles[state.name], state.telemetry.heartbeat
+    if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+        return "it is not on its pad"
+    if beat is None or is_home_mode(setup.dialect, beat.custom_mode):
+        return "it came home by itself"
+    if is_manual_mode(setup.dialect, beat.custom_mode):
+        return "its pilot may have landed it"
+    if setup.failsafe_s is not None and fix.boot_s - before.fix.boot_s >= setup.failsafe_s:
+        # PX4 goes back to its mission mode once it has disarmed, however it came home.
+        return "its own failsafe may have brought it home"
+    return _touched(state, before.fix.at_s)
 
 
 def _passed(before: Before, board: OnBoard, waypoint: int) -> tuple[int, ...]:

@@ -17,10 +17,10 @@ from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEn
 from executor.core.homing.homeward import on_mission, sent_home
 from executor.core.link_quality import LinkQuality
 from executor.core.replan import replanning
-from executor.core.resume.blackout import before_of, caught_up
+from executor.core.resume.blackout import caught_up
 from executor.core.roster.withdraw import left_plan, withdrawn
 from executor.core.state import Absence, FleetState, NewMission, Replan
-from executor.core.vehicle import Stage, VehicleState, aboard, moved_to
+from executor.core.vehicle import Stage, VehicleState, aboard, before_of, moved_to
 from missions import MissionItem, alike, encode
 from missions.autopilots.modes import is_mission_mode
 from planner import segment_of
@@ -91,6 +91,8 @@ def found_on(
     paths = (
         {} if vehicle.assignment.board is None else {vehicle.assignment.board.revision: vehicle.assignment.board.path}
     )
+    if vehicle.assignment.declined is not None and (maybe := vehicle.assignment.declined.maybe) is not None:
+        paths[maybe.revision] = maybe.path
     if plan is not None and name in plan.missions:
         paths[plan.solve.revision] = plan.missions[name].path
     matches = []

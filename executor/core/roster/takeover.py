@@ -40,7 +40,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         moved_to(vehicle, Stage.PILOT),
         custody=replace(vehicle.custody, taken=hold, cause=Cause.PERSON),
         orders=replace(vehicle.orders, errand=None, held_s=None, cleared_s=None),
-        assignment=replace(vehicle.assignment, run=None),
+        assignment=replace(vehicle.assignment, run=None, before=None),
         motion=replace(vehicle.motion, anchor=None),
     )
     state, more = _unsolved(state.put(vehicle), vehicle.name)

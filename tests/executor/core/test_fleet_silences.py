@@ -262,7 +262,14 @@ ROWS = [
         },
         {"urgent": True, "trigger": "uav1: interruption, disarmed over its pad in mid-mission", "trigger_s": NOW_S},
     ),
-    Row("who is heard again is not heard yet", with_facts(BACK, regained_s=NOW_S - 71.0), Tick(), [], {}, {}),
+    Row(
+        "who is heard again is not heard yet",
+        with_facts(BACK, before=replace(WAS, until_s=NOW_S)),
+        Tick(),
+        [],
+        {},
+        {},
+    ),
     Row(
         "who is heard again was asked already",
         with_facts(BACK, before=replace(WAS, until_s=-math.inf)),
@@ -339,7 +346,7 @@ ROWS = [
         ),
         Tick(),
         [Say(Level.WARNING, "uav1: what it flew meanwhile does not count: it took 60 s where its way takes 36 s")],
-        {"uav1": {"before": None}},
+        {"uav1": {"before": None, "runs_broken": ((0, "no position for 60.0 s"),)}},
         {},
     ),
 ]

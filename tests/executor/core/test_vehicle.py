@@ -64,6 +64,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "jump": (0.0, -math.inf),
             "strangers": frozenset(),
             "before": None,
+            "fix_waypoint": None,
+            "declined": None,
             "held_s": None,
             "hold_asked_s": -math.inf,
             "excluded": False,

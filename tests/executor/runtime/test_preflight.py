@@ -13,6 +13,8 @@ from executor.core.messages import (
     Outgoing,
     Position,
     SendCommand,
+    SendMissionItem,
+    SendMissionRequestList,
     StationHeard,
     StatusText,
     SystemStatus,
@@ -25,7 +27,7 @@ from executor.runtime import preflight, streams
 from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
 from tests.fakes.clock import LoopClock
 from tests.fakes.flyer import Flyer
-from tests.fakes.link import FakeLink
+from tests.fakes.link import Air, FakeLink
 from tests.missions.builders import FRAME, line_east
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
@@ -211,6 +213,32 @@ async def test_an_upload_that_was_broken_off_is_tried_again_before_anybody_is_re
     ready.link.close()
     assert len(told) == 1
     assert told[0].startswith("uav1: the upload was broken off (")
+
+
+@DIALECTS
+@pytest.mark.parametrize("when", ["in its midst", "before its read-back"])
+async def test_a_radio_that_is_gone_from_the_midst_of_an_upload_on_is_waited_for(dialect: Dialect, when: str) -> None:
+    """Nobody answers the tries that follow: that ends nothing, and is no vehicle's refusal."""
+    ready, told = Ready(dialect), list[str]()
+    ready.link.air = Air(delay_s=(0.05, 0.05))
+    setup = flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+
+    def cut() -> None:
+        items = sum(isinstance(message, SendMissionItem) for _, message in ready.link.sent)
+        asked = any(isinstance(message, SendMissionRequestList) for _, message in ready.link.sent)
+        ready.link.cut = asked if when == "before its read-back" else items >= 4
+        if not ready.link.cut:
+            asyncio.get_running_loop().call_later(0.01, cut)
+
+    def tell(line: str) -> None:
+        told.append(line)
+        ready.link.cut = False
+
+    cut()
+    await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission, tell)
+    ready.link.close()
+    assert [line.startswith("uav1: the upload was broken off (") for line in told] == [True]
 
 
 @DIALECTS

@@ -9,6 +9,7 @@ const WORDS = {
   include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
   replan: ["Re-plan now", "All open segments are re-planned."],
+  prove: ["Fly inferred again", "What counts by evidence alone is flown again, for proof by positions."],
   abort: ["Abort all", "All vehicles return now. What is not inspected stays so."],
   prepare: ["Prepare", ""],
   "take-off": ["Take off", ""],

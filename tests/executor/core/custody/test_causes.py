@@ -198,8 +198,9 @@ def back(regained_ago_s: float = 1.0, **changes: object) -> VehicleState:
         (back(5.0), False),
         (back(4.9, item_s=SINCE_S + 0.1), False),
         (back(9.0, stale=True), True),
-        (back(9.0, regained_s=None), True),
-        (back(regained_s=SINCE_S), True),
+        (back(9.0, regained_s=None, fix=at(age_s=60.0)), True),
+        (back(regained_s=SINCE_S, fix=at(age_s=60.0)), True),
+        (back(regained_s=None, item_s=SINCE_S + 0.1), False),  # its positions alone were gone
         (back(4.9, heartbeat=Heartbeat(3, AUTO, False, 4), took_off=False), False),
         (back(4.9, heartbeat_s=SINCE_S, item_s=NOW_S), True),
         (back(4.9, fix=at(age_s=60.0), item_s=NOW_S), True),

@@ -53,6 +53,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     velocity_m_s=(3.0, 0.0, 0.0),
                 ),
                 "battery": {"modelled_pct": 0.107924},
+                "fix_waypoint": 2,
                 "run_visit": 0,
                 "away_once": True,
             },
@@ -69,7 +70,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the first position",
         lambda: moved(flying(fix=None, anchor=None), placed()),
-        {"anchor": NOW_S, "run_visit": 0, "away_once": True},
+        {"anchor": NOW_S, "fix_waypoint": 2, "run_visit": 0, "away_once": True},
     ),
     (
         "a position that was overtaken",
@@ -86,8 +87,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for age_s, back_s in ((1.0, 61.0), (3.0, 4.0), (2.9, 4.0))
         ],
         [
-            {"anchor": NOW_S - 61.0, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True},
-            {"anchor": NOW_S - 4.0, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True},
+            {"anchor": NOW_S - 61.0, "fix_waypoint": 2, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True},
+            {"anchor": NOW_S - 4.0, "fix_waypoint": 2, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True},
             {},
         ],
     ),
@@ -169,9 +170,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("an inspection on the way home", lambda: inspects(*ALONG, waypoint=4), ([], None, (), None)),
     ("an inspection on the way to it", lambda: inspects(*ALONG, waypoint=1), ([(36.0, 0)], 0, (), None)),
     (
-        "an inspection that breaks",
-        lambda: inspects(*ALONG[:4], (60.0, 40.0)),
+        "an inspection that breaks, with its pilot",
+        lambda: inspects(*ALONG[:4], (60.0, 40.0), stage=Stage.PILOT),
         ([], 0, ((0, "no position for 48.0 s"),), (0, "no position for 48.0 s")),
+    ),
+    (
+        "an inspection with a gap that is yet to be judged",
+        lambda: inspects(*ALONG[:4], (60.0, 40.0)),
+        ([], 0, (), None),
     ),
     (
         "an inspection whose item moves on to the way home",

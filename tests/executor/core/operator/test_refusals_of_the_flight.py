@@ -64,6 +64,26 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
+        "proof of what counts by evidence alone",
+        lambda: [
+            refused(Action.PROVE, None, *vehicles, **given)
+            for vehicles, given in (
+                ((flying(),), {"inferred": frozenset({1})}),
+                ((flying(),), {"inspected": {1: "uav2"}, "inferred": frozenset({1})}),
+                ((flying(waypoint=4),), {"inspected": dict.fromkeys(range(6), "uav2"), "inferred": frozenset({1})}),
+                ((flying(),), {"inspected": {1: "uav2"}, "inferred": frozenset({1}), "replan": plan_of()}),
+                ((flying(held_s=5.0),), {"inspected": {1: "uav2"}, "inferred": frozenset({1})}),
+            )
+        ],
+        [
+            "every segment that counts was proven by positions",
+            "",
+            "",
+            "a re-plan is under way",
+            "no vehicle can take a new route now",
+        ],
+    ),
+    (
         "an abort",
         lambda: [
             refused(Action.ABORT, None, *vehicles, **given)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from executor.core.battery import account
-from executor.core.coverage import Run, Sample, Track, follow, run_joined
+from executor.core.carried import Carried
+from executor.core.coverage import NOISE_M, Run, Sample, Track, follow, run_joined
 from executor.core.messages import Heartbeat
-from executor.core.parts import Before, Fix
+from executor.core.parts import Before, Cause, Fix, TakenOver
 from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
 from executor.core.vehicle import VehicleState
 from missions import Phase
-from tests.executor.core.vehicles import AUTO, CONTEXT, RTL, SETUP, at, flying, mission, pack
+from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, SETUP, at, flying, mission, pack
 
 BOARD = mission()
+LOITER = 5
 WAYPOINTS, LEGS, PLACES_M = BOARD.path.waypoints, BOARD.legs, BOARD.places_m
 VISITS = [index for index, point in enumerate(WAYPOINTS) if point.phase is Phase.INSPECT]
 FIRST, SECOND = VISITS
@@ -135,6 +138,44 @@ def test_a_mission_that_went_back_proves_nothing() -> None:
     assert back == Inferred(why_not="its mission went back")
 
 
+TOUCHED: list[tuple[dict[str, Any], str]] = [
+    ({"taken": TakenOver(NOW_S)}, "it is in other hands"),
+    ({"cause": Cause.PERSON}, "it is in other hands"),
+    ({"carried": Carried(told_s=NOW_S)}, "it may carry another mission"),
+    ({"carried": Carried(foreign_s=NOW_S)}, "it may carry another mission"),
+    ({"jump": (50.0, NOW_S + 0.1)}, "its position jumped"),
+]
+
+
+@pytest.mark.parametrize(
+    ("changes", "why_not"), [*TOUCHED, ({"mode_since_s": NOW_S + 0.1}, "its mode changed meanwhile")]
+)
+def test_to_whom_anything_else_happened_meanwhile_proves_nothing(changes: dict[str, Any], why_not: str) -> None:
+    assert found(TRANSIT, HOME, **changes) == Inferred(why_not=why_not)
+    assert found(TRANSIT, HOME, mode_since_s=NOW_S, jump=(50.0, NOW_S)).segments == (0, 1), "that was before"
+
+
+@pytest.mark.parametrize(("changes", "why_not"), TOUCHED)
+def test_nor_does_one_that_has_landed(changes: dict[str, Any], why_not: str) -> None:
+    assert landed(**changes) == Inferred(why_not=why_not)
+
+
+def test_in_one_segment_the_speed_between_two_places_is_known() -> None:
+    """In a part of it less is won by flying too fast than what the whole of it lets a time be off."""
+    way, slack_s = way_s(FIRST, 0.3, FIRST, 0.6), NOISE_M / CONTEXT.inspection_speed_m_s
+    assert found((FIRST, 0.3), (FIRST, 0.6), -way * (1.0 - 1.0 / 1.3) - slack_s + 0.1).joins == 0
+    early = found((FIRST, 0.3), (FIRST, 0.6), -way * (1.0 - 1.0 / 1.3) - slack_s - 0.1)
+    assert early.why_not.startswith("it took ")
+
+
+def test_a_site_that_asks_for_proof_infers_nothing() -> None:
+    proof = replace(CONTEXT, infers=False)
+    before = Before(on_leg(*TRANSIT), TRANSIT[0], None, None, 90.0)
+    state = flying(before=before, fix=on_leg(*HOME, BEGAN_S + way_s(*TRANSIT, *HOME)), waypoint=HOME[0])
+    assert flown_meanwhile(CONTEXT, state, BOARD, HOME[0]).segments == (0, 1)
+    assert flown_meanwhile(proof, state, BOARD, HOME[0]) == Inferred(why_not="the site asks for proof by positions")
+
+
 DOWN = Heartbeat(3, AUTO, False, 3)
 
 
@@ -177,6 +218,7 @@ def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
     assert landed(fix=replace(fix, place_m=(pad_e + 15.0, pad_n))).segments == (0, 1)
     assert landed(fix=replace(fix, place_m=(pad_e + 15.1, pad_n))).why_not == "it is not on its pad"
     assert landed(heartbeat=Heartbeat(3, RTL, False, 3)).why_not == "it came home by itself"
+    assert landed(heartbeat=Heartbeat(3, LOITER, False, 3)).why_not == "its pilot may have landed it"
     assert landed(battery=account.BatteryState()).why_not == "its consumption is not known"
 
 
