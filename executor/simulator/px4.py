@@ -11,7 +11,7 @@ from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState, MavCommand, Result, Severity
-from executor.simulator.guidance import Goal, stopping_place
+from executor.simulator.guidance import Goal, Hover, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
 from executor.simulator.mission_store import StoreStep
@@ -166,6 +166,8 @@ class Px4(Autopilot):
         match end:
             case MissionEnd.LOITER:
                 self._switch(Mode.LOITER)
+                if self.mission.ended_at is not None and self.frame.armed:
+                    self.frame.pilot.fly([Hover(self.mission.ended_at)])
             case MissionEnd.RETURN:
                 self.voice.say(Severity.INFO, "Returning to launch")
                 self._switch(Mode.RETURN)
