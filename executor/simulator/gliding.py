@@ -76,9 +76,7 @@ class Glider:
     def __init__(self, body: Body) -> None:
         self._axes = tuple(
             Axis(at_m, speed)
-            for at_m, speed in zip(
-                _point(body.place), (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s), strict=True
-            )
+            for at_m, speed in zip(_point(body.place), (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s), strict=True)
         )
         self._goal: Glide | None = None
         self._line = _Line(_point(body.place), _point(body.place), _point(body.place))
@@ -189,7 +187,7 @@ class Glider:
         return min(goal.speed_m_s, braking_speed_m_s(left_m, LEVEL, JERK, corner))
 
     def _upright_m_s(self, here: Point) -> float:
-        """Return the vertical speed (_getMaxZSpeed, which takes distances from the origin of its map for those flown)."""
+        """Return the vertical speed (_getMaxZSpeed, whose distances are from the origin of its map)."""
         line, (accelerate, most) = self._line, self._vertical
         exit_m_s = 0.0
         if abs(line.target[2] - line.after[2]) > 0.001:

@@ -56,8 +56,8 @@ class Climb:
     slow_below_m: float = 0.0
     """Up to this height it rises no faster than ``slow_m_s``."""
     accept_m: float = CLIMBED_M
-    brake_m_s3: float | None = None
-    """Jerk with which the end of the climb is planned; None for an autopilot that does not."""
+    brakes: tuple[float, float] | None = None
+    """Acceleration and jerk that its end is planned with; None for the limits' alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +166,9 @@ def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
         case Climb():
             east, north = _towards(goal.place, body, limits)
             up = _rising(goal.place.up_m, body, limits)
-            if goal.brake_m_s3 is not None:
+            if goal.brakes is not None:
                 left_m = goal.place.up_m - body.up_m
-                up = math.copysign(braking_speed_m_s(abs(left_m), limits.vertical_m_s2, goal.brake_m_s3), left_m)
+                up = math.copysign(braking_speed_m_s(abs(left_m), *goal.brakes), left_m)
             most = min(goal.speed_m_s, goal.slow_m_s) if body.up_m < goal.slow_below_m else goal.speed_m_s
             return Velocity(east, north, min(max(up, -most), most))
         case Hover():

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from executor.simulator.airframe import Airframe
-from executor.simulator.enums import MissionState, Severity
 from executor.simulator.curves import Curve, Pace, Strand, Vector, overlap_s, turn_s
+from executor.simulator.enums import MissionState, Severity
 from executor.simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
 from executor.simulator.messages import out
 from executor.simulator.mission_store import has_place
@@ -34,6 +34,9 @@ PASS_S = 0.4
 """A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
 SETTLES_S = 0.4
 """Measured: what the leg after a take-off lasts longer."""
+UPRIGHT_S = 0.6
+"""Measured: what a leg straight up or down lasts longer than computed."""
+UPRIGHT_M = 1.0
 SHORTEST_M = 0.1
 APPROACH_M = 1.1
 """The descent slows down over this much before LAND_ALT_LOW and half a metre: it nears that height as if to stop."""
@@ -267,9 +270,9 @@ class ArduPilotMission:
         if restarted or slows:
             self._turning = None
         else:
-            corner = place_of(after, self._home, target) if passes and after is not None else None
+            onward = place_of(after, self._home, target) if passes and after is not None else None
             changes = after_seq is not None and self._changes_speed(seq, after_seq)
-            flown = self._ride(leg, corner, settles_s, changes=changes) or leg
+            flown = self._ride(leg, onward, settles_s, changes=changes) or leg
         return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
 
     def _changes_speed(self, seq: int, until: int) -> bool:
@@ -284,17 +287,18 @@ class ArduPilotMission:
             return None
         curve = Curve.along(way, pace)
         base = leg.origin
-        turns_s = turn_s(math.atan2(way.east, way.north) - body.yaw_rad) if math.hypot(way.east, way.north) > 1 else 0.0
+        upright = math.hypot(way.east, way.north) < UPRIGHT_M
+        turns_s = UPRIGHT_S if upright else turn_s(math.atan2(way.east, way.north) - body.yaw_rad)
         strands = [Strand(curve, settles_s + turns_s)]
         if turning is not None:
             base, before, early_s = turning
             strands = [Strand(before, early_s / 2 - before.lasts_s), Strand(curve, -early_s / 2)]
         lasts_s = strands[-1].begins_s + curve.lasts_s
         if after is not None:
-            onward = _way(leg.target, after)
-            if onward.length < SHORTEST_M:
+            way_on = _way(leg.target, after)
+            if way_on.length < SHORTEST_M:
                 return None
-            following = Curve.along(onward, pace)
+            following = Curve.along(way_on, pace)
             early_s = overlap_s(curve, following, pace)
             strands.append(Strand(following, lasts_s - early_s))
             lasts_s -= early_s / 2

@@ -27,6 +27,10 @@ REACHED_AGAIN_S = 1.0
 FAST_LANDING_M, SLOW_LANDING_M = 10.0, 5.0
 """MPC_LAND_ALT1 and MPC_LAND_ALT2. Recorded: 1.6 m/s down, about 1 m/s under 8 m, 0.7 m/s at the ground."""
 
+SINKS_SHARE = 0.83
+"""Measured: 1.25 m/s on average where it may sink at 1.5. Its trajectory waits for the vehicle in height, too, whenever
+the estimate wanders off its line by some decimetres."""
+
 
 class MissionEnd(Enum):
     """How a mission leaves AUTO.MISSION."""
@@ -53,6 +57,8 @@ class Px4Mission:
         self._origin: Place | None = None
         self._arrived: Place | None = None
         """Where the last leg ended, when the next one begins there."""
+        self._bound_for: Place | None = None
+        """Where the leg under way ends."""
         self.ended_at: Place | None = None
         """The last waypoint of a mission that was flown to its end: there it loiters."""
         self._reached: tuple[int, int, float] | None = None
@@ -99,7 +105,7 @@ class Px4Mission:
         self.ended_at = None
         self._progressed = False
         self._voice.say(Severity.INFO, "Executing Mission")
-        self._origin = self._arrived = None
+        self._origin = self._arrived = self._bound_for = None
         return self._start(self.index)
 
     def leave(self) -> None:
@@ -187,7 +193,8 @@ class Px4Mission:
             self._reached = (seq, REACHED_REPEATS, self._reached[2] if self._reached else 0.0)
             return self._finish(MissionEnd.RETURN)
         if old is None or (old.x, old.y, old.z) != (self._nav.x, self._nav.y, self._nav.z):
-            self._origin = self._arrived or self._frame.body.place
+            # Sent elsewhere on its way, it takes its line from where it would have been next (mission.cpp).
+            self._origin = self._arrived or self._bound_for or self._frame.body.place
         self._arrived = None
         self._frame.pilot.fly(self._goals(self._nav, seq))
         return None
@@ -211,7 +218,7 @@ class Px4Mission:
             takeoff = item.command == Command.NAV_TAKEOFF
             up_m = place_of(item, self._home, here).up_m if takeoff else self._params["MIS_TAKEOFF_ALT"]
             self._voice.say(Severity.INFO, f"Climb to {up_m:.1f} meters above home")
-            yield from frame.take_off(up_m, self._params["MPC_TKO_SPEED"])
+            yield from frame.take_off(up_m, frame.pilot.limits.climb_m_s, self._params["MPC_TKO_SPEED"])
             if takeoff:
                 return
             here = Place(here.east_m, here.north_m, up_m)
@@ -225,6 +232,7 @@ class Px4Mission:
             yield land_goal(over, self._params)
             return
         # A take-off item in the air is flown as a waypoint.
+        self._bound_for = target
         yield self._waypoint(item, seq, self._origin or here, target)
 
     def _waypoint(self, item: MissionItem, seq: int, origin: Place, target: Place) -> Glide:
@@ -246,4 +254,6 @@ class Px4Mission:
 
 def land_goal(over: Place, params: ParamTable) -> Land:
     """Return a landing."""
-    return Land(over, params["MPC_Z_VEL_MAX_DN"], params["MPC_LAND_SPEED"], SLOW_LANDING_M, FAST_LANDING_M)
+    return Land(
+        over, SINKS_SHARE * params["MPC_Z_VEL_MAX_DN"], params["MPC_LAND_SPEED"], SLOW_LANDING_M, FAST_LANDING_M
+    )
