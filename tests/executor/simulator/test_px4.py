@@ -197,7 +197,7 @@ def test_a_land_item_lands_at_its_place() -> None:
 def test_without_a_takeoff_item_it_climbs_first() -> None:
     op = operator()
     op.fly(numbered((waypoint(60, 0, 2.5),), 0))
-    op.run_until(lambda: op.vehicle.frame.body.up_m > 2.2)
+    op.run_until(lambda: op.vehicle.frame.body.up_m > 1.6)
     assert op.vehicle.frame.body.ground_speed_m_s < 0.1
     op.run_until(lambda: op.vehicle.frame.body.north_m > 55)
 
