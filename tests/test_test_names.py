@@ -137,6 +137,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/runtime/test_preflight.py": ("executor/runtime/streams.py",),
     "tests/executor/simulated/test_demo_site.py": ("executor/simulated/fleet.py",),
     "tests/executor/simulator/test_ardupilot.py": ("executor/simulator/mission_ardupilot.py",),
+    "tests/executor/simulator/test_leg_times.py": (
+        "executor/simulator/curves.py",
+        "executor/simulator/gliding.py",
+        "executor/simulator/smoothing.py",
+    ),
     "tests/executor/simulator/test_physics.py": ("executor/simulator/guidance.py",),
     "tests/executor/simulator/test_px4.py": (
         "executor/simulator/mission_px4.py",

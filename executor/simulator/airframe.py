@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.simulator.battery import Battery
 from executor.simulator.config import SimVehicle
@@ -23,6 +23,7 @@ IDLE_DISARM_S = 10.0
 
 
 PAD = Place(0.0, 0.0, 0.0)
+PLAIN_CLIMB = Climb(PAD, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,8 @@ class Manners:
     """Motors on until lift-off."""
     disarm_landed_s: float
     """Touch-down until the motors are off."""
+    climb: Climb = PLAIN_CLIMB
+    """How it takes off, but for the place and the speeds."""
 
 
 class Airframe:
@@ -179,13 +182,13 @@ class Airframe:
         events, self._events = self._events, []
         return events
 
-    def take_off(self, up_m: float, climb_m_s: float) -> Iterator[Goal]:
-        """Yield a vertical take-off to a height."""
+    def take_off(self, up_m: float, climb_m_s: float, slow_m_s: float = math.inf) -> Iterator[Goal]:
+        """Yield a vertical take-off to a height, with a lower speed near the ground if its manners have it so."""
         self.climbing_out = True
         self._climbed_to = Place(self.body.east_m, self.body.north_m, up_m)
         if self.body.on_ground:
             yield Wait(self._manners.spool_s)
-        yield Climb(self._climbed_to, climb_m_s)
+        yield replace(self._manners.climb, place=self._climbed_to, speed_m_s=climb_m_s, slow_m_s=slow_m_s)
 
     def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land) -> Iterator[Goal]:
         """Yield the way home: climb if need be, straight to the pad, linger, land."""

@@ -11,7 +11,10 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from executor.simulator.curves import Strand, target
+from executor.simulator.gliding import Glide, Glider
 from executor.simulator.physics import Body, Limits, Place, Velocity
+from executor.simulator.smoothing import braking_speed_m_s
 
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""
@@ -24,6 +27,12 @@ STOPPED_M_S = 0.3
 """A stop has been made when both are undercut."""
 CLIMBED_M = 0.15
 """Recorded: ArduPilot's take-off to 25 m is over at 24.84 m."""
+RIDE_PER_S = 2.0
+"""How fast a vehicle closes up to a target that moves by the clock."""
+RIDE_M_S2 = 8.0
+RIDE_M = 1.5
+RIDE_M_S = 1.0
+"""A vehicle takes up the target of a leg that it is this near to, at nearly its speed."""
 RESTART_M_S = 0.4
 RESTART_M_S2 = 0.8
 """ArduPilot's leg after a restart: measured, the speed dips from 4.9 to 1.4-1.9 m/s and is back within about 4 s; with
@@ -43,6 +52,12 @@ class Climb:
 
     place: Place
     speed_m_s: float
+    slow_m_s: float = math.inf
+    slow_below_m: float = 0.0
+    """Up to this height it rises no faster than ``slow_m_s``."""
+    accept_m: float = CLIMBED_M
+    brakes: tuple[float, float] | None = None
+    """Acceleration and jerk that its end is planned with; None for the limits' alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +77,17 @@ class Leg:
     entry_m: float = 0.0
     restarted: bool = False
     """Whether the speed builds up anew although the vehicle is moving."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ride:
+    """Follow a target that moves by the clock, from leg to leg."""
+
+    leg: Leg
+    """The same as a plain leg, for when the clock is lost."""
+    base: Place
+    strands: tuple[Strand, ...]
+    lasts_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +115,11 @@ class Land:
     slow_m_s: float
     slow_from_m: float
     """Height under which the descent is slow."""
+    fast_from_m: float
+    """Height above which it is fast; in between it slows down with the height."""
 
 
-Goal = Wait | Climb | Leg | Hover | Sink | Land
+Goal = Wait | Climb | Leg | Ride | Glide | Hover | Sink | Land
 
 
 def distance_m(a: Place, b: Place) -> float:
@@ -138,7 +166,11 @@ def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
         case Climb():
             east, north = _towards(goal.place, body, limits)
             up = _rising(goal.place.up_m, body, limits)
-            return Velocity(east, north, min(max(up, -goal.speed_m_s), goal.speed_m_s))
+            if goal.brakes is not None:
+                left_m = goal.place.up_m - body.up_m
+                up = math.copysign(braking_speed_m_s(abs(left_m), *goal.brakes), left_m)
+            most = min(goal.speed_m_s, goal.slow_m_s) if body.up_m < goal.slow_below_m else goal.speed_m_s
+            return Velocity(east, north, min(max(up, -most), most))
         case Hover():
             east, north = _towards(goal.place, body, limits)
             return Velocity(east, north, _rising(goal.place.up_m, body, limits))
@@ -147,9 +179,18 @@ def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
             return Velocity(east, north, -goal.speed_m_s)
         case Land():
             east, north = _towards(goal.place, body, limits)
-            return Velocity(east, north, -(goal.fast_m_s if body.up_m > goal.slow_from_m else goal.slow_m_s))
+            return Velocity(east, north, -_landing_m_s(goal, body.up_m))
         case Leg():
             return _along(goal, body, age_s, limits)
+        case Ride():
+            place, velocity = target(goal.base, goal.strands, age_s)
+            return Velocity(
+                velocity.east_m_s + RIDE_PER_S * (place.east_m - body.east_m),
+                velocity.north_m_s + RIDE_PER_S * (place.north_m - body.north_m),
+                velocity.up_m_s + RIDE_PER_S * (place.up_m - body.up_m),
+            )
+        case Glide():
+            return Velocity()
 
 
 def finished(goal: Goal, body: Body, age_s: float) -> bool:
@@ -158,8 +199,10 @@ def finished(goal: Goal, body: Body, age_s: float) -> bool:
         case Wait() | Hover():
             return age_s >= goal.seconds
         case Climb():
-            return abs(body.up_m - goal.place.up_m) < CLIMBED_M
-        case Sink():
+            return abs(body.up_m - goal.place.up_m) < goal.accept_m
+        case Ride():
+            return age_s >= goal.lasts_s
+        case Sink() | Glide():
             return False
         case Land():
             return body.on_ground
@@ -170,6 +213,19 @@ def finished(goal: Goal, body: Body, age_s: float) -> bool:
                     goal.accept_m > STOPPED_M or body.ground_speed_m_s < STOPPED_M_S
                 )
             return left_m < goal.accept_m or _progress(goal, body)[1] <= 0.0
+
+
+def takes_up(ride: Ride, body: Body) -> bool:
+    """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
+    place, velocity = target(ride.base, ride.strands, 0.0)
+    speeds = (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s)
+    wanted = (velocity.east_m_s, velocity.north_m_s, velocity.up_m_s)
+    return distance_m(place, body.place) < RIDE_M and math.dist(speeds, wanted) < RIDE_M_S
+
+
+def _landing_m_s(goal: Land, up_m: float) -> float:
+    share = min(max((up_m - goal.slow_from_m) / max(goal.fast_from_m - goal.slow_from_m, 0.01), 0.0), 1.0)
+    return goal.slow_m_s + share * (goal.fast_m_s - goal.slow_m_s)
 
 
 def _towards(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
@@ -240,6 +296,10 @@ class Pilot:
         self.limits = limits
         self._goals: deque[Goal] = deque()
         self._age_s = 0.0
+        self._glider: Glider | None = None
+        self._riding = replace(
+            limits, accelerate_m_s2=RIDE_M_S2, brake_m_s2=RIDE_M_S2, vertical_m_s2=RIDE_M_S2, corner_m_s2=RIDE_M_S2
+        )
 
     @property
     def goal(self) -> Goal | None:
@@ -253,9 +313,13 @@ class Pilot:
 
     def change_speed(self, speed_m_s: float) -> None:
         """Fly the line under way at another speed from now on."""
-        goal = self.goal
-        if isinstance(goal, Leg):
-            self._goals[0] = replace(goal, speed_m_s=speed_m_s, entry_m_s=None)
+        match self.goal:
+            case Leg() as leg:
+                self._goals[0] = replace(leg, speed_m_s=speed_m_s, entry_m_s=None)
+            case Ride(leg=leg):
+                self._goals[0] = replace(leg, speed_m_s=speed_m_s)
+            case Glide() as glide:
+                self._goals[0] = replace(glide, speed_m_s=speed_m_s)
 
     def hold(self) -> None:
         """Brake and stay."""
@@ -265,7 +329,14 @@ class Pilot:
         """Fly for ``dt_s``; without a goal the vehicle keeps its place."""
         goal = self.goal or Hover(self.body.place)
         self._age_s += dt_s
-        self.body.fly(wish(goal, self.body, self._age_s, self.limits), self.limits, dt_s)
-        if self._goals and finished(goal, self.body, self._age_s):
+        if isinstance(goal, Glide):
+            self._glider = self._glider or Glider(self.body)
+            over = self._glider.fly(goal, self.body, dt_s)
+        else:
+            self._glider = None
+            limits = self._riding if isinstance(goal, Ride) else self.limits
+            self.body.fly(wish(goal, self.body, self._age_s, limits), limits, dt_s)
+            over = finished(goal, self.body, self._age_s)
+        if self._goals and over:
             self._goals.popleft()
             self._age_s = 0.0

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from executor.simulator.airframe import Airframe
+from executor.simulator.curves import Curve, Pace, Strand, Vector, overlap_s, turn_s
 from executor.simulator.enums import MissionState, Severity
-from executor.simulator.guidance import Goal, Hover, Land, Leg, corner_speed_m_s, distance_m
+from executor.simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
 from executor.simulator.messages import out
 from executor.simulator.mission_store import has_place
 from executor.simulator.params import ParamTable
@@ -31,6 +32,14 @@ NAMES = {
 }
 PASS_S = 0.4
 """A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
+SETTLES_S = 0.4
+"""Measured: what the leg after a take-off lasts longer."""
+UPRIGHT_S = 0.6
+"""Measured: what a leg straight up or down lasts longer than computed."""
+UPRIGHT_M = 1.0
+SHORTEST_M = 0.1
+APPROACH_M = 1.1
+"""The descent slows down over this much before LAND_ALT_LOW and half a metre: it nears that height as if to stop."""
 CM = 0.01
 CONE_LEAST_M = 2.0
 """The cone of RTL never asks for less (RTL_ALT_MIN of the source)."""
@@ -51,6 +60,8 @@ class ArduPilotMission:
         """Where the next leg's line begins, when the last one ended in passing or at a stop; None: where it is."""
         self._passed_m_s: float | None = None
         """Speed of the last leg, when its end was passed without a stop."""
+        self._turning: tuple[Place, Curve, float] | None = None
+        """Where the last leg began, its curve and how early the next begins, when its end is passed."""
         self._reached = 0
         self._paused = False
         self._nothing_left = False
@@ -78,7 +89,7 @@ class ArduPilotMission:
     def enter(self) -> None:
         """Start or resume. The speed of the mission's DO_CHANGE_SPEED is lost at every mode change."""
         self.speed_m_s = self._params["WPNAV_SPEED"] * CM
-        self._origin = self._passed_m_s = None
+        self._origin = self._passed_m_s = self._turning = None
         self._start(self._resume_seq())
 
     def leave(self) -> None:
@@ -148,7 +159,7 @@ class ArduPilotMission:
         if self._store.at(seq) is None:
             return False
         if self.running:
-            self._origin = self._passed_m_s = None
+            self._origin = self._passed_m_s = self._turning = None
             self._start(seq)
         else:
             self.index = seq
@@ -169,7 +180,7 @@ class ArduPilotMission:
         if due is None:
             return
         self._paused = self._nothing_left = False
-        self._origin = self._passed_m_s = None
+        self._origin = self._passed_m_s = self._turning = None
         if seq == due:
             self._start(self.index, restarted=True)
         else:
@@ -236,6 +247,7 @@ class ArduPilotMission:
 
     def _waypoint(self, item: MissionItem, seq: int, *, restarted: bool) -> list[Goal]:
         frame = self._frame
+        settles_s = SETTLES_S if frame.climbing_out else 0.0
         frame.climbing_out = False
         target = place_of(item, self._home, frame.body.place)
         after_seq = self._nav_seq(seq + 1)
@@ -254,7 +266,53 @@ class ArduPilotMission:
             leg = replace(leg, entry_m_s=self._passed_m_s, entry_m=LATE_SLOWDOWN_M)
         self._passed_m_s = speed_m_s if passes else None
         self._origin = target
-        return [leg, Hover(target, item.param1)] if item.param1 > 0 else [leg]
+        flown: Leg | Ride = leg
+        if restarted or slows:
+            self._turning = None
+        else:
+            onward = place_of(after, self._home, target) if passes and after is not None else None
+            changes = after_seq is not None and self._changes_speed(seq, after_seq)
+            flown = self._ride(leg, onward, settles_s, changes=changes) or leg
+        return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
+
+    def _changes_speed(self, seq: int, until: int) -> bool:
+        items = [self._store.at(between) for between in range(seq + 1, until)]
+        return any(item is not None and item.command == Command.DO_CHANGE_SPEED for item in items)
+
+    def _ride(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> Ride | None:
+        """Return the leg by the clock; None when the vehicle is not where the clock would have it."""
+        turning, self._turning = self._turning, None
+        way, body, pace = _way(leg.origin, leg.target), self._frame.body, self._pace(leg.speed_m_s)
+        if way.length < SHORTEST_M or (after is not None and changes):
+            return None
+        curve = Curve.along(way, pace)
+        base = leg.origin
+        upright = math.hypot(way.east, way.north) < UPRIGHT_M
+        turns_s = UPRIGHT_S if upright else turn_s(math.atan2(way.east, way.north) - body.yaw_rad)
+        strands = [Strand(curve, settles_s + turns_s)]
+        if turning is not None:
+            base, before, early_s = turning
+            strands = [Strand(before, early_s / 2 - before.lasts_s), Strand(curve, -early_s / 2)]
+        lasts_s = strands[-1].begins_s + curve.lasts_s
+        if after is not None:
+            way_on = _way(leg.target, after)
+            if way_on.length < SHORTEST_M:
+                return None
+            following = Curve.along(way_on, pace)
+            early_s = overlap_s(curve, following, pace)
+            strands.append(Strand(following, lasts_s - early_s))
+            lasts_s -= early_s / 2
+            self._turning = (leg.origin, curve, early_s)
+        ride = Ride(leg, base, tuple(strands), lasts_s)
+        if not takes_up(ride, body):
+            self._turning = None
+            return None
+        return ride
+
+    def _pace(self, speed_m_s: float) -> Pace:
+        params = self._params
+        up_m_s, down_m_s = params["WPNAV_SPEED_UP"] * CM, params["WPNAV_SPEED_DN"] * CM
+        return Pace(speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
 
     def _next(self, done: MissionItem) -> None:
         self._reached = self.index
@@ -290,7 +348,13 @@ class ArduPilotMission:
 
 def land_goal(over: Place, params: ParamTable) -> Land:
     """Return a landing; recorded: 1.49 m/s down to 10 m, then 0.49 m/s."""
-    return Land(over, params["WPNAV_SPEED_DN"] * CM, params["LAND_SPEED"] * CM, params["LAND_ALT_LOW"] * CM)
+    slow_m_s = params["LAND_SPEED"] * CM
+    slow_from_m = params["LAND_ALT_LOW"] * CM + slow_m_s
+    return Land(over, params["WPNAV_SPEED_DN"] * CM, slow_m_s, slow_from_m, slow_from_m + APPROACH_M)
+
+
+def _way(origin: Place, target: Place) -> Vector:
+    return Vector(target.east_m - origin.east_m, target.north_m - origin.north_m, target.up_m - origin.up_m)
 
 
 def home_goals(frame: Airframe, params: ParamTable) -> Iterator[Goal]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from enum import Enum
 
 from executor.simulator.airframe import Airframe
 from executor.simulator.enums import MissionState, Severity
-from executor.simulator.guidance import Goal, Hover, Land, Leg, corner_speed_m_s
+from executor.simulator.gliding import Glide
+from executor.simulator.guidance import Goal, Land, Leg
 from executor.simulator.messages import out
 from executor.simulator.mission_store import has_place
 from executor.simulator.params import ParamTable
@@ -24,8 +24,12 @@ LEAST_RADIUS_M = 0.05
 """An item's own acceptance radius counts above this."""
 REACHED_REPEATS = 10
 REACHED_AGAIN_S = 1.0
-SLOW_LANDING_M = 5.0
-"""Recorded: 1.6 m/s down, about 1 m/s under 8 m, 0.7 m/s at the ground."""
+FAST_LANDING_M, SLOW_LANDING_M = 10.0, 5.0
+"""MPC_LAND_ALT1 and MPC_LAND_ALT2. Recorded: 1.6 m/s down, about 1 m/s under 8 m, 0.7 m/s at the ground."""
+
+SINKS_SHARE = 0.83
+"""Measured: 1.25 m/s on average where it may sink at 1.5. Its trajectory waits for the vehicle in height, too, whenever
+the estimate wanders off its line by some decimetres."""
 
 
 class MissionEnd(Enum):
@@ -53,6 +57,10 @@ class Px4Mission:
         self._origin: Place | None = None
         self._arrived: Place | None = None
         """Where the last leg ended, when the next one begins there."""
+        self._bound_for: Place | None = None
+        """Where the leg under way ends."""
+        self.ended_at: Place | None = None
+        """The last waypoint of a mission that was flown to its end: there it loiters."""
         self._reached: tuple[int, int, float] | None = None
         """(item, repeats left, next at)."""
 
@@ -94,9 +102,10 @@ class Px4Mission:
         if self._finished:
             return self.give_up()
         self.running = True
+        self.ended_at = None
         self._progressed = False
         self._voice.say(Severity.INFO, "Executing Mission")
-        self._origin = self._arrived = None
+        self._origin = self._arrived = self._bound_for = None
         return self._start(self.index)
 
     def leave(self) -> None:
@@ -184,13 +193,15 @@ class Px4Mission:
             self._reached = (seq, REACHED_REPEATS, self._reached[2] if self._reached else 0.0)
             return self._finish(MissionEnd.RETURN)
         if old is None or (old.x, old.y, old.z) != (self._nav.x, self._nav.y, self._nav.z):
-            self._origin = self._arrived or self._frame.body.place
+            # Sent elsewhere on its way, it takes its line from where it would have been next (mission.cpp).
+            self._origin = self._arrived or self._bound_for or self._frame.body.place
         self._arrived = None
         self._frame.pilot.fly(self._goals(self._nav, seq))
         return None
 
     def _finish(self, end: MissionEnd) -> MissionEnd:
         self._end("Mission finished, loitering")
+        self.ended_at = self._arrived
         return end
 
     def _end(self, text: str) -> None:
@@ -207,7 +218,7 @@ class Px4Mission:
             takeoff = item.command == Command.NAV_TAKEOFF
             up_m = place_of(item, self._home, here).up_m if takeoff else self._params["MIS_TAKEOFF_ALT"]
             self._voice.say(Severity.INFO, f"Climb to {up_m:.1f} meters above home")
-            yield from frame.take_off(up_m, self._params["MPC_TKO_SPEED"])
+            yield from frame.take_off(up_m, frame.pilot.limits.climb_m_s, self._params["MPC_TKO_SPEED"])
             if takeoff:
                 return
             here = Place(here.east_m, here.north_m, up_m)
@@ -221,17 +232,17 @@ class Px4Mission:
             yield land_goal(over, self._params)
             return
         # A take-off item in the air is flown as a waypoint.
-        yield from self._waypoint(item, seq, self._origin or here, target)
+        self._bound_for = target
+        yield self._waypoint(item, seq, self._origin or here, target)
 
-    def _waypoint(self, item: MissionItem, seq: int, origin: Place, target: Place) -> list[Goal]:
+    def _waypoint(self, item: MissionItem, seq: int, origin: Place, target: Place) -> Glide:
         accept_m = item.param2 if item.param2 > LEAST_RADIUS_M else self._params["NAV_ACC_RAD"]
         after = next((nav for nav in self._store.items[seq + 1 :] if nav.command != Command.DO_CHANGE_SPEED), None)
-        passes = item.param1 <= 0 and after is not None and after.command == Command.NAV_WAYPOINT
-        leg = Leg(origin, target, self.speed_m_s, accept_m, stop=not passes)
-        if passes and after is not None:
-            corner = corner_speed_m_s(leg, place_of(after, self._home, target), self._frame.pilot.limits, accept_m)
-            leg = replace(leg, exit_m_s=corner)
-        return [leg, Hover(target, item.param1)] if item.param1 > 0 else [leg]
+        # It brakes for a hold, and for a landing at the same place.
+        onward = None
+        if item.param1 <= 0 and after is not None and has_place(after):
+            onward = place_of(after, self._home, target)
+        return Glide(origin, target, onward, self.speed_m_s, accept_m, max(item.param1, 0.0))
 
     def _repeat_reached(self, now_s: float) -> None:
         if self._reached is None or now_s < self._reached[2]:
@@ -243,4 +254,6 @@ class Px4Mission:
 
 def land_goal(over: Place, params: ParamTable) -> Land:
     """Return a landing."""
-    return Land(over, params["MPC_Z_VEL_MAX_DN"], params["MPC_LAND_SPEED"], SLOW_LANDING_M)
+    return Land(
+        over, SINKS_SHARE * params["MPC_Z_VEL_MAX_DN"], params["MPC_LAND_SPEED"], SLOW_LANDING_M, FAST_LANDING_M
+    )

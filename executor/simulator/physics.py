@@ -14,6 +14,7 @@ HARD_LANDING_M_S = 2.0
 """Touching down faster than this breaks the vehicle; a fall from 25 cm does."""
 DRAG_PER_S = 0.35
 """Specific drag: at 5 m/s the recorded flights lean by 0.2 rad, g * 0.2 / 5."""
+CARRIED_YAW_RAD_S = 1.0
 EQUATOR_M = 6378137.0
 ECCENTRICITY2 = 6.69437999014e-3
 """WGS 84."""
@@ -120,6 +121,14 @@ class Body:
         self.v_up_m_s += min(max(up - self.v_up_m_s, -most), most)
         self._move(before, dt_s)
         self._lean(d_east / dt_s, d_north / dt_s, limits.yaw_rad_s, dt_s)
+
+    def carry(self, velocity: Velocity, dt_s: float) -> None:
+        """Move for ``dt_s`` and have this velocity after it: somebody else has seen to the limits."""
+        before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
+        self.v_east_m_s, self.v_north_m_s, self.v_up_m_s = velocity.east_m_s, velocity.north_m_s, velocity.up_m_s
+        self._move(before, dt_s)
+        d_east, d_north = velocity.east_m_s - before[0], velocity.north_m_s - before[1]
+        self._lean(d_east / dt_s, d_north / dt_s, CARRIED_YAW_RAD_S, dt_s)
 
     def fall(self, dt_s: float) -> float:
         """Move for ``dt_s`` without thrust.

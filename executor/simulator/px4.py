@@ -11,9 +11,10 @@ from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState, MavCommand, Result, Severity
-from executor.simulator.guidance import Goal, stopping_place
+from executor.simulator.gliding import HEIGHT_M, JERK, UP
+from executor.simulator.guidance import Climb, Goal, Hover, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
-from executor.simulator.mission_px4 import MissionEnd, Px4Mission, land_goal
+from executor.simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
 from executor.simulator.mission_store import StoreStep
 from executor.simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, custom_mode
 from executor.simulator.physics import Home, Limits, Place
@@ -22,7 +23,10 @@ from executor.simulator.store_px4 import Px4Store
 MAV_AUTOPILOT_PX4 = 12
 LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=1.5, vertical_m_s2=1.5, corner_m_s2=1.1)
 """Recorded: a right angle at 2.3 m/s; 2.9 m/s up, 1.6 m/s down."""
-MANNERS = Manners(LIMITS, spool_s=2.0, disarm_landed_s=2.0)
+CLIMB = Climb(Place(0.0, 0.0, 0.0), 0.0, slow_below_m=FAST_LANDING_M, accept_m=HEIGHT_M, brakes=(UP[0], JERK))
+"""At MPC_TKO_SPEED up to MPC_LAND_ALT1; over when the item's height is nearly reached (mission_block.cpp)."""
+MANNERS = Manners(LIMITS, spool_s=5.0, disarm_landed_s=2.0, climb=CLIMB)
+"""Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3."""
 CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
 """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
 SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
@@ -154,7 +158,9 @@ class Px4(Autopilot):
             case Mode.LAND:
                 pilot.fly([land_goal(stopping_place(body, LIMITS), self.params)])
             case Mode.TAKEOFF if body.on_ground:
-                pilot.fly(self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], self.params["MPC_TKO_SPEED"]))
+                pilot.fly(
+                    self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], LIMITS.climb_m_s, self.params["MPC_TKO_SPEED"])
+                )
             case _ if body.on_ground:
                 pilot.fly([])
             case Mode.ALTCTL:
@@ -166,6 +172,8 @@ class Px4(Autopilot):
         match end:
             case MissionEnd.LOITER:
                 self._switch(Mode.LOITER)
+                if self.mission.ended_at is not None and self.frame.armed:
+                    self.frame.pilot.fly([Hover(self.mission.ended_at)])
             case MissionEnd.RETURN:
                 self.voice.say(Severity.INFO, "Returning to launch")
                 self._switch(Mode.RETURN)

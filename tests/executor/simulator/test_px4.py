@@ -197,7 +197,7 @@ def test_a_land_item_lands_at_its_place() -> None:
 def test_without_a_takeoff_item_it_climbs_first() -> None:
     op = operator()
     op.fly(numbered((waypoint(60, 0, 2.5),), 0))
-    op.run_until(lambda: op.vehicle.frame.body.up_m > 2.2)
+    op.run_until(lambda: op.vehicle.frame.body.up_m > 1.6)
     assert op.vehicle.frame.body.ground_speed_m_s < 0.1
     op.run_until(lambda: op.vehicle.frame.body.north_m > 55)
 
@@ -266,7 +266,7 @@ def test_the_cruise_speed_survives_an_upload_and_not_a_hold() -> None:
     op.run(9)
     assert speed_now(op) < 0.1
     op.mode(PX4_MISSION)
-    op.run(8)
+    op.run(15)
     assert speed_now(op) == pytest.approx(5, abs=0.2)
     assert op.command(MavCommand.DO_CHANGE_SPEED, 1, 3, -1) == 0
     op.run(6)
@@ -503,10 +503,10 @@ def test_rtl_height(parameters: dict[str, float], height_m: float) -> None:
 
 def test_inside_the_cone_it_climbs_less() -> None:
     op = cruising(speed(5), waypoint(300, 0))
-    op.run_until(lambda: op.vehicle.frame.body.north_m > 38)
+    op.run_until(lambda: op.vehicle.frame.body.north_m > 50)
     op.mode(PX4_RTL)
     op.run_until(lambda: op.vehicle.frame.body.v_north_m_s < -3)
-    assert 35 < op.vehicle.frame.body.up_m < 45
+    assert 47 < op.vehicle.frame.body.up_m < 57
 
 
 def test_unknown_modes_are_accepted_and_change_nothing_and_unknown_auto_modes_are_refused() -> None:
