@@ -9,6 +9,7 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
+from planner.carried import Carried, Worth, best_of, better, carried_plan, granted, worth
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import PRESETS, Drone, pct_per_s, power_w, range_speed_m_s, usable_wh
 from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
@@ -75,6 +76,7 @@ __all__ = [
     "Breaking",
     "Campaign",
     "Cancelled",
+    "Carried",
     "Chance",
     "Chunk",
     "Cost",
@@ -118,8 +120,12 @@ __all__ = [
     "Vehicle",
     "WindowResult",
     "WindowSearchParams",
+    "Worth",
     "any_of",
+    "best_of",
+    "better",
     "build_instance",
+    "carried_plan",
     "completions_s",
     "cost_value",
     "covers",
@@ -128,6 +134,7 @@ __all__ = [
     "fly_chunk",
     "front",
     "generated_network",
+    "granted",
     "grasp",
     "is_reversed",
     "least_earliest_s",
@@ -156,4 +163,5 @@ __all__ = [
     "why_certainly_impossible",
     "why_impossible",
     "wilson",
+    "worth",
 ]

@@ -147,7 +147,11 @@ def _offer(
     if state.assignment.board is not None and airborne:
         ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
         tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
-    return Survivor(state.name, start_m, max(0.0, budget), projection.consumption(context, state), airborne, tail, kept)
+    most = remaining - setup.reserve_pct - spent_pct - still_fixed
+    return Survivor(
+        state.name, start_m, max(0.0, budget), projection.consumption(context, state), airborne, tail, kept,
+        max(0.0, most),
+    )  # fmt: skip
 
 
 def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
