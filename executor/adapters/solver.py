@@ -172,6 +172,7 @@ def _gain(instance: Instance, carried: Carried, best: Plan, spare: set[int], nam
     now, before = worth(instance, best, spare), worth(instance, carried.plan, spare)
     return Gain(
         now.segments - before.segments,
+        now.value - before.value,
         now.spare_segments - before.spare_segments,
         now.longest_s,
         before.longest_s,

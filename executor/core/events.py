@@ -87,6 +87,8 @@ class Gain:
 
     segments: int
     """How many more are covered; never fewer."""
+    length_m: float
+    """How much longer they are together; never shorter."""
     left_over: int
     """How many more of those that the first plan left for the next sortie."""
     longest_s: float

@@ -12,7 +12,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.solver import REPLAN_COST
+from executor.adapters.solver import REPLAN_COST, replan_task
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, SolveEnded, Tick
@@ -23,8 +23,8 @@ from executor.flight.flight_order import Console, Order
 from executor.runtime.flight import Observer
 from executor.site.assembly import Ground
 from executor.supervised import report_mistake
-from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, open_task, read_plan, write_plan
-from planner import Plan, Route, Vehicle
+from missions import MissionsError, PlanFile, Solved, Task, make_plan_file, read_plan, write_plan
+from planner import Plan, Route, segment_of
 
 if TYPE_CHECKING:
     from executor.flight.mqtt import Publication
@@ -212,15 +212,11 @@ def _plan_file(order: Order, planned: Planned) -> PlanFile:
 
 
 def _replanned(ground: Ground, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
-    vehicles = [
-        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne)
-        for offer in solve.survivors
-    ]
-    task = open_task(ground.network, solve.open_segments, vehicles, ground.travel)
-    number = {segment: index for index, segment in enumerate(task.segment_ids)}
+    task, _ = replan_task(ground.network, ground.travel, solve)
     visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
-    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(vehicles))
-    return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
+    routes = tuple(Route(index, visits.get(offer.vehicle, ())) for index, offer in enumerate(solve.survivors))
+    flown = {segment_of(visit) for route in routes for visit in route.visits}
+    return task, Plan(routes, tuple(segment for segment in range(len(task.segment_ids)) if segment not in flown))
 
 
 def in_force(order: Order, revision: int) -> PlanFile:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.places import UNSEEN_S, fell, last_heard, over_its_pad, place_words, sank
+from executor.core.replan.replanning import from_its_pad
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState, moved_to
 
@@ -61,7 +62,8 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
         state = replace(
             state, replanning=replace(state.replanning, considered=state.replanning.considered | {vehicle.name})
         )
-        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up:
+        spare = from_its_pad(context, vehicle).budget_pct > 0.0
+        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up and spare:
             trigger = f"{vehicle.name}: landed with battery to spare"
             state = replace(
                 state,

@@ -240,6 +240,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         sortie=replace(vehicle.sortie, armed_once=False),
         custody=replace(vehicle.custody, taken=None),
     )
+    left = replanning.left_over(state)
     trigger = f"{vehicle.name}: is back with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
     state = state.put(ready)
     state = replace(
@@ -248,6 +249,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
             state.replanning,
             mended=mended,
             urgent=True,
+            ordered=state.replanning.ordered or bool(left),  # what is left over is no need for a re-plan by itself
             trigger=trigger,
             trigger_s=now_s,
             considered=state.replanning.considered - {vehicle.name},
@@ -261,7 +263,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
             state,
             replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
         )
-    if replanning.orphans(context, state):
+    if replanning.orphans(context, state) or left:
         return _Ordered(state, "it is back in the plan; re-planning with it")
     return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
 

@@ -56,13 +56,13 @@ def _is_well(vehicle: VehicleState) -> bool:
 def open_segments(context: Context, state: FleetState) -> frozenset[int]:
     """Return what nobody flies and somebody might."""
     hopeless = {segment for segment, tries in state.coverage.attempts.items() if tries > replanning.ATTEMPTS}
-    return (replanning.orphans(context, state) | state.coverage.given_up) - set(state.coverage.inspected) - hopeless
+    left = replanning.orphans(context, state) | state.coverage.given_up | replanning.left_over(state)
+    return left - set(state.coverage.inspected) - hopeless
 
 
 def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    remaining = vehicle.power.battery.remaining_pct or 0.0
-    spare_pct = remaining - context.vehicles[vehicle.name].reserve_pct - context.fixed_pct
+    spare_pct = replanning.from_its_pad(context, vehicle).budget_pct
     ends_m, pad_m, travel = context.setup.network.ends_m, context.vehicles[vehicle.name].pad_m, context.travel
     reach = set()
     for segment in segments:
@@ -168,7 +168,8 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
     state = replace(
         state,
         crew=replace(state.crew, offer=None, offers_over=True),
-        coverage=replace(state.coverage, given_up=state.coverage.given_up | left),
+        coverage=replace(state.coverage, given_up=state.coverage.given_up | (left - state.coverage.left_over)),
     )
-    text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {len(left)} segments are left over"
+    over = f"{count_of(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
+    text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {over}"
     return state, (Say(Level.WARNING, text),)
