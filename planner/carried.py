@@ -13,9 +13,11 @@ from planner.evaluate import evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, segment_of
 from planner.solve import check_tails
 
-SAME_S = 1.0
+SAME_S = 5.0
 """Longest routes that differ by no more are as long as each other: nobody is given a new mission for that."""
-SAME_M = 1e-6
+SAME_SHARE = 0.5
+"""Of a mean segment's value: as many segments that are worth no more beyond others than this are worth as much."""
+SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,8 @@ class Worth:
     """Of them."""
     spare_segments: int
     spare_value: float
+    grain: float
+    """What a difference in value must be more than."""
     longest_s: float
     largest_pct: float
 
@@ -87,19 +91,20 @@ def worth(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> Worth:
     figures = evaluate(instance, plan, Cost.MINMAX)
     return Worth(
         len(own), float(instance.value[own].sum()), len(extra), float(instance.value[extra].sum()),
+        SAME_SHARE * float(instance.value.mean()) if instance.segments else 0.0,
         figures.longest_route_s, max(figures.energies_pct),
     )  # fmt: skip
 
 
 def better(one: Worth, other: Worth) -> bool:
     """Return whether one plan is better than another, and worse in nothing that comes before."""
-    if one.segments < other.segments or one.value < other.value - SAME_M:
+    if one.segments < other.segments or one.value < other.value - SAME:
         return False
-    if one.segments > other.segments or one.value > other.value + SAME_M:
+    if one.segments > other.segments or one.value > other.value + one.grain + SAME:
         return True
-    if one.spare_segments < other.spare_segments or one.spare_value < other.spare_value - SAME_M:
+    if one.spare_segments < other.spare_segments or one.spare_value < other.spare_value - SAME:
         return False
-    if one.spare_segments > other.spare_segments or one.spare_value > other.spare_value + SAME_M:
+    if one.spare_segments > other.spare_segments:
         return True
     return one.longest_s < other.longest_s - SAME_S and overspent_pct(one.largest_pct, other.largest_pct) <= 0
 

@@ -51,13 +51,14 @@ def _and_no(names: list[str]) -> str:
 
 
 def _gain_words(gain: Gain, *, changed: bool) -> str:
-    longest = f"longest route {gain.longest_s:.0f} s"
     if not changed:
-        return f"nothing better than what is on board, {longest}"
+        return "nothing better than what is on board"
+    longest = f"longest route {gain.longest_s:.0f} s"
+    shorter = round(gain.longest_s) < round(gain.carried_s)
     covered = []
     if gain.segments:
         covered.append(f"{count_of(gain.segments, 'more segment')} covered")
-    elif gain.length_m >= 1.0:
+    elif gain.length_m >= 1.0 and not shorter:
         covered.append(f"{gain.length_m:.0f} m more of the line covered")
     if gain.left_over > 0:
         covered.append(f"{count_of(gain.left_over, 'segment')} of the next sortie taken up")
@@ -67,7 +68,7 @@ def _gain_words(gain: Gain, *, changed: bool) -> str:
         return ", ".join((*covered, longest))
     if gain.short:
         return f"as much covered as the budgets on board last for, {longest}"
-    if round(gain.longest_s) < round(gain.carried_s):
+    if shorter:
         return f"{longest} instead of {gain.carried_s:.0f} s"
     return f"without what others fly or have flown, {longest}"
 
