@@ -163,6 +163,8 @@ class PlanDocument(_Part):
     window: Annotated[Window | None, Field(exclude_if=is_none)] = None
     inspection: Annotated[InspectionPart | None, Field(exclude_if=is_none)] = None
     """Without it the plan can be checked, but not flown."""
+    fly_again: Annotated[bool, Field(strict=True, exclude_if=bool)] = True
+    """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -259,6 +261,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         **asdict(content.solved),
         "window": content.window,
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
+        "fly_again": content.fly_again,
         "segments": content.segments,
     }
     try:
@@ -304,5 +307,6 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         inspection=None if inspection is None else Inspection(
             **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
         ),
+        fly_again=document.fly_again,
         source=source,
     )  # fmt: skip

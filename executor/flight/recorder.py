@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -206,6 +206,7 @@ def _plan_file(order: Order, planned: Planned) -> PlanFile:
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
     )
+    content = replace(content, fly_again=order.plan.fly_again)
     with suppress(OSError):
         write_plan(plan_path(order.run, planned), content)
     return content

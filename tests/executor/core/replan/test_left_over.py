@@ -123,8 +123,7 @@ def test_who_is_back_with_another_battery_takes_it_up_by_the_crews_word() -> Non
 
 def test_a_crew_is_not_asked_for_who_has_used_its_budget_up() -> None:
     """Its battery has much left, but a route may not use it."""
-    vehicle = {"uav1": {"budget_pct": 8.0}, "uav2": {"budget_pct": 8.0}, "uav3": {"budget_pct": 8.0}}
-    setups = {name: replace(ASKED.context.vehicles[name], **changes) for name, changes in vehicle.items()}
+    setups = {name: replace(setup, budget_pct=8.0) for name, setup in ASKED.context.vehicles.items()}
     flight = story(replace(ASKED, context=replace(ASKED.context, vehicles=setups)))
     flight.finish()
     assert not any("can take over" in line for line in flight.said())

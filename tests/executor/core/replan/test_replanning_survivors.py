@@ -13,7 +13,7 @@ from executor.core.battery.kalman import Prior
 from executor.core.commands import Survivor
 from executor.core.context import Context
 from executor.core.parts import Fix
-from executor.core.replan import replanning
+from executor.core.replan import replanning, wording
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -282,7 +282,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("an offer of who holds does not fit", lambda: replanning.still_fits(flying(held_s=NOW_S), offer_of()), False),
     (
         "segments without names in words",
-        lambda: [replanning.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
+        lambda: [wording.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
         ["", "segment 3", "segments 1, 3", "segments 0, 2, 5"],
     ),
     (
