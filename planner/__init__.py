@@ -9,7 +9,7 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
-from planner.carried import Carried, Worth, best_of, better, carried_plan, granted, worth
+from planner.carried import CarriedPlan, Worth, best_of, better, carried_plan, granted, worth
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import PRESETS, Drone, pct_per_s, power_w, range_speed_m_s, usable_wh
 from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
@@ -76,7 +76,7 @@ __all__ = [
     "Breaking",
     "Campaign",
     "Cancelled",
-    "Carried",
+    "CarriedPlan",
     "Chance",
     "Chunk",
     "Cost",

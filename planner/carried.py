@@ -21,7 +21,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class CarriedPlan:
     """The routes that vehicles have on board, as far as their budgets last."""
 
     plan: Plan
@@ -64,7 +64,7 @@ def granted(instance: Instance, tails: Sequence[Sequence[int]], most_pct: Sequen
     return replace(instance, vehicles=tuple(vehicles))
 
 
-def carried_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> Carried:
+def carried_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> CarriedPlan:
     """Return the plan of everybody going on with what is on board.
 
     Raises:
@@ -75,7 +75,7 @@ def carried_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> Carried:
     covered = {segment_of(visit) for route in routes for visit in route.visits}
     uncovered = tuple(segment for segment in range(instance.segments) if segment not in covered)
     short = tuple(route.vehicle for route, tail in zip(routes, tails, strict=True) if len(route.visits) < len(tail))
-    return Carried(Plan(routes, uncovered), short)
+    return CarriedPlan(Plan(routes, uncovered), short)
 
 
 def worth(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> Worth:

@@ -21,7 +21,7 @@ from executor.core.events import Gain, NewRoute, SolveEnded
 from missions import Network, Task, open_task
 from planner import (
     Cancelled,
-    Carried,
+    CarriedPlan,
     Cost,
     Instance,
     NoImprovement,
@@ -168,7 +168,7 @@ def replan_task(network: Network, travel: Travel, problem: Solve) -> tuple[Task,
     return replace(task, instance=instance), tails
 
 
-def _gain(instance: Instance, carried: Carried, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:
+def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:
     now, before = worth(instance, best, spare), worth(instance, carried.plan, spare)
     return Gain(
         now.segments - before.segments,

@@ -406,7 +406,9 @@ def _decided(
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
     if has_landed(vehicle):
-        return touched_down(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
+        spare = replanning.from_its_pad(context, vehicle).budget_pct > 0.0
+        at_rest_now = seen_at_rest(vehicle, now_s)
+        return touched_down(context, state, vehicle, now_s, spare=spare) if at_rest_now else (state, ())
     return homeward.pursued(context, state, name, now_s)
 
 

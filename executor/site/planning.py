@@ -114,7 +114,7 @@ def first_plan(
         found = solve_window(
             task.instance, stretch=wanted.stretch, stop=Seconds(wanted.seconds), seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
-            fly_again=flies_again(ground),
+            fly_again=landed_fly_again(ground),
         )  # fmt: skip
         plan, seconds, window = found.plan, found.seconds, window_in(found.window)
     else:
@@ -124,10 +124,10 @@ def first_plan(
     content = make_plan_file(
         ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
     )
-    return replace(content, fly_again=flies_again(ground))
+    return replace(content, fly_again=landed_fly_again(ground))
 
 
-def flies_again(ground: Ground) -> bool:
+def landed_fly_again(ground: Ground) -> bool:
     """Return whether a site's vehicles may fly again once they have landed: by themselves, or by the crew's word."""
     return ground.site.flight.fly_again != "never"
 
@@ -143,7 +143,7 @@ def front_plans(
     task = assembly.task_of(ground)
     found = front(
         task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
-        starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=flies_again(ground),
+        starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=landed_fly_again(ground),
     )  # fmt: skip
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
     contents = (
@@ -153,7 +153,7 @@ def front_plans(
         )
         for entry in found
     )  # fmt: skip
-    return tuple(replace(content, fly_again=flies_again(ground)) for content in contents)
+    return tuple(replace(content, fly_again=landed_fly_again(ground)) for content in contents)
 
 
 def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from executor.adapters.eventlog import EventLog, read_events
 from executor.analysis.report import report_of
 from executor.core import fleet
@@ -14,10 +12,9 @@ from executor.core.commands import Finish, Level, Solve, Start
 from executor.core.events import Gain, NewRoute, SolveEnded
 from executor.core.intents import Action
 from executor.core.replan import replanning
-from executor.core.replan.wording import found_words, short_words, unasked
 from executor.core.vehicle import Stage
 from executor.core.view import fleet_view
-from tests.executor.builders import THREE, fleet_of, with_facts
+from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import story
 from tests.fakes.flight import Story
 from tests.fakes.solver import leave_out, share_out
@@ -153,38 +150,7 @@ def test_a_log_holds_what_a_re_plan_gained(tmp_path: Path) -> None:
     assert state.replanning.records[0].gain == TAKES_UP
 
 
-@pytest.mark.parametrize(
-    ("gain", "names", "words"),
-    [
-        (None, [], "new missions for no vehicle"),
-        (Gain(5, 400.0, 0, 642.3, 600.0, ()), ["uav3", "uav1"],
-         "5 more segments covered, longest route 642 s; new missions for uav1, uav3"),
-        (Gain(1, 90.0, 1, 642.3, 600.0, ()), ["uav1"],
-         "1 more segment covered, 1 segment of the next sortie taken up, longest route 642 s; new missions for uav1"),
-        (Gain(1, 90.0, -2, 64.0, 60.0, ()), ["uav1"],
-         ("1 more segment covered, 2 segments left for the next sortie again, longest route 64 s; "
-          "new missions for uav1")),
-        (Gain(0, 120.0, 0, 64.0, 60.0, ()), ["uav1"],
-         "120 m more of the line covered, longest route 64 s; new missions for uav1"),
-        (Gain(0, 5.0, 0, 54.0, 60.0, ()), ["uav1"], "longest route 54 s instead of 60 s; new missions for uav1"),
-        (Gain(0, 0.0, 0, 60.0, 60.0, ()), [], "nothing better than what is on board; new missions for no vehicle"),
-        (Gain(0, 0.0, 0, 60.0, 60.0, ()), ["uav1"],
-         "without what others fly or have flown, longest route 60 s; new missions for uav1"),
-        (Gain(0, 0.0, 0, 60.0, 60.0, ("uav1",)), ["uav1"],
-         "as much covered as the budgets on board last for, longest route 60 s; new missions for uav1"),
-    ],
-)  # fmt: skip
-def test_a_re_plan_says_what_it_gains(gain: Gain | None, names: list[str], words: str) -> None:
-    event = SolveEnded(2, (), (), 0.314, "", gain)
-    told = found_words(event, names)
-    assert told == f"re-plan 2 found in 0.31 s{'; ' if gain is None else ': '}{words}"
-
-
 def test_whose_budget_does_not_last_is_named() -> None:
-    assert (
-        short_words(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",)))
-        == "uav2: its budget does not last for all that it has on board"
-    )
     flight = lost(lambda problem: replace(share_out(problem), gain=replace(TAKES_UP, short=("uav3", "uav1"))))
     flight.run(lambda: bool(flight.state.replanning.records))
     assert "uav1, uav3: their budgets do not last for all that they have on board" in flight.said(Level.WARNING)
@@ -202,21 +168,3 @@ def test_what_is_on_board_stays_where_nothing_is_better() -> None:
         "re-plan 1 found in 0.10 s: nothing better than what is on board; new missions for no vehicle" in flight.said()
     )
     assert "re-plan 1 ended; no mission has changed" in flight.said()
-
-
-def test_only_what_somebody_flew_past_is_not_proven() -> None:
-    """uav1 has passed its first segment; uav2 never started."""
-    flight = story(READY)
-    flight.run(lambda: flight.inspecting("uav1", 1))
-    state = with_facts(flight.state, inspected={})
-    grounded = replace(state.vehicles["uav2"], stage=Stage.GROUND)
-    state = state.put(with_facts(grounded, waypoint=0))
-    alone = replanning.orphans(READY.context, state)
-    assert alone == {0, 2, 3}
-    words = "not proven to be inspected: segment 0; assigned to no vehicle: segments 2, 3"
-    assert unasked(READY.context, state, alone) == words
-    ready = with_facts(state, orphans_since_s=flight.now_s - 60.0)
-    begun, _ = replanning.begin(READY.context, ready, flight.now_s)
-    assert begun.replanning.replan is not None
-    assert begun.replanning.replan.solve.trigger == words
-    assert begun.coverage.attempts == {0: 1}
