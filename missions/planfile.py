@@ -122,6 +122,8 @@ class PlanFile:
     """How to fly it; without it the file can be checked but not exported."""
     pricing: Pricing | None = field(default=None, compare=False)
     """From which times and energies follow; without it from ``travel``, the paper's model."""
+    fly_again: bool = True
+    """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
 
@@ -250,7 +252,7 @@ def check_plan(content: PlanFile, *, search_window: bool = True) -> list[str]:
 
 def _window_findings(content: PlanFile, written: Window) -> Iterator[str]:
     try:
-        found = replan_window(content.instance(), content.plan)
+        found = replan_window(content.instance(), content.plan, fly_again=content.fly_again)
     except PlanError as error:
         yield f"window: {error}"
         return

@@ -195,6 +195,8 @@ class PlanDocument(_Part):
     """Without it the plan can be checked, but not flown."""
     model: Annotated[ModelPart | None, Field(exclude_if=is_none)] = None
     """Without it times and energies follow from `travel` and the straight lines between pylons, as the paper has it."""
+    fly_again: Annotated[bool, Field(strict=True, exclude_if=bool)] = True
+    """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -295,6 +297,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         "window": content.window,
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
         "model": content.pricing and _model(content.pricing, content.vehicles),
+        "fly_again": content.fly_again,
         "segments": content.segments,
     }
     try:
@@ -342,6 +345,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
             **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
         ),
         pricing=_pricing(document),
+        fly_again=document.fly_again,
         source=source,
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
+from planner.carried import CarriedPlan, Worth, best_of, better, carried_plan, granted, worth
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
@@ -95,6 +96,7 @@ __all__ = [
     "Breaking",
     "Campaign",
     "Cancelled",
+    "CarriedPlan",
     "Chance",
     "Chunk",
     "Cost",
@@ -139,8 +141,12 @@ __all__ = [
     "Visits",
     "WindowResult",
     "WindowSearchParams",
+    "Worth",
     "any_of",
+    "best_of",
+    "better",
     "build_instance",
+    "carried_plan",
     "completions_s",
     "cost_value",
     "covers",
@@ -149,6 +155,7 @@ __all__ = [
     "fly_chunk",
     "front",
     "generated_network",
+    "granted",
     "grasp",
     "is_reversed",
     "least_earliest_s",
@@ -179,4 +186,5 @@ __all__ = [
     "why_certainly_impossible",
     "why_impossible",
     "wilson",
+    "worth",
 ]

@@ -108,7 +108,9 @@ def underway(instance: Instance, plan: Plan) -> Aftermath:
     return Aftermath(instance, plan, tuple(range(fleet)), (0.0,) * fleet, (None,) * fleet)
 
 
-def repair_plan(state: Aftermath, lost: int, at_s: float, *, effort: int) -> tuple[Remainder, Plan] | None:
+def repair_plan(
+    state: Aftermath, lost: int, at_s: float, *, effort: int, fly_again: bool = True
+) -> tuple[Remainder, Plan] | None:
     """Return what the loss of a vehicle leaves and a plan for it; None where none was found.
 
     The same arguments give the same plan.
@@ -118,10 +120,11 @@ def repair_plan(state: Aftermath, lost: int, at_s: float, *, effort: int) -> tup
         lost: its number in ``state``.
         at_s: when, since the launch of the fleet.
         effort: iterations at most.
+        fly_again: whether vehicles on the ground or on their way home may fly (again).
     """
     if len(state.fleet) == 1:
         return None
-    left = remaining(state.instance, state.plan, lost, at_s)
+    left = remaining(state.instance, state.plan, lost, at_s, fly_again=fly_again)
     result = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(effort)))
     return (left, result.plan) if result.feasible else None
 

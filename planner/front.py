@@ -48,7 +48,7 @@ class _Shared:
         return verdict
 
 
-def front(
+def front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     instance: Instance,
     *,
     stop: StopRule,
@@ -56,6 +56,7 @@ def front(
     all_vehicles: bool = False,
     starts: int = 1,
     stretches: Sequence[float] = STRETCHES,
+    fly_again: bool = True,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> tuple[FrontPlan, ...]:
@@ -71,6 +72,7 @@ def front(
         all_vehicles: leave no vehicle without a visit.
         starts: searches side by side for each stretch.
         stretches: how much longer than the best MinMax plan's the longest route may be, as shares of it.
+        fly_again: whether vehicles that have landed may fly again after a loss.
         params: what the searches are tuned by.
         on_progress: called whenever ``stop`` is asked.
 
@@ -92,8 +94,8 @@ def front(
         for stretch in sorted(stretches):
             outer = Outer(reported(any_of(Iterations(length), shared), on_progress), shared.watch)
             search = RobustSearch(
-                instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=True,
-                params=params,
+                instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts,
+                fly_again=fly_again, params=params,
             )  # fmt: skip
             search.run(stretch=stretch, longest_s=None, initial=tuple(plans))
             shared.done += outer.iterations
@@ -103,12 +105,12 @@ def front(
                 break
         length += length // 2
         number += 1
-    return _not_beaten(_figures(instance, plan) for plan in plans)
+    return _not_beaten(_figures(instance, plan, fly_again=fly_again) for plan in plans)
 
 
-def _figures(instance: Instance, plan: Plan) -> FrontPlan:
-    evaluation = evaluate(instance, plan, Cost.MINMAX)
-    return FrontPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), replan_window(instance, plan))
+def _figures(instance: Instance, plan: Plan, *, fly_again: bool) -> FrontPlan:
+    evaluation, window = evaluate(instance, plan, Cost.MINMAX), replan_window(instance, plan, fly_again=fly_again)
+    return FrontPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), window)
 
 
 def _not_beaten(plans: Iterable[FrontPlan]) -> tuple[FrontPlan, ...]:

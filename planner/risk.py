@@ -68,6 +68,8 @@ class Campaign:
     """So many losses are re-planned at most; one more is not."""
     effort: int
     """Iterations at most for one re-plan."""
+    fly_again: bool = True
+    """Whether vehicles that have landed may fly again after a loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +136,7 @@ def risk_campaign(
     reserve_pct: float = 15.0,
     max_losses: int = 2,
     effort: int = EFFORT,
+    fly_again: bool = True,
 ) -> Campaign:
     """Return what is to be flown; it looks at every first loss once (``planner.loss_table``).
 
@@ -153,9 +156,10 @@ def risk_campaign(
         raise PlanError(f"the plan does not hold: {violation}")
     if plan.uncovered:
         raise PlanError(f"the plan leaves out {len(plan.uncovered)} segments, expected one that inspects everything")
-    table = loss_table(instance, plan, effort=effort) if len(plan.routes) > 1 and max_losses > 0 else ()
+    losses = len(plan.routes) > 1 and max_losses > 0
+    table = loss_table(instance, plan, effort=effort, fly_again=fly_again) if losses else ()
     return Campaign(
-        instance, plan, table, tuple(mtbf_h), battery_spread_pct, reserve_pct, max_losses, effort
+        instance, plan, table, tuple(mtbf_h), battery_spread_pct, reserve_pct, max_losses, effort, fly_again
     )  # fmt: skip
 
 
@@ -340,11 +344,14 @@ def _answered(campaign: Campaign, group: _Group, vehicle: int, at_s: float, gone
     state = group.state
     if group.replans == 0 and not gone:
         plan = next((row.plan for row in campaign.table if (row.vehicle, row.from_s) == (vehicle, at_s)), None)
-        return None if plan is None else state.after(remaining(campaign.instance, campaign.plan, vehicle, at_s), plan)
+        if plan is None:
+            return None
+        left = remaining(campaign.instance, campaign.plan, vehicle, at_s, fly_again=campaign.fly_again)
+        return state.after(left, plan)
     if gone:
         vehicle -= sum(one < vehicle for one in gone)
         state = state.without(gone)
-    answer = repair_plan(state, vehicle, at_s, effort=campaign.effort)
+    answer = repair_plan(state, vehicle, at_s, effort=campaign.effort, fly_again=campaign.fly_again)
     return None if answer is None else state.after(*answer)
 
 

@@ -10,26 +10,34 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from ctypes import c_longlong
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import ParamSpec, Self, TypeVar
 
 from executor.adapters.interrupts import end_processes, held_back
 from executor.core.commands import Solve
-from executor.core.events import NewRoute, SolveEnded
+from executor.core.events import Gain, NewRoute, SolveEnded
 from missions import Pricing, Task, open_task
 from planner import (
     Cancelled,
+    CarriedPlan,
     Cost,
+    Instance,
     NoImprovement,
+    Plan,
     PlannerError,
     Seconds,
     Vehicle,
     any_of,
+    best_of,
+    carried_plan,
+    granted,
     replan,
+    segment_of,
     warm_start,
     warm_up,
+    worth,
 )
 
 P = ParamSpec("P")
@@ -99,15 +107,6 @@ def _judge(problem: Solve, pricing: Pricing) -> SolveEnded:
     )
 
 
-def task_for_survivors(problem: Solve, pricing: Pricing) -> Task:
-    """Return the planning problem of a re-plan."""
-    vehicles = [
-        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne, offer.start_up_m)
-        for offer in problem.survivors
-    ]
-    return open_task(pricing, problem.open_segments, vehicles)
-
-
 def solve_for_survivors(
     setup: SolverSetup,
     problem: Solve,
@@ -127,25 +126,65 @@ def solve_for_survivors(
         limit_s: Real seconds; by default the setup's.
         settled: Iterations without an improvement that are enough.
     """
-    task = task_for_survivors(problem, pricing)
-    vehicles = task.instance.vehicles
-    still_open = set(problem.open_segments)
-    tails = [
-        task.from_network(v for v in tail if v >> 1 in still_open)
-        for tail in _each_once([offer.tail for offer in problem.survivors])
-    ]
+    task, tails = replan_task(pricing, problem)
+    spare = {segment for segment, number in enumerate(task.segment_ids) if number in problem.left_over}
+    carried = carried_plan(task.instance, tails)
     stop = any_of(Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled))
     try:
-        result = replan(
-            task.instance, warm=warm_start(task.instance, tails), cost=REPLAN_COST, stop=stop, seed=setup.seed
-        )
+        own, own_tails = task, tails
+        if spare:  # what is to spare must not take a part in what is not
+            own = open_task(pricing, problem.open_segments, task.instance.vehicles)
+            own_tails = [own.from_network(_among(own, task.to_network(tail))) for tail in tails]
+        warm = warm_start(own.instance, own_tails)
+        result = replan(own.instance, warm=warm, cost=REPLAN_COST, stop=stop, seed=setup.seed)
     except PlannerError as error:
         return SolveEnded(problem.revision, None, (), 0.0, str(error))
     if cancelled():
         return SolveEnded(problem.revision, None, (), result.seconds, "cancelled")
-    plan = task.plan_to_network(result.plan)
-    routes = tuple(NewRoute(vehicles[route.vehicle].name, route.visits) for route in plan.routes)
-    return SolveEnded(problem.revision, routes, tuple(sorted(plan.uncovered)), result.seconds, result.stopped_by)
+    candidates = [result.plan, warm]
+    if spare:
+        found = [task.from_network(own.to_network(route.visits)) for route in result.plan.routes]
+        candidates = [warm_start(task.instance, routes) for routes in (found, tails)]
+    best = best_of(task.instance, carried.plan, candidates, spare)
+    plan, names = task.plan_to_network(best), [vehicle.name for vehicle in task.instance.vehicles]
+    return SolveEnded(
+        problem.revision,
+        tuple(NewRoute(names[route.vehicle], route.visits) for route in plan.routes),
+        tuple(sorted(set(plan.uncovered) - set(problem.left_over))),
+        result.seconds,
+        result.stopped_by,
+        _gain(task.instance, carried, best, spare, names),
+    )
+
+
+def replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int, ...]]]:
+    """Return what is to be planned, and what of it each survivor has on board."""
+    vehicles = [
+        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne, offer.start_up_m)
+        for offer in problem.survivors
+    ]
+    task = open_task(pricing, (*problem.open_segments, *problem.left_over), vehicles)
+    tails = [task.from_network(_among(task, tail)) for tail in _each_once([one.tail for one in problem.survivors])]
+    instance = granted(task.instance, tails, [offer.most_pct for offer in problem.survivors])
+    return replace(task, instance=instance), tails
+
+
+def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:
+    now, before = worth(instance, best, spare), worth(instance, carried.plan, spare)
+    return Gain(
+        now.segments - before.segments,
+        now.value - before.value,
+        now.spare_segments - before.spare_segments,
+        now.longest_s,
+        before.longest_s,
+        tuple(names[vehicle] for vehicle in carried.short),
+    )
+
+
+def _among(task: Task, visits: Sequence[int]) -> tuple[int, ...]:
+    """Return those of the network's visits that a problem is about."""
+    known = set(task.segment_ids)
+    return tuple(visit for visit in visits if segment_of(visit) in known)
 
 
 def _each_once(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:

@@ -86,7 +86,19 @@ class ReplanRow(Document):
     total_s: Number
     """From the need to the missions verified on board."""
     uncovered: tuple[Whole, ...]
-    """Ids of the segments that nobody can fly."""
+    """Ids of the segments that nobody can fly; without those that the first plan left over."""
+    gained: Whole | None = None
+    """How many more segments it covers than what was on board; None if the solver did not say, or has not ended."""
+    gained_m: Number | None = None
+    """How much longer they are together."""
+    taken_up: Whole | None = None
+    """How many more it covers of those that the first plan left over; negative if it gives some of them back."""
+    longest_route_s: Number | None = None
+    """Each from where its vehicle becomes free."""
+    carried_route_s: Number | None = None
+    """The longest of what was on board, as far as the budgets last."""
+    over_budget: tuple[str, ...] = ()
+    """Vehicles whose budgets do not last for all that they have on board."""
 
 
 class LastPosition(Document):
@@ -204,6 +216,8 @@ class FlightReport(Document):
     """Ids of the segments left over."""
     uncovered_names: tuple[str, ...] = ()
     """The same by the names of the assets."""
+    left_over: tuple[Whole, ...] = ()
+    """Ids of those of them that the first plan left for the next sortie."""
     segment_names: dict[str, str] = {}
     """Every segment's name by its id."""
     finished: YesNo

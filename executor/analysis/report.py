@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from executor.analysis.documents import (
     AbsenceRow,
@@ -23,6 +24,7 @@ from executor.analysis.documents import (
     VehicleRow,
 )
 from executor.core.context import Context
+from executor.core.events import Gain
 from executor.core.hearing import firmware
 from executor.core.ports import LinkCounts
 from executor.core.preflight import heights
@@ -139,6 +141,7 @@ def report_of(
         segments_inspected=len(state.coverage.inspected),
         segments_uncovered=uncovered,
         uncovered_names=tuple(map(context.segment_name, uncovered)),
+        left_over=tuple(sorted(state.coverage.left_over - set(state.coverage.inspected))),
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
         finished=not uncovered,
         duration_s=round(ended_s - began_s, 1),
@@ -182,7 +185,21 @@ def _replan(record: ReplanRecord) -> ReplanRow:
         upload_s=round(record.upload_s, 2),
         total_s=round(record.ended_s - record.begun_s, 2),
         uncovered=tuple(record.uncovered),
+        **_gained(record.gain),
     )
+
+
+def _gained(gain: Gain | None) -> dict[str, Any]:
+    if gain is None:
+        return {}
+    return {
+        "gained": gain.segments,
+        "gained_m": round(gain.length_m, 1),
+        "taken_up": gain.left_over,
+        "longest_route_s": round(gain.longest_s, 1),
+        "carried_route_s": round(gain.carried_s, 1),
+        "over_budget": gain.short,
+    }
 
 
 def _heights(context: Context, state: FleetState) -> HeightsPart:

@@ -34,6 +34,8 @@ REPLANS = {
     "solve_s": "solving (real s)",
     "upload_s": "upload (s)",
     "total_s": "fault to on board (s)",
+    "gained": "more segments than on board",
+    "longest_route_s": "longest route (s)",
     "uncovered": "segments not covered",
 }
 """What the report calls it, and what the page does; as in the next four."""
@@ -157,6 +159,9 @@ def _facts(record: FlightRecord, report: FlightReport) -> str:
     facts += _speeds(report)
     if record.uncovered:
         facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
+    if report.left_over:
+        names = [report.segment_names.get(str(segment), str(segment)) for segment in report.left_over]
+        facts.append(f"of these the plan left for the next sortie: {', '.join(names)}")
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
 

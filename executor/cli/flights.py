@@ -262,6 +262,9 @@ def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -
         _told(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
         if report.segments_uncovered:
             _told(f"not inspected: {', '.join(report.uncovered_names)}")
+        if report.left_over:
+            names = (report.segment_names[str(segment)] for segment in report.left_over)
+            _told(f"of these the plan left for the next sortie: {', '.join(names)}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report.finished:

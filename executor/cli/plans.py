@@ -208,11 +208,12 @@ def window(
     """
     can_be_drawn("--picture", picture)
     content = read_plan(plan)
-    found = replan_window(content.instance(), content.plan, seed=seed)
+    found = replan_window(content.instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
         from executor.analysis.pictures import draw_window
 
-        repairs = repairs_at(content.instance(), content.plan, found.earliest_s, seed=seed)
+        again = content.fly_again
+        repairs = repairs_at(content.instance(), content.plan, found.earliest_s, seed=seed, fly_again=again)
         writable(picture, lambda: draw_window(content, found, repairs, picture))
     _print_window(content, found, as_json=as_json)
 

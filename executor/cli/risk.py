@@ -82,7 +82,7 @@ def risk(
         console.progress("looking at each first loss")
         wanted = risk_campaign(
             content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
-            max_losses=max_losses,
+            max_losses=max_losses, fly_again=content.fly_again,
         )  # fmt: skip
         (found,) = fly(wanted, flight_chunks(samples, seed), done)
         if picture is not None:

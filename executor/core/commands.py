@@ -117,6 +117,9 @@ class Survivor:
     """What it would do next by its present route: the warm start."""
     kept: int
     """How many waypoints of its present path stay as they are."""
+    most_pct: float = 0.0
+    """What its battery has until then without its reserve: as much of it as it carries already it may go on with, also
+    beyond `budget_pct`."""
     start_up_m: float = 0.0
     """In the air: its height where it becomes free, as flights are priced."""
 
@@ -129,6 +132,8 @@ class Solve:
     open_segments: tuple[int, ...]
     survivors: tuple[Survivor, ...]
     trigger: str
+    left_over: tuple[int, ...] = ()
+    """What the first plan left for the next sortie: only for budgets to spare, after all of the open segments."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,6 +82,24 @@ class NewRoute:
 
 
 @dataclass(frozen=True, slots=True)
+class Gain:
+    """What a re-plan is better in than what everybody carries, by the planning model."""
+
+    segments: int
+    """How many more are covered; never fewer."""
+    length_m: float
+    """How much longer they are together; never shorter."""
+    left_over: int
+    """How many more of those that the first plan left for the next sortie."""
+    longest_s: float
+    """The longest route, each from where its vehicle becomes free."""
+    carried_s: float
+    """The longest of what is carried."""
+    short: tuple[str, ...]
+    """Vehicles whose budgets do not last for all that they carry."""
+
+
+@dataclass(frozen=True, slots=True)
 class SolveEnded:
     """The solver has come to its end."""
 
@@ -89,9 +107,12 @@ class SolveEnded:
     routes: tuple[NewRoute, ...] | None
     """None if the solver failed or was cancelled."""
     uncovered: tuple[int, ...]
+    """Of the open segments; what the first plan left over is not one of them."""
     solve_s: float
     """Real seconds."""
     reason: str
+    gain: Gain | None = None
+    """None without routes, and in a log from before it was reckoned."""
 
 
 @dataclass(frozen=True, slots=True)

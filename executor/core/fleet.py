@@ -55,6 +55,7 @@ from executor.core.places import (
     seen_at_rest,
 )
 from executor.core.replan import offering, replanning
+from executor.core.replan.wording import listed
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
@@ -155,18 +156,22 @@ def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
         if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
             state = state.put(replace(vehicle, link=replace(vehicle.link, heard_s=now_s, excused_s=now_s)))
     planned: set[int] = set()
+    begun: set[int] = set()
     for vehicle in state.vehicles.values():
         if vehicle.assignment.board is None or not vehicle.assignment.board.visits:
             continue
+        own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
+        planned |= own
         if vehicle.armed:
             continue  # somebody else has armed it since it was looked at
-        planned |= {segment_of(visit) for visit in vehicle.assignment.board.visits}
+        begun |= own
         state, start = _start(context, state, vehicle, now_s)
         commands.append(start)
-    # What the first plan leaves over is the next sortie's: no reason for a re-plan.
-    state = replace(
-        state, coverage=replace(state.coverage, given_up=state.coverage.given_up | (context.wanted - planned))
-    )
+    left = context.wanted - planned
+    if left:
+        commands.append(Say(Level.INFO, f"left for the next sortie by the plan: {listed(context, left)}"))
+    given_up = state.coverage.given_up | (planned - begun)
+    state = replace(state, coverage=replace(state.coverage, given_up=given_up, left_over=left))
     return replace(
         state,
         progress=replace(state.progress, launched_s=now_s),
@@ -417,7 +422,9 @@ def _decided(
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
     if has_landed(vehicle):
-        return touched_down(context, state, vehicle, now_s) if seen_at_rest(vehicle, now_s) else (state, ())
+        spare = replanning.from_its_pad(context, vehicle).budget_pct > 0.0
+        at_rest_now = seen_at_rest(vehicle, now_s)
+        return touched_down(context, state, vehicle, now_s, spare=spare) if at_rest_now else (state, ())
     return homeward.pursued(context, state, name, now_s)
 
 
@@ -527,6 +534,8 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
+        if mission.fresh:
+            vehicle = replace(vehicle, assignment=replace(vehicle.assignment, waypoint=0))
         state = state.put(carrying(vehicle, board, now_s))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
@@ -600,4 +609,6 @@ def _finish(context: Context, state: FleetState) -> Stepped:
         if missing == 0
         else f"{count_of(missing, 'segment')} {'is' if missing == 1 else 'are'} not inspected"
     )
+    if left := state.coverage.left_over - set(state.coverage.inspected):
+        reason += f", {len(left)} of them left for the next sortie by the plan"
     return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from executor.core.check_codes import CheckCode
 from executor.core.commands import Level, Solve
 from executor.core.coverage import SegmentPass
-from executor.core.events import NewRoute
+from executor.core.events import Gain, NewRoute
 from executor.core.intents import IntentRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
@@ -37,6 +37,7 @@ class Replan:
     """Real seconds that the solver took; None while it works."""
     solved_s: float = 0.0
     uncovered: tuple[int, ...] = ()
+    gain: Gain | None = None
     unmade: tuple[NewRoute, ...] = ()
     """Routes whose missions are still to be made: of a large fleet that takes longer than anybody should wait."""
     missions: Mapping[str, NewMission] = field(default_factory=lambda: MappingProxyType({}))
@@ -73,6 +74,8 @@ class ReplanRecord:
     begun_s: float
     ended_s: float
     upload_s: float
+    gain: Gain | None = None
+    """Against what everybody carried; None where the solver did not say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +186,9 @@ class Coverage:
     """Segment to how it was flown then."""
     given_up: frozenset[int] = frozenset()
     """Segments that no survivor can inspect."""
+    left_over: frozenset[int] = frozenset()
+    """Segments that the first plan left for the next sortie: no reason for a re-plan, taken up where one has budget to
+    spare."""
     attempts: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
     """How often a segment was flown without proof."""
     inferred: frozenset[int] = frozenset()

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from executor.core import projection
 from executor.core.context import Context
 from executor.core.coverage import Track
+from executor.core.replan.replanning import left_over
 from executor.core.roster.offers import offer_words
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import FaultCode, Stage, VehicleState
@@ -205,7 +206,7 @@ class FleetView:
     segments_total: int
     inspected: tuple[int, ...]
     uncovered: tuple[int, ...]
-    """Given up: segments that nobody can inspect."""
+    """Segments that nobody inspects in this flight: left for the next sortie by the plan, or given up since."""
     replan: ReplanView | None
     all_silent: bool
     """Whether nobody at all is heard."""
@@ -234,7 +235,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         revision=state.replanning.revision,
         segments_total=context.segments,
         inspected=tuple(sorted(state.coverage.inspected)),
-        uncovered=tuple(sorted(state.coverage.given_up - set(state.coverage.inspected))),
+        uncovered=tuple(sorted((state.coverage.given_up | left_over(state)) - set(state.coverage.inspected))),
         replan=None
         if plan is None
         else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.solver import REPLAN_COST, task_for_survivors
+from executor.adapters.solver import REPLAN_COST, replan_task
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.events import Event, SolveEnded, Tick
@@ -23,7 +23,7 @@ from executor.flight.flight_order import Console, Order
 from executor.runtime.flight import Observer
 from executor.supervised import report_mistake
 from missions import MissionsError, PlanFile, Pricing, Solved, Task, make_plan_file, read_plan, write_plan
-from planner import Plan, Route
+from planner import Plan, Route, segment_of
 
 if TYPE_CHECKING:
     from executor.flight.mqtt import Publication
@@ -205,17 +205,18 @@ def _plan_file(order: Order, pricing: Pricing, planned: Planned) -> PlanFile:
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
     )
+    content = replace(content, fly_again=order.plan.fly_again)
     with suppress(OSError):
         write_plan(plan_path(order.run, planned), content)
     return content
 
 
 def _replanned(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
-    task = task_for_survivors(solve, pricing)
-    number = {segment: index for index, segment in enumerate(task.segment_ids)}
+    task, _ = replan_task(pricing, solve)
     visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
-    routes = tuple(Route(index, visits.get(vehicle.name, ())) for index, vehicle in enumerate(task.instance.vehicles))
-    return task, Plan(routes, tuple(number[segment] for segment in event.uncovered))
+    routes = tuple(Route(index, visits.get(offer.vehicle, ())) for index, offer in enumerate(solve.survivors))
+    flown = {segment_of(visit) for route in routes for visit in route.visits}
+    return task, Plan(routes, tuple(segment for segment in range(len(task.segment_ids)) if segment not in flown))
 
 
 def in_force(order: Order, revision: int) -> PlanFile:

@@ -141,15 +141,22 @@ def first_plan(
         found = solve_window(
             task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
+            fly_again=landed_fly_again(ground),
         )  # fmt: skip
         plan, seconds, window = found.plan, found.seconds, window_in(found.window, task.instance)
     else:
         result = _solved(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, window = result.plan, result.seconds, None
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
-    return make_plan_file(
-        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection,
-    )  # fmt: skip
+    content = make_plan_file(
+        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
+    )
+    return replace(content, fly_again=landed_fly_again(ground))
+
+
+def landed_fly_again(ground: Ground) -> bool:
+    """Return whether a site's vehicles may fly again once they have landed: by themselves, or by the crew's word."""
+    return ground.site.flight.fly_again != "never"
 
 
 def front_plans(
@@ -163,10 +170,10 @@ def front_plans(
     task = assembly.task_of(ground)
     found = front(
         task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
-        starts=wanted.threads, params=wanted.params, on_progress=on_progress,
+        starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=landed_fly_again(ground),
     )  # fmt: skip
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
-    return tuple(
+    contents = (
         make_plan_file(
             ground.network, task, ground.travel, entry.plan, None, solved,
             window=window_in(entry.window, task.instance),
@@ -174,6 +181,7 @@ def front_plans(
         )
         for entry in found
     )  # fmt: skip
+    return tuple(replace(content, fly_again=landed_fly_again(ground)) for content in contents)
 
 
 def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
@@ -181,9 +189,9 @@ def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
     plans = {}
     for cost in Cost:
         content = first_plan(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
-        plans[cost.value] = replace(
-            content, window=window_in(replan_window(content.instance(), content.plan), ground.names)
-        )
+        instance = content.instance()
+        found = replan_window(instance, content.plan, fly_again=content.fly_again)
+        plans[cost.value] = replace(content, window=window_in(found, instance))
     return plans
 
 
@@ -333,7 +341,7 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     if lost not in names:
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
     task = plan.task()
-    left = remaining(task.instance, plan.plan, names.index(lost), at_s)
+    left = remaining(task.instance, plan.plan, names.index(lost), at_s, fly_again=plan.fly_again)
     result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
     pricing = plan.pricing and plan.pricing.part(left.open_segments, (one.name for one in left.instance.vehicles))
     reduced = Task(left.instance, left.open_segments, pricing)
@@ -341,4 +349,4 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     content = make_plan_file(
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
     )
-    return WhatIf(left, content, result.feasible)
+    return WhatIf(left, replace(content, fly_again=plan.fly_again), result.feasible)

@@ -140,6 +140,8 @@ def _report(*, finished: bool) -> dict[str, object]:
         "solve_s": 0.1,
         "upload_s": 9.0,
         "total_s": 10.0,
+        "gained": 1,
+        "longest_route_s": 90.0,
     }
     fault = {"vehicle": "uav2", "kind": "link", "reason": "link lost for 10 s", "happened_s": 40.0, "detected_s": 50.0}
     return {

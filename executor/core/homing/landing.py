@@ -35,8 +35,16 @@ def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
     return came_down or vehicle.sortie.disarmed_s - vehicle.motion.falls_s < CRASHED_S
 
 
-def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Take a vehicle to be on the ground, as it landed or otherwise."""
+def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, spare: bool) -> Stepped:
+    """Take a vehicle to be on the ground, as it landed or otherwise.
+
+    Args:
+        context: Of the flight.
+        state: Of the flight.
+        vehicle: Who has landed.
+        now_s: Now.
+        spare: Whether it has budget left for another flight.
+    """
     came_down = _fell(context, vehicle, now_s)
     if came_down is None:
         return state, ()
@@ -61,7 +69,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
         state = replace(
             state, replanning=replace(state.replanning, considered=state.replanning.considered | {vehicle.name})
         )
-        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up:
+        if context.fly_again is FlyAgain.AUTO and state.coverage.given_up and spare:
             trigger = f"{vehicle.name}: landed with battery to spare"
             state = replace(
                 state,

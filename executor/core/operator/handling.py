@@ -17,6 +17,7 @@ from executor.core.operator import refusals
 from executor.core.parts import Cause
 from executor.core.places import place_words
 from executor.core.replan import replanning
+from executor.core.replan.wording import listed
 from executor.core.roster import takeover
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.state import FleetState
@@ -240,6 +241,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         sortie=replace(vehicle.sortie, armed_once=False),
         custody=replace(vehicle.custody, taken=None),
     )
+    left = replanning.left_over(state)
     trigger = f"{vehicle.name}: is back with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
     state = state.put(ready)
     state = replace(
@@ -248,6 +250,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
             state.replanning,
             mended=mended,
             urgent=True,
+            ordered=state.replanning.ordered or bool(left),  # what is left over is no need for a re-plan by itself
             trigger=trigger,
             trigger_s=now_s,
             considered=state.replanning.considered - {vehicle.name},
@@ -261,7 +264,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
             state,
             replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
         )
-    if replanning.orphans(context, state):
+    if replanning.orphans(context, state) or left:
         return _Ordered(state, "it is back in the plan; re-planning with it")
     return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
 
@@ -299,7 +302,7 @@ def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         inferred=state.coverage.inferred - again,
     )
     known = replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s)
-    text = f"{replanning.listed(context, again)} flown again for proof"
+    text = f"{listed(context, again)} flown again for proof"
     return _Ordered(replace(state, coverage=coverage, replanning=known), text, open=True)
 
 

@@ -223,7 +223,8 @@ def _replan(context: Context, state: FleetState, now_s: float) -> Why:
     if not offers:
         return IntentReason.NO_VEHICLE, "no vehicle can take a new route now"
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
-    if not freed and not state.coverage.given_up and not replanning.orphans(context, state):
+    left = state.coverage.given_up | replanning.left_over(state)
+    if not freed and not left and not replanning.orphans(context, state):
         return IntentReason.NOTHING_TO_PLAN, "nothing is left to re-plan"
     return None
 

@@ -11,6 +11,7 @@ from executor.core.commands import Command, Compose, Level, Say, Solve, Survivor
 from executor.core.context import Context, FlyAgain
 from executor.core.events import MissionsWanted, NewRoute, SolveEnded
 from executor.core.homing.homeward import comes_down
+from executor.core.replan.wording import flown_past, found_words, listed, short_words, unasked
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
 from executor.core.words import count_of
@@ -36,11 +37,20 @@ Some 10 ms for fifty vehicles, whose missions together would take a third of a s
 
 
 def orphans(context: Context, state: FleetState) -> frozenset[int]:
-    """Return the segments that are not inspected, not given up, and on nobody's way."""
-    wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up
+    """Return the segments that are not inspected, not given up, not the next sortie's, and on nobody's way."""
+    wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up - state.coverage.left_over
     for vehicle in state.on_mission():
         wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()}
     return frozenset(wanted)
+
+
+def left_over(state: FleetState) -> frozenset[int]:
+    """Return what the first plan left for the next sortie, and nobody has taken up since."""
+    left = state.coverage.left_over - set(state.coverage.inspected)
+    if left:
+        for vehicle in state.on_mission():
+            left -= {segment_of(visit) for visit in vehicle.remaining_visits()}
+    return left
 
 
 def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
@@ -62,7 +72,7 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
             return None  # it lies on its side
         if context.fly_again is not FlyAgain.AUTO and not _cleared(state, now_s):
             return None
-        return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
+        return from_its_pad(context, state)
     if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
         return None
     if not _on_its_mission(context, state, now_s):
@@ -77,6 +87,11 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
         place, alt_rel_m, spent = state.motion.fix.place_m, state.motion.fix.alt_rel_m, 0.0
     offer = _offer(context, state, place, spent * account.factor(state.power.battery), airborne=True, kept=kept)
     return replace(offer, start_up_m=context.setup.lowest_layer_up_m(state.name, alt_rel_m))
+
+
+def from_its_pad(context: Context, state: VehicleState) -> Survivor:
+    """Return what a vehicle on the ground can offer, once it may take off."""
+    return _offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
 
 
 def _on_its_mission(context: Context, state: VehicleState, now_s: float) -> bool:
@@ -146,8 +161,11 @@ def _offer(
     if state.assignment.board is not None and airborne:
         ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
         tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
-    factor = account.factor(state.power.battery)
-    return Survivor(state.name, start_m, max(0.0, budget), factor, airborne, tail, kept)
+    most = remaining - setup.reserve_pct - spent_pct
+    return Survivor(
+        state.name, start_m, max(0.0, budget), account.factor(state.power.battery), airborne, tail, kept,
+        max(0.0, most),
+    )  # fmt: skip
 
 
 def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
@@ -176,15 +194,18 @@ def begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetState
         if not alone:
             return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _under_way(state, offers)
-    if not alone and not freed:
+    to_spare = left_over(state) | (freed & state.coverage.left_over)
+    if not alone and not freed and not to_spare:
         return replace(state, replanning=replace(state.replanning, ordered=False)), ()
     trigger = (
         state.replanning.trigger
         if state.replanning.urgent or state.replanning.ordered
-        else _unasked(context, state, alone)
+        else unasked(context, state, alone)
     )
     revision = state.replanning.revision + 1
-    solve = Solve(revision, tuple(sorted((alone | freed) - set(state.coverage.inspected))), offers, trigger)
+    done = set(state.coverage.inspected)
+    own = tuple(sorted((alone | freed) - to_spare - done))
+    solve = Solve(revision, own, offers, trigger, tuple(sorted(to_spare - done)))
     begun_s = state.replanning.trigger_s if state.replanning.urgent or state.replanning.ordered else now_s
     state = replace(
         state,
@@ -213,25 +234,14 @@ def _under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int
     )
 
 
-def _unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
-    """Return why segments are without a vehicle that no fault left behind."""
-    passed = {
-        segment_of(visit)
-        for vehicle in state.vehicles.values()
-        if vehicle.assignment.board
-        for visit in vehicle.assignment.board.visits
-    }
-    if alone <= passed:
-        return f"not proven to be inspected: {listed(context, alone)}"
-    return f"without a vehicle: {listed(context, alone)}"
-
-
 def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
+    """Count how often what is without a vehicle was flown in vain; what nobody flew past was not."""
+    flown = alone & flown_past(state)
     attempts = {
         **state.coverage.attempts,
-        **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in alone},
+        **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in flown},
     }
-    hopeless = frozenset(segment for segment in alone if attempts[segment] > ATTEMPTS)
+    hopeless = frozenset(segment for segment in flown if attempts[segment] > ATTEMPTS)
     state = replace(
         state,
         coverage=replace(
@@ -289,9 +299,9 @@ def solved(
     for route in unmade:
         vehicle = state.vehicles[route.vehicle]
         state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=event.revision)))
-    names = ", ".join(sorted(route.vehicle for route in unmade)) or "no vehicle"
-    text = f"re-plan {event.revision} found in {event.solve_s:.2f} s; new missions for {names}"
-    lines: list[Command] = [Say(Level.INFO, text)]
+    lines: list[Command] = [Say(Level.INFO, found_words(event, [route.vehicle for route in unmade]))]
+    if event.gain is not None and event.gain.short:
+        lines.append(Say(Level.WARNING, short_words(event.gain)))
     if event.uncovered:
         what = f"the budgets that are left do not cover {listed(context, event.uncovered)}"
         lines.append(Say(Level.WARNING, what))
@@ -300,6 +310,7 @@ def solved(
         solve_s=event.solve_s,
         solved_s=now_s,
         uncovered=event.uncovered,
+        gain=event.gain,
         unmade=unmade,
         pending=frozenset(route.vehicle for route in unmade),
     )
@@ -434,6 +445,7 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
         begun_s=plan.begun_s,
         ended_s=now_s,
         upload_s=now_s - plan.solved_s,
+        gain=plan.gain,
     )
     state = replace(
         state,
@@ -450,11 +462,3 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
     elif not plan.missions.keys() - set(plan.let_go):
         text = f"re-plan {record.revision} ended; no mission has changed"
     return state, (Say(Level.INFO, text),)
-
-
-def listed(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
-    """Return segments in words, by the names of the assets where they have any."""
-    names = {segment: context.segment_name(segment) for segment in sorted(segments)}
-    if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
-        return f"segments {', '.join(map(str, names))}"
-    return ", ".join(names.values())

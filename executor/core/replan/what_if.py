@@ -47,5 +47,5 @@ def if_lost(context: Context, state: FleetState, name: str, now_s: float) -> Sol
     if not offers:
         return tuple(sorted(alone))
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
-    wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected)))
+    wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected) - state.coverage.left_over))
     return Solve(state.replanning.revision, wanted, offers, f"what if {name} were lost")

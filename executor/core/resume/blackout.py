@@ -15,7 +15,7 @@ from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, Scene
 from executor.core.homing.homeward import on_mission
 from executor.core.parts import OnBoard
-from executor.core.replan import replanning
+from executor.core.replan.wording import listed
 from executor.core.resume.inference import flown_meanwhile
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState, before_of
@@ -112,8 +112,8 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
         return state, (Say(Level.WARNING, text),)
     if not new:
         return state, ()
-    listed = replanning.listed(context, tuple(new))
-    return state, (Say(Level.INFO, f"{vehicle.name}: flew {listed} meanwhile, by its clock and where it is now"),)
+    names = listed(context, tuple(new))
+    return state, (Say(Level.INFO, f"{vehicle.name}: flew {names} meanwhile, by its clock and where it is now"),)
 
 
 def _unproven(

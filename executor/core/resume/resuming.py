@@ -17,6 +17,7 @@ from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEn
 from executor.core.homing.homeward import on_mission, sent_home
 from executor.core.link_quality import LinkQuality
 from executor.core.replan import replanning
+from executor.core.replan.wording import listed
 from executor.core.resume.blackout import caught_up
 from executor.core.roster.withdraw import left_plan, withdrawn
 from executor.core.state import Absence, FleetState, NewMission, Replan
@@ -258,7 +259,7 @@ def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[
     old = None if vehicle.assignment.board is None else found.against(vehicle.assignment.board.revision)
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
-    why = f"others flew {replanning.listed(context, frozenset(flown))} of its new mission meanwhile"
+    why = f"others flew {listed(context, frozenset(flown))} of its new mission meanwhile"
     state, plan, said = replanning.let_go(state, plan, name, why, now_s)
     state, more = replanning.ended_if_done(state, now_s)
     return state, (said, *more)

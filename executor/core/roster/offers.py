@@ -57,12 +57,13 @@ def _is_well(vehicle: VehicleState) -> bool:
 def open_segments(context: Context, state: FleetState) -> frozenset[int]:
     """Return what nobody flies and somebody might."""
     hopeless = {segment for segment, tries in state.coverage.attempts.items() if tries > replanning.ATTEMPTS}
-    return (replanning.orphans(context, state) | state.coverage.given_up) - set(state.coverage.inspected) - hopeless
+    left = replanning.orphans(context, state) | state.coverage.given_up | replanning.left_over(state)
+    return left - set(state.coverage.inspected) - hopeless
 
 
 def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    spare_pct = (vehicle.power.battery.remaining_pct or 0.0) - context.vehicles[vehicle.name].reserve_pct
+    spare_pct = replanning.from_its_pad(context, vehicle).budget_pct
     task = open_task(context.pricing, segments, (Vehicle(vehicle.name, (0.0, 0.0), spare_pct),))
     alone_pct = (task.instance.start_pct[0] + task.instance.home_pct[0]).reshape(-1, 2).min(axis=1)
     return frozenset(segment for segment, pct in zip(task.segment_ids, alone_pct, strict=True) if pct <= spare_pct)
@@ -162,7 +163,8 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
     state = replace(
         state,
         crew=replace(state.crew, offer=None, offers_over=True),
-        coverage=replace(state.coverage, given_up=state.coverage.given_up | left),
+        coverage=replace(state.coverage, given_up=state.coverage.given_up | (left - state.coverage.left_over)),
     )
-    text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {len(left)} segments are left over"
+    over = f"{count_of(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
+    text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {over}"
     return state, (Say(Level.WARNING, text),)

@@ -99,7 +99,7 @@ def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, FlightReport]) 
     cells = reader.of("td")
     rows = [
         ["uav2", "link", "link lost for 10 s", "T+0:40", "T+0:50", "10.0"],
-        ["1", "uav2: link", "yes", "0.10", "9.00", "10.0", "none"],
+        ["1", "uav2: link", "yes", "0.10", "9.00", "10.0", "1", "90.0", "none"],
         ["uav1", "landed", "yes", "2, 3, 4", "15.0", "85.0", "PX4", "1.17.0"],
         ["uav3", "warning", "no battery failsafe"],
         ["3", "uav1", "5.00", "5.30", "0.00", "0.25"],

@@ -38,6 +38,7 @@ def ended(*, accepted: bool = False, armed: bool = False) -> StartEnded:
     return StartEnded("uav1", accepted, "" if accepted else "arm: denied", armed)
 
 
+LEFT = Say(Level.INFO, "left for the next sortie by the plan: segments 2, 3, 4, 5")
 ROWS = [
     Row(
         "a launch",
@@ -113,7 +114,7 @@ ROWS = [
         "a launch without one that has no mission",
         READY,
         LaunchOrdered(),
-        [Start("uav1"), Start("uav3")],
+        [Start("uav1"), Start("uav3"), Say(Level.INFO, "left for the next sortie by the plan: segments 2, 3")],
         {
             "uav1": {
                 "stage": Stage.STARTING,
@@ -131,7 +132,7 @@ ROWS = [
                 "carried": Carried(ours_s=NOW_S),
             },
         },
-        {"given_up": frozenset({2, 3}), "launched_s": NOW_S},
+        {"left_over": frozenset({2, 3}), "launched_s": NOW_S},
         {"launched_s": None},
         beside=(BARE,),
     ),
@@ -139,7 +140,7 @@ ROWS = [
         "a launch of who was heard lately",
         with_facts(READY, heard_s=NOW_S - 14.9),
         LaunchOrdered(),
-        [Start("uav1")],
+        [Start("uav1"), LEFT],
         {
             "uav1": {
                 "stage": Stage.STARTING,
@@ -153,14 +154,14 @@ ROWS = [
             "uav2": {"excused_s": NOW_S},
             "uav3": {"excused_s": NOW_S},
         },
-        {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
+        {"left_over": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
         beside=(BARE, replace(BARE, name="uav3")),
     ),
     Row(
         "a launch of who was not heard lately",
         with_facts(READY, heard_s=NOW_S - 15.0),
         LaunchOrdered(),
-        [Start("uav1")],
+        [Start("uav1"), LEFT],
         {
             "uav1": {
                 "stage": Stage.STARTING,
@@ -171,23 +172,23 @@ ROWS = [
             },
             "uav3": {"excused_s": NOW_S},
         },
-        {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
+        {"left_over": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
         beside=(with_facts(BARE, heard_s=None), replace(BARE, name="uav3")),
     ),
     Row(
         "a launch of who is armed already",
         with_facts(READY, heartbeat=beat()),
         LaunchOrdered(),
-        [],
+        [LEFT],
         {"uav1": {"excused_s": NOW_S}, "uav2": {"excused_s": NOW_S}, "uav3": {"excused_s": NOW_S}},
-        {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "launched_s": NOW_S},
+        {"given_up": frozenset({0, 1}), "left_over": frozenset({2, 3, 4, 5}), "launched_s": NOW_S},
         beside=(BARE, replace(BARE, name="uav3")),
     ),
     Row(
-        "a launch that leaves out what is given up already",
+        "a launch answers its question",
         READY,
         LaunchOrdered(),
-        [Start("uav1")],
+        [Start("uav1"), LEFT],
         {
             "uav1": {
                 "stage": Stage.STARTING,
@@ -200,7 +201,7 @@ ROWS = [
             "uav2": {"excused_s": NOW_S},
             "uav3": {"excused_s": NOW_S},
         },
-        {"given_up": frozenset({2, 3, 4, 5}), "launched_s": NOW_S, "briefing": Briefing()},
+        {"left_over": frozenset({2, 3, 4, 5}), "launched_s": NOW_S, "briefing": Briefing()},
         {"given_up": frozenset({5}), "briefing": Briefing(question=Question("take-off", "go?", ()))},
         beside=(BARE, replace(BARE, name="uav3")),
     ),

@@ -33,7 +33,7 @@ from tests.executor.core.vehicles import FLEET, NOW_S, flying
 CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}
 ON_ITS_WAY = flying()
-ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3)
+ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3, most_pct=73.1888)
 PROVEN = dict.fromkeys(range(6), "uav3")
 UNSOLVED = plan_of(solve_s=None, solved_s=0.0)
 
@@ -70,20 +70,19 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Say(
                     Level.INFO,
                     (
-                        "re-plan 1: 4 segments without a vehicle (not proven to be inspected: segments 2, 3, 4, "
+                        "re-plan 1: 4 segments without a vehicle (assigned to no vehicle: segments 2, 3, 4, "
                         "5); planning for uav1"
                     ),
                 ),
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
-                    survivors=(replace(ITS_OFFER, budget_pct=72.1886),),
-                    trigger="not proven to be inspected: segments 2, 3, 4, 5",
+                    survivors=(replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886),),
+                    trigger="assigned to no vehicle: segments 2, 3, 4, 5",
                 ),
             ],
             {},
             {
-                "attempts": {2: 1, 3: 1, 4: 1, 5: 1},
                 "revision": 1,
                 "replan": (NOW_S, False),
                 "considered": frozenset({"uav1"}),
@@ -100,7 +99,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
-                    survivors=(replace(ITS_OFFER, budget_pct=72.1886),),
+                    survivors=(replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886),),
                     trigger="uav3: gone",
                 ),
             ],
@@ -123,7 +122,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(),
-                    survivors=(replace(ITS_OFFER, budget_pct=72.1886),),
+                    survivors=(replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886),),
                     trigger="page asks for it",
                 ),
             ],
@@ -181,6 +180,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             airborne=True,
                             tail=(),
                             kept=4,
+                            most_pct=74.0157,
                         ),
                     ),
                     trigger="not proven to be inspected: segment 0",
@@ -216,6 +216,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             airborne=True,
                             tail=(),
                             kept=4,
+                            most_pct=74.0157,
                         ),
                     ),
                     trigger="not proven to be inspected: segment 0",
@@ -266,6 +267,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             airborne=True,
                             tail=(),
                             kept=4,
+                            most_pct=74.0157,
                         ),
                     ),
                     trigger="not proven to be inspected: segment 1",

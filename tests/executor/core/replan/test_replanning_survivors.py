@@ -13,7 +13,7 @@ from executor.core.battery.kalman import Prior
 from executor.core.commands import Survivor
 from executor.core.context import Context
 from executor.core.parts import Fix
-from executor.core.replan import replanning
+from executor.core.replan import replanning, wording
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -32,7 +32,7 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
 
 CONTEXT = FLEET.context
-ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3)
+ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3, most_pct=73.1888)
 STANDS = landed(stage=Stage.LANDED, fix=LOW)
 ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
 
@@ -51,21 +51,42 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "who stands on its pad offers all",
         lambda: offered(STANDS),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=72.5918,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=73.5918,
         ),
     ),
     (
         "who stands there before its start",
         lambda: offered(replace(STANDS, stage=Stage.GROUND)),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=72.5918,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=73.5918,
         ),
     ),
     (
         "who stands there without a mission",
         lambda: offered(with_facts(STANDS, board=None)),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=72.5918,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=73.5918,
         ),
     ),
     ("who stands there and was not cleared", lambda: offered(STANDS, CREW), None),
@@ -73,7 +94,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "who was cleared a minute ago",
         lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.0), CREW),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=72.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=72.5918,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=73.5918,
         ),
     ),
     ("who was cleared longer ago", lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
@@ -90,32 +118,36 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("who returns", lambda: offered(flying(stage=Stage.RETURNING)), None),
     ("who has no mission in the air", lambda: offered(flying(board=None)), None),
     ("who has no position in the air", lambda: offered(flying(fix=None)), None),
-    ("who inspects keeps that", lambda: offered(flying()), replace(ITS_OFFER, budget_pct=72.1886)),
+    ("who inspects keeps that", lambda: offered(flying()), replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886)),
     (
         "who is on its way to an inspection keeps that",
         lambda: offered(ON_ITS_WAY),
-        replace(ITS_OFFER, budget_pct=71.3069),
+        replace(ITS_OFFER, budget_pct=71.3069, most_pct=72.3069),
     ),
     (
         "who climbs keeps its first inspection",
         lambda: offered(flying(waypoint=0, fix=over_pad(5.0))),
-        replace(ITS_OFFER, budget_pct=70.7416),
+        replace(ITS_OFFER, budget_pct=70.7416, most_pct=71.7416),
     ),
     (
         "who starts keeps its first inspection, whatever its mode",
         lambda: offered(flying(stage=Stage.STARTING, waypoint=0, fix=over_pad(5.0), heartbeat=beat(4))),
-        replace(ITS_OFFER, budget_pct=70.7416),
+        replace(ITS_OFFER, budget_pct=70.7416, most_pct=71.7416),
     ),
     ("who flies in another mode", lambda: offered(flying(heartbeat=beat(HOLD))), None),
     ("whose mode is old", lambda: offered(flying(heartbeat_s=NOW_S - 3.5)), None),
     ("whose mode is fresh", lambda: offered(flying(heartbeat_s=NOW_S - 3.4)) is not None, True),
     ("whose mode is not known", lambda: offered(flying(heartbeat=None)), None),
     ("whose mode was not heard", lambda: offered(flying(heartbeat_s=None)), None),
-    ("who ends its inspection in time", lambda: offered(flying(fix=far(3.6))), replace(ITS_OFFER, budget_pct=72.8778)),
+    (
+        "who ends its inspection in time",
+        lambda: offered(flying(fix=far(3.6))),
+        replace(ITS_OFFER, budget_pct=72.8778, most_pct=73.8778),
+    ),
     (
         "who ends its inspection before an upload is over keeps the next one",
         lambda: offered(flying(fix=far(2.4))),
-        replace(ITS_OFFER, budget_pct=72.9238),
+        replace(ITS_OFFER, budget_pct=72.9238, most_pct=73.9238),
     ),
     (
         "who inspects the last one",
@@ -128,6 +160,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             airborne=True,
             tail=(),
             kept=4,
+            most_pct=73.3774,
         ),
     ),
     (
@@ -141,6 +174,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             airborne=True,
             tail=(),
             kept=4,
+            most_pct=74.0029,
         ),
     ),
     (
@@ -154,6 +188,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             airborne=True,
             tail=(),
             kept=4,
+            most_pct=74.0157,
         ),
     ),
     ("who is on its way home and nearly there", lambda: offered(flying(waypoint=4, fix=over_pad(15.0))), None),
@@ -163,21 +198,42 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "who has used much of the site's budget",
         lambda: offered(with_facts(STANDS, battery=pack(100.0, 30.0))),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=12.5918, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=12.5918,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=13.5918,
         ),
     ),
     (
         "whose battery is at its reserve",
         lambda: offered(with_facts(STANDS, battery=pack(15.0))),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=0.0, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=0.0,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=0.0,
         ),
     ),
     (
         "whose battery is over its reserve by a little",
         lambda: offered(with_facts(STANDS, battery=pack(20.0))),
         Survivor(
-            vehicle="uav1", start_m=(0.0, 0.0), budget_pct=2.59176, consumption=1.12826, airborne=False, tail=(), kept=0
+            vehicle="uav1",
+            start_m=(0.0, 0.0),
+            budget_pct=2.59176,
+            consumption=1.12826,
+            airborne=False,
+            tail=(),
+            kept=0,
+            most_pct=3.59176,
         ),
     ),
     (
@@ -193,6 +249,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             airborne=True,
             tail=(2,),
             kept=3,
+            most_pct=72.775,
         ),
     ),
     (
@@ -225,7 +282,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("an offer of who holds does not fit", lambda: replanning.still_fits(flying(held_s=NOW_S), offer_of()), False),
     (
         "segments without names in words",
-        lambda: [replanning.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
+        lambda: [wording.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
         ["", "segment 3", "segments 1, 3", "segments 0, 2, 5"],
     ),
     (

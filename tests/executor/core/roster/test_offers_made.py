@@ -134,7 +134,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "what one can reach",
         lambda: [
             sorted(offers.within_reach(CREW, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))))
-            for percent in (16.0, 18.0, 18.5, 19.0, 19.5, 20.0, 21.0)
+            for percent in (17.0, 19.0, 19.5, 20.0, 20.5, 21.0, 22.0)
         ],
         [[], [], [], [], [0], [0], [0, 1, 2]],
     ),

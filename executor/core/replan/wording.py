@@ -1,0 +1,81 @@
+"""What a crew reads of a re-plan: why it begins, and what it gains."""
+
+from __future__ import annotations
+
+from executor.core.context import Context
+from executor.core.events import Gain, SolveEnded
+from executor.core.state import FleetState
+from executor.core.words import count_of
+from planner import segment_of
+
+
+def listed(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
+    """Return segments in words, by the names of the assets where they have any."""
+    names = {segment: context.segment_name(segment) for segment in sorted(segments)}
+    if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
+        return f"segments {', '.join(map(str, names))}"
+    return ", ".join(names.values())
+
+
+def flown_past(state: FleetState) -> frozenset[int]:
+    """Return the segments that a vehicle has flown past on its mission, proven or not."""
+    past: set[int] = set()
+    for vehicle in state.vehicles.values():
+        past |= {segment for segment, _ in vehicle.assignment.runs_broken}
+        if vehicle.assignment.board is not None:
+            ahead = {segment_of(visit) for visit in vehicle.remaining_visits()}
+            past |= {segment_of(visit) for visit in vehicle.assignment.board.visits} - ahead
+    return frozenset(past)
+
+
+def unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
+    """Return why segments are without a vehicle that no fault left behind."""
+    past = flown_past(state)
+    reasons = {"not proven to be inspected": alone & past, "assigned to no vehicle": alone - past}
+    return "; ".join(f"{why}: {listed(context, segments)}" for why, segments in reasons.items() if segments)
+
+
+def found_words(event: SolveEnded, names: list[str]) -> str:
+    """Return what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
+
+    Args:
+        event: The solver's answer.
+        names: Of those who are given one.
+    """
+    gained = "" if event.gain is None else f": {_gain_words(event.gain, changed=bool(names))}"
+    return f"re-plan {event.revision} found in {event.solve_s:.2f} s{gained}; new missions for {_and_no(names)}"
+
+
+def _and_no(names: list[str]) -> str:
+    return ", ".join(sorted(names)) or "no vehicle"
+
+
+def _gain_words(gain: Gain, *, changed: bool) -> str:
+    if not changed:
+        return "nothing better than what is on board"
+    longest = f"longest route {gain.longest_s:.0f} s"
+    shorter = round(gain.longest_s) < round(gain.carried_s)
+    covered = []
+    if gain.segments:
+        covered.append(f"{count_of(gain.segments, 'more segment')} covered")
+    elif gain.length_m >= 1.0 and not shorter:
+        covered.append(f"{gain.length_m:.0f} m more of the line covered")
+    if gain.left_over > 0:
+        covered.append(f"{count_of(gain.left_over, 'segment')} of the next sortie taken up")
+    if gain.left_over < 0:
+        covered.append(f"{count_of(-gain.left_over, 'segment')} left for the next sortie again")
+    if covered:
+        return ", ".join((*covered, longest))
+    if gain.short:
+        return f"as much covered as the budgets on board last for, {longest}"
+    if shorter:
+        return f"{longest} instead of {gain.carried_s:.0f} s"
+    return f"without what others fly or have flown, {longest}"
+
+
+def short_words(gain: Gain) -> str:
+    """Return who cannot go on with what is on board."""
+    names = sorted(gain.short)
+    if len(names) == 1:
+        return f"{names[0]}: its budget does not last for all that it has on board"
+    return f"{', '.join(names)}: their budgets do not last for all that they have on board"
