@@ -1,8 +1,8 @@
 """One site flown in virtual time, as `faultline fly` would beside `faultline simulate`.
 
-Interviews, missions on board, the flight loop, codec, dialogues, solver, report and vehicles are the product's own. What
-differs: datagrams go through memory, a re-plan takes the same time whatever the computer does, nobody is asked before
-the take-off, nothing is written, and what a loss would mean is not judged beside the flight.
+Interviews, missions on board, the flight loop, codec, dialogues, solver, report and vehicles are the product's own.
+What differs: datagrams go through memory, a re-plan takes the same time whatever the computer does, nobody is asked
+before the take-off, nothing is written, and what a loss would mean is not judged beside the flight.
 """
 
 from __future__ import annotations
