@@ -57,6 +57,7 @@ class Airframe:
         self.battery = Battery(
             vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
         )
+        self._wind_m_s = vehicle.wind_m_s
         self.armed = False
         self.crashed_s: float | None = None
         """When it was destroyed."""
@@ -84,6 +85,14 @@ class Airframe:
         return self.armed and not self._falling
 
     @property
+    def _air_speed_m_s(self) -> float:
+        """Horizontal speed through the air: over ground it flies as it is told, whatever the wind."""
+        if self.body.on_ground:
+            return 0.0
+        east, north = self._wind_m_s
+        return math.hypot(self.body.v_east_m_s - east, self.body.v_north_m_s - north)
+
+    @property
     def landed_state(self) -> LandedState:
         """MAV_LANDED_STATE."""
         if self.body.on_ground:
@@ -104,9 +113,7 @@ class Airframe:
     def step(self, now_s: float, dt_s: float) -> None:
         """Live for ``dt_s``, until ``now_s``."""
         self._now_s = now_s
-        self.battery.step(
-            dt_s, motors=self.motors_on, speed_m_s=self.body.ground_speed_m_s, climb_m_s=self.body.v_up_m_s
-        )
+        self.battery.step(dt_s, motors=self.motors_on, speed_m_s=self._air_speed_m_s, climb_m_s=self.body.v_up_m_s)
         self.highest_m = max(self.highest_m, self.body.up_m)
         if self._falling:
             self._fall(dt_s)

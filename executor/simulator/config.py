@@ -87,9 +87,9 @@ class SimVehicle:
     health: float = 1.0
     """Capacity relative to a new pack; a worn one also has more internal resistance."""
     consumption: float = 1.0
-    """Power relative to the energy model: the wind."""
+    """Power relative to the energy model: a worn propeller, a load, a gusty wind."""
     wind_m_s: tuple[float, float] = (0.0, 0.0)
-    """Where the air moves to, east and north, as the vehicle reports it; what it costs is in `consumption`."""
+    """Where the air moves to, east and north: the vehicle reports it, and uses what its speed through the air costs."""
     current_sensor: bool = True
     ready_after_s: float = 3.0
     """Boot until it can be armed, simulated. Measured: PX4 5 s, ArduPilot 42 s; shorter spares waiting."""
