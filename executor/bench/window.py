@@ -29,7 +29,7 @@ KINDS = ("crash", "silent")
 HOME_M = 5.0
 """Nearer to its pad than this a vehicle stands on it."""
 FIRST_S = 10.0
-"""Losses before the claimed time begin here: by then everybody is on its way."""
+"""No loss is earlier: by then everybody is on its way."""
 AMPLE_AH = 1e4
 """A battery that no route empties, until the one that is flown with is chosen."""
 BEST_SHARE = 0.25
@@ -129,12 +129,15 @@ def _dearest_pct(ground: Ground, plan: PlanFile) -> float:
 
 
 def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list[Loss]:
-    """Draw losses: the time between the claimed one and the end of the longest route, or before it; who still flies."""
+    """Draw losses of vehicles that still fly: after the claimed time, to the end of the longest route, or before it.
+
+    There are none where that is no time at all.
+    """
     rng = np.random.default_rng([seed, 23, int(before)])
-    low_s, high_s = (FIRST_S, claim.earliest_s) if before else (claim.earliest_s, claim.longest_s)
+    low_s, high_s = (FIRST_S, claim.earliest_s) if before else (max(FIRST_S, claim.earliest_s), claim.longest_s)
     drawn: list[Loss] = []
-    while len(drawn) < count:
-        at_s = round(float(rng.uniform(min(low_s, high_s), high_s)), 1)
+    while len(drawn) < count and low_s < high_s:
+        at_s = round(float(rng.uniform(low_s, high_s)), 1)
         flies = [
             vehicle.name for vehicle, ends_s in zip(claim.plan.vehicles, claim.plan.durations_s, strict=True)
             if ends_s > at_s

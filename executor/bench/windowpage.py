@@ -18,10 +18,10 @@ TITLE = "The re-plan window, flown"
 INTRODUCTION = (
     "`{command}`: {segments} segments, {vehicles} vehicles ({autopilot}), batteries of such a size that the dearest "
     "route of the best MinMax plan takes {tightness:.0%} of the budget. A plan chosen for its window claims that any "
-    "single vehicle may be lost from {claimed_earliest_s:.0f} s on, of {longest_route_s:.0f} s. Each loss (a crash, or a "
-    "link that is silent for good) is a flight of its own in virtual time, at a random time, of a random vehicle that "
-    "still flies then. It is finished if everything was inspected and everybody else stands on its pad above its "
-    "reserve, by the simulator's own battery."
+    "single vehicle may be lost from {claimed_earliest_s:.0f} s on, of {longest_route_s:.0f} s. Each loss (a crash, "
+    "or a link that is silent for good) is a flight of its own in virtual time, at a random time, of a random vehicle"
+    " that still flies then. It is finished if everything was inspected and everybody else stands on its pad above "
+    "its reserve, by the simulator's own battery."
 )
 
 
