@@ -22,7 +22,7 @@ from executor.bench.errors import BenchError
 from executor.bench.store import Json
 from executor.bench.virtual.flight import VirtualFlight, fly_virtual
 from executor.bench.virtual.many import each
-from executor.bench.virtual.site import over, virtual_ground, with_capacity
+from executor.bench.virtual.site import AMPLE_AH, over, sized, virtual_ground
 from executor.core.parts import OnBoard
 from executor.replay.run import rerun
 from executor.simulator.truth import Truth
@@ -46,9 +46,7 @@ WIND_M_S = (1.0, 6.0)
 CHANCE = 0.5
 """Of hills, and of wind."""
 USES_PCT = (30.0, 65.0)
-"""Of the battery: each flight has one of such a size that its longest route takes a share between these."""
-ENDLESS_AH = 1e5
-"""A battery that no route empties, until the one that is flown with is chosen."""
+"""Of the battery: each flight has one of such a size that its dearest route takes a share between these."""
 SETTLED = 500
 """Iterations of the solver without an improvement: the routes need not be the best."""
 
@@ -135,15 +133,14 @@ def fly_case(case: Case) -> Flown:
     course = float(rng.uniform(0.0, 2.0 * math.pi))
     wind_m_s = (speed_m_s * math.sin(course), speed_m_s * math.cos(course))
     ground = virtual_ground(
-        case.network, None, len(case.sizes), case.autopilot, wind_m_s=wind_m_s, capacity_ah=ENDLESS_AH
+        case.network, None, len(case.sizes), case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH
     )
     relief_m = 0.0
     if ground.network.has_heights and not ground.network.flat and rng.random() < CHANCE:
         relief_m = float(rng.uniform(*RELIEF_M))
         ground = over(ground, with_hills(ground.network, relief_m, rng))
     routes = random_routes(ground, case.sizes, rng)
-    longest_pct = max(plan_of(ground, routes).energies_pct)
-    ground = with_capacity(ground, ENDLESS_AH * longest_pct / float(rng.uniform(*USES_PCT)))
+    ground = sized(ground, plan_of(ground, routes), float(rng.uniform(*USES_PCT)))
     flight = fly_virtual(
         ground, plan_of(ground, routes), seed=case.number, craft=lambda craft: replace(craft, wind_m_s=wind_m_s)
     )

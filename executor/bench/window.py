@@ -18,11 +18,10 @@ from executor.bench.errors import BenchError
 from executor.bench.store import Json
 from executor.bench.virtual.flight import VirtualFlight, fly_virtual
 from executor.bench.virtual.many import each
-from executor.bench.virtual.site import virtual_ground, with_capacity
-from executor.site import assembly
+from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_capacity
 from executor.site.assembly import Ground
 from executor.site.planning import Wanted, first_plan
-from missions import PlanFile, estimate
+from missions import PlanFile
 from planner import Cost
 
 KINDS = ("crash", "silent")
@@ -30,8 +29,6 @@ HOME_M = 5.0
 """Nearer to its pad than this a vehicle stands on it."""
 FIRST_S = 10.0
 """No loss is earlier: by then everybody is on its way."""
-AMPLE_AH = 1e4
-"""A battery that no route empties, until the one that is flown with is chosen."""
 BEST_SHARE = 0.25
 """Of the solver's time for the best MinMax plan, which says how large the batteries are."""
 
@@ -110,22 +107,14 @@ def claimed(settings: Settings) -> Claim:
     wanted = Wanted(
         Cost.MINMAX, BEST_SHARE * settings.seconds, settings.seed, all_vehicles=True, starts=settings.starts
     )
-    best_pct = _dearest_pct(ample, first_plan(ample, wanted))
-    budget_pct = min(table.budget_pct for table in ground.site.vehicle)
-    ground = with_capacity(ground, round(AMPLE_AH * best_pct / (settings.tightness * budget_pct), 4))
+    best = first_plan(ample, wanted)
+    ground = sized(ground, best, settings.tightness * min(table.budget_pct for table in ground.site.vehicle))
     plan = first_plan(ground, replace(wanted, cost=None, seconds=settings.seconds))
     if plan.plan.uncovered or plan.window is None or plan.window.earliest_s >= plan.window.longest_route_s:
         left = len(plan.plan.uncovered)
         what = f"{left} segments are left over" if left else "it has none"
         raise BenchError(f"--tightness {settings.tightness:g}: expected a plan with a re-plan window, but {what}")
     return Claim(ground, plan, plan.window.earliest_s, plan.window.longest_route_s)
-
-
-def _dearest_pct(ground: Ground, plan: PlanFile) -> float:
-    """Return what the dearest route of a plan takes as it is flown, with its climb and its landing."""
-    setup = assembly.setup_of(ground)
-    paths = assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan))
-    return max(estimate(path, ground.travel, setup.motion).energy_pct for path in paths.values())
 
 
 def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list[Loss]:

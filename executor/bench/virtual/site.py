@@ -11,12 +11,16 @@ from executor.simulated.demo_site import SIMULATED_CEILING_M, demo_site
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import check_site
-from missions import Network, default_network_path, read_network
+from missions import Network, PlanFile, default_network_path, estimate, read_network
 from planner import travel_for
 
 FIRST_PORT = 20_000
 """Nobody opens these."""
 EVERYTHING_M = 1e6
+SIZED_PCT = 0.01
+MOST_TRIES = 50
+AMPLE_AH = 1e4
+"""A battery that no route empties, until the one that is flown with is chosen."""
 
 
 def virtual_ground(
@@ -75,3 +79,21 @@ def with_capacity(ground: Ground, capacity_ah: float) -> Ground:
     drone, table = assembly.drone_of(site), site.inspection
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     return replace(ground, site=site, drone=drone, travel=travel)
+
+
+def dearest_pct(ground: Ground, plan: PlanFile) -> float:
+    """Return what the dearest route of a plan takes as it is flown, with its climb and its landing."""
+    setup = assembly.setup_of(ground)
+    paths = assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan))
+    return max(estimate(path, ground.travel, setup.motion).energy_pct for path in paths.values())
+
+
+def sized(ground: Ground, plan: PlanFile, uses_pct: float) -> Ground:
+    """Return the same site with batteries of which the dearest route of a plan takes this share."""
+    for _ in range(MOST_TRIES):
+        takes_pct = dearest_pct(ground, plan)
+        if abs(takes_pct - uses_pct) < SIZED_PCT:
+            break
+        # A small battery gives less at the same power, so that this is no simple proportion.
+        ground = with_capacity(ground, ground.drone.capacity_ah * takes_pct / uses_pct)
+    return ground
