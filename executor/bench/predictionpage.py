@@ -127,7 +127,7 @@ def _phases(content: Mapping[str, Any]) -> Rows:
 
 def _worst(content: Mapping[str, Any]) -> Rows:
     def size(row: Mapping[str, Any]) -> float:
-        return max(abs(row["time_error_pct"]), abs(row["energy_error_pct"] or 0.0))
+        return max(abs(float(row[key] or 0.0)) for key in ("time_error_pct", "energy_error_pct"))
 
     return [
         (

@@ -53,7 +53,7 @@ Rows = list[tuple[str, ...]]
 
 
 def _losses(content: Mapping[str, Any]) -> Rows:
-    rows = [("after the claimed time", str(content["losses_after"]), str(content["finished_after"]), "")]
+    rows: Rows = [("after the claimed time", str(content["losses_after"]), str(content["finished_after"]), "")]
     if content["losses_before"]:
         missed = content["losses_before"] - content["finished_before"]
         named = f"in {missed - content['unnamed_before']} of {missed}"
