@@ -16,6 +16,7 @@ from statistics import median
 
 import numpy as np
 
+from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import LegRow, RouteRow, read_report
 from executor.analysis.planned_and_flown import routes_of
 from executor.bench.errors import BenchError
@@ -25,10 +26,10 @@ from executor.bench.virtual.many import each
 from executor.bench.virtual.site import AMPLE_AH, over, sized, virtual_ground
 from executor.core.parts import OnBoard
 from executor.replay.run import rerun
-from executor.simulator.truth import Truth
+from executor.simulator.truth import Truth, read_truths
 from executor.site import assembly
 from executor.site.assembly import Ground
-from missions import Network, PlanFile, Solved, make_plan_file, open_task
+from missions import Network, Phase, PlanFile, Solved, make_plan_file, open_task
 from planner import Cost, NoImprovement, Plan, Route, Vehicle, solve
 
 LEAST, MOST = 5, 40
@@ -92,8 +93,9 @@ class FlownRoute:
     vehicle: str
     autopilot: str
     segments: int
-    relief_m: float
-    wind_m_s: float
+    relief_m: float | None
+    """None where nobody made it up."""
+    wind_m_s: float | None
     figures: Figures
     phases: Mapping[str, Figures]
     """Sums over the legs of one kind, as the ground station heard them."""
@@ -256,17 +258,13 @@ def by_phase(route: RouteRow) -> dict[str, Figures]:
 def recorded(runs: Sequence[Path]) -> list[FlownRoute]:
     """Return the whole routes of recorded flights; one whose report does not hold them is replayed first.
 
+    What the battery gave is a simulator's truth where there is one, or else what the vehicle reported.
+
     Raises:
         ExecutorError: a run directory cannot be read.
         BenchError: there is no route from take-off to landing in all of them.
     """
-    found = [
-        FlownRoute(
-            run.name, row.vehicle, "", sum(leg.phase == "inspect" for leg in row.legs), 0.0, 0.0,
-            Figures(row.planned_s, row.flown_s, row.planned_pct, row.flown_pct), by_phase(row),
-        )
-        for run in runs for row in _rows(run) if row.whole
-    ]  # fmt: skip
+    found = [_recorded(run, row) for run in runs for row in _rows(run) if row.whole]
     if not found:
         raise BenchError("--run: expected a flight in which a vehicle flew its mission from take-off to landing")
     return found
@@ -274,6 +272,21 @@ def recorded(runs: Sequence[Path]) -> list[FlownRoute]:
 
 def _rows(run: Path) -> Sequence[RouteRow]:
     return read_report(run).routes or routes_of(rerun(run).state)
+
+
+def _recorded(run: Path, row: RouteRow) -> FlownRoute:
+    truths = RunDirectory(run).truths
+    known = read_truths(truths) if truths.exists() else ()
+    armed, disarmed = (
+        [truth.charge_pct for truth in known if truth.vehicle == row.vehicle and truth.what == what]
+        for what in ("armed", "disarmed")
+    )
+    given_pct = row.flown_pct
+    if len(armed) == len(disarmed) == 1 and armed[0] is not None and disarmed[0] is not None:
+        given_pct = armed[0] - disarmed[0]
+    figures = Figures(row.planned_s, row.flown_s, row.planned_pct, given_pct)
+    segments = sum(leg.phase == Phase.INSPECT.value for leg in row.legs)
+    return FlownRoute(run.name, row.vehicle, "", segments, None, None, figures, by_phase(row))
 
 
 def measure(

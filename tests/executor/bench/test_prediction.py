@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from executor.bench.prediction import Case, Figures, Flown, FlownRoute, by_phase
 from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
 from executor.bench.virtual.site import virtual_ground
 from executor.cli.bench import cli
+from executor.simulator.truth import Truth
 from tests.executor.bench.virtual.short_line import write_line
 from tests.executor.flights import write_run
 
@@ -145,6 +147,11 @@ def test_recorded_flights_need_a_whole_route(tmp_path: Path) -> None:
     content = json.loads(done.stdout)
     assert [row["vehicle"] for row in content["rows"]] == ["uav1"]
     assert content["time_error_pct"] == {"median": 10.0, "max": 10.0, "median_signed": 10.0}
+    assert content["energy_error_pct"]["max"] == 0.0
+    truths = [Truth("uav1", what, 0.0, 0.0, charge_pct=pct) for what, pct in (("armed", 99.5), ("disarmed", 98.4))]
+    (tmp_path / "truth.jsonl").write_text("".join(json.dumps(asdict(one)) + "\n" for one in truths))
+    [route] = prediction.recorded([tmp_path])
+    assert route.figures.energy_error_pct == pytest.approx(10.0)
     report.model_copy(update={"routes": (part,)}).write(tmp_path / "report.json")
     with pytest.raises(BenchError, match="--run: expected a flight in which a vehicle flew its mission"):
         prediction.recorded([tmp_path])
