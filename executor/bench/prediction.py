@@ -99,6 +99,8 @@ class FlownRoute:
     figures: Figures
     phases: Mapping[str, Figures]
     """Sums over the legs of one kind, as the ground station heard them."""
+    plan_file: Figures | None = None
+    """The same beside what the planner said of the route, as a plan file has it; None where that is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,15 +145,21 @@ def fly_case(case: Case) -> Flown:
         ground = over(ground, with_hills(ground.network, relief_m, rng))
     routes = random_routes(ground, case.sizes, rng)
     ground = sized(ground, plan_of(ground, routes), float(rng.uniform(*USES_PCT)))
-    flight = fly_virtual(
-        ground, plan_of(ground, routes), seed=case.number, craft=lambda craft: replace(craft, wind_m_s=wind_m_s)
-    )
+    plan = plan_of(ground, routes)
+    flight = fly_virtual(ground, plan, seed=case.number, craft=lambda craft: replace(craft, wind_m_s=wind_m_s))
     wrong = _not_nominal(flight)
-    found = [] if wrong else [
-        FlownRoute(f"flight {case.number}", name, case.autopilot, len(routes[name]), relief_m, speed_m_s,
-                   _truly(board, name, flight.truths), by_phase(_route_of(flight, name)))
-        for name, board in flight.boards.items() if board is not None
-    ]  # fmt: skip
+    found = []
+    for number, (name, board) in enumerate(flight.boards.items()):
+        if wrong or board is None:
+            continue
+        figures = _truly(board, name, flight.truths)
+        planner = replace(figures, planned_s=plan.durations_s[number], planned_pct=plan.energies_pct[number])
+        found.append(
+            FlownRoute(
+                f"flight {case.number}", name, case.autopilot, len(routes[name]), relief_m, speed_m_s, figures,
+                by_phase(_route_of(flight, name)), planner,
+            )
+        )  # fmt: skip
     return Flown(tuple(found), flight.flown_s, flight.took_s, wrong)
 
 
@@ -299,12 +307,18 @@ def measure(
 
 def summary(routes: Sequence[FlownRoute]) -> Json:
     """Return the errors over routes: sizes of errors, and which way they go."""
-    if not routes:
-        return {"routes": 0, "time_error_pct": None, "energy_error_pct": None}
-    energies = [one.figures.energy_error_pct for one in routes if one.figures.energy_error_pct is not None]
+    planner = [one.plan_file for one in routes if one.plan_file is not None]
     return {
         "routes": len(routes),
-        "time_error_pct": _spread([one.figures.time_error_pct for one in routes]),
+        **_errors([one.figures for one in routes]),
+        "plan_file": _errors(planner) if planner else None,
+    }
+
+
+def _errors(figures: Sequence[Figures]) -> Json:
+    energies = [one.energy_error_pct for one in figures if one.energy_error_pct is not None]
+    return {
+        "time_error_pct": _spread([one.time_error_pct for one in figures]),
         "energy_error_pct": _spread(energies),
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -97,8 +97,12 @@ def test_the_median_is_of_the_sizes_of_errors() -> None:
         "routes": 3,
         "time_error_pct": {"median": 4.0, "max": 10.0, "median_signed": 2.0},
         "energy_error_pct": {"median": 3.0, "max": 5.0, "median_signed": 2.0},
+        "plan_file": None,
     }
-    assert summary([]) == {"routes": 0, "time_error_pct": None, "energy_error_pct": None}
+    assert summary([])["time_error_pct"] is None
+    route = replace(route_of(90.0, 10.5), plan_file=Figures(80.0, 90.0, 8.4, 10.5))
+    assert summary([route])["plan_file"]["time_error_pct"] == {"median": 12.5, "max": 12.5, "median_signed": 12.5}
+    assert summary([route])["plan_file"]["energy_error_pct"]["max"] == 25.0
 
 
 def test_legs_of_a_kind_are_summed_where_they_were_heard() -> None:
