@@ -11,7 +11,7 @@ from executor.core.state import FleetState
 from missions import Phase
 
 
-def routes_of(state: FleetState) -> tuple[RouteRow, ...]:
+def flown_routes(state: FleetState) -> tuple[RouteRow, ...]:
     """Return what every vehicle flew of each of its missions; times are seconds since the launch."""
     launched_s = state.progress.launched_s or 0.0
     rows = []

@@ -22,7 +22,7 @@ from executor.analysis.documents import (
     ReplanRow,
     VehicleRow,
 )
-from executor.analysis.planned_and_flown import routes_of
+from executor.analysis.planned_and_flown import flown_routes
 from executor.core.context import Context
 from executor.core.hearing import firmware
 from executor.core.ports import LinkCounts
@@ -171,7 +171,7 @@ def report_of(
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
-        routes=routes_of(state),
+        routes=flown_routes(state),
     )
 
 

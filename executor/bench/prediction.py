@@ -18,12 +18,12 @@ import numpy as np
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import LegRow, RouteRow, read_report
-from executor.analysis.planned_and_flown import routes_of
+from executor.analysis.planned_and_flown import flown_routes
 from executor.bench.errors import BenchError
 from executor.bench.store import Json
 from executor.bench.virtual.flight import VirtualFlight, fly_virtual
 from executor.bench.virtual.many import each
-from executor.bench.virtual.site import AMPLE_AH, over, sized, virtual_ground
+from executor.bench.virtual.site import AMPLE_AH, over_network, sized, virtual_ground
 from executor.core.parts import OnBoard
 from executor.replay.run import rerun
 from executor.simulator.truth import Truth, read_truths
@@ -53,7 +53,7 @@ SETTLED = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class RouteCase:
     """One flight to be made up and flown."""
 
     number: int
@@ -114,10 +114,10 @@ class Flown:
     """Why it was not nominal; its routes are not counted then."""
 
 
-def cases(routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None]) -> list[Case]:
+def cases(routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None]) -> list[RouteCase]:
     """Draw so many routes, in flights of 1 to 4 vehicles."""
     rng = np.random.default_rng([seed, 17])
-    found: list[Case] = []
+    found: list[RouteCase] = []
     left = routes
     for number in itertools.count():
         if left == 0:
@@ -126,11 +126,11 @@ def cases(routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[
         left -= count
         sizes = tuple(int(size) for size in rng.integers(LEAST, MOST + 1, size=count))
         autopilot, network = autopilots[number % len(autopilots)], networks[number % len(networks)]
-        found.append(Case(number, seed, autopilot, network, sizes))
+        found.append(RouteCase(number, seed, autopilot, network, sizes))
     raise AssertionError("counting has no end")
 
 
-def fly_case(case: Case) -> Flown:
+def fly_case(case: RouteCase) -> Flown:
     """Make up a flight, fly it, and hold it against its plan; the same case gives the same figures."""
     rng = np.random.default_rng([case.seed, case.number])
     speed_m_s = float(rng.uniform(*WIND_M_S)) if rng.random() < CHANCE else 0.0
@@ -142,10 +142,10 @@ def fly_case(case: Case) -> Flown:
     relief_m = 0.0
     if ground.network.has_heights and not ground.network.flat and rng.random() < CHANCE:
         relief_m = float(rng.uniform(*RELIEF_M))
-        ground = over(ground, with_hills(ground.network, relief_m, rng))
+        ground = over_network(ground, with_hills(ground.network, relief_m, rng))
     routes = random_routes(ground, case.sizes, rng)
-    ground = sized(ground, plan_of(ground, routes), float(rng.uniform(*USES_PCT)))
-    plan = plan_of(ground, routes)
+    ground = sized(ground, plan_with(ground, routes), float(rng.uniform(*USES_PCT)))
+    plan = plan_with(ground, routes)
     flight = fly_virtual(ground, plan, seed=case.number, craft=lambda craft: replace(craft, wind_m_s=wind_m_s))
     wrong = _not_nominal(flight)
     found = []
@@ -209,7 +209,7 @@ def random_routes(ground: Ground, sizes: Sequence[int], rng: np.random.Generator
     return routes
 
 
-def plan_of(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> PlanFile:
+def plan_with(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> PlanFile:
     """Return a plan file with these routes over a site's network."""
     task = assembly.task_of(ground, sorted(visit >> 1 for visits in routes.values() for visit in visits))
     plan = Plan(tuple(Route(number, task.from_network(routes[name])) for number, name in enumerate(ground.names)), ())
@@ -263,7 +263,7 @@ def by_phase(route: RouteRow) -> dict[str, Figures]:
     }
 
 
-def recorded(runs: Sequence[Path]) -> list[FlownRoute]:
+def recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
     """Return the whole routes of recorded flights; one whose report does not hold them is replayed first.
 
     What the battery gave is a simulator's truth where there is one, or else what the vehicle reported.
@@ -279,7 +279,7 @@ def recorded(runs: Sequence[Path]) -> list[FlownRoute]:
 
 
 def _rows(run: Path) -> Sequence[RouteRow]:
-    return read_report(run).routes or routes_of(rerun(run).state)
+    return read_report(run).routes or flown_routes(rerun(run).state)
 
 
 def _recorded(run: Path, row: RouteRow) -> FlownRoute:
@@ -297,7 +297,7 @@ def _recorded(run: Path, row: RouteRow) -> FlownRoute:
     return FlownRoute(run.name, row.vehicle, "", segments, None, None, figures, by_phase(row))
 
 
-def measure(
+def measure_prediction(
     routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None], jobs: int,
     told: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Flown]:  # fmt: skip
@@ -305,7 +305,7 @@ def measure(
     return each(fly_case, cases(routes, seed, autopilots, networks), jobs=jobs, told=told)
 
 
-def summary(routes: Sequence[FlownRoute]) -> Json:
+def prediction_errors(routes: Sequence[FlownRoute]) -> Json:
     """Return the errors over routes: sizes of errors, and which way they go."""
     planner = [one.plan_file for one in routes if one.plan_file is not None]
     return {

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
-from executor.bench.prediction import Flown, FlownRoute, phases, summary
+from executor.bench.prediction import Flown, FlownRoute, phases, prediction_errors
 from executor.bench.store import Json, write_result, write_text
 
 TITLE = "Planned and flown"
@@ -39,9 +39,9 @@ def prediction_document(
         "command": command,
         "seed": seed,
         "networks": list(networks),
-        **summary(routes),
+        **prediction_errors(routes),
         "by_autopilot": {
-            name: summary([one for one in routes if one.autopilot == name])
+            name: prediction_errors([one for one in routes if one.autopilot == name])
             for name in sorted({one.autopilot for one in routes} - {""})
         },
         "phases": phases(routes),
@@ -74,10 +74,10 @@ def _row(route: FlownRoute) -> Json:
 def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
     """Write prediction.json and prediction.md."""
     write_result(folder / "prediction.json", content)
-    write_text(folder / "prediction.md", markdown(content))
+    write_text(folder / "prediction.md", prediction_page(content))
 
 
-def markdown(content: Mapping[str, Any]) -> str:
+def prediction_page(content: Mapping[str, Any]) -> str:
     """Return the page."""
     recorded = content["seed"] is None
     said = RECORDED if recorded else INTRODUCTION

@@ -34,7 +34,7 @@ BEST_SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class WindowSettings:
     """What is claimed, and how it is tried."""
 
     network: Path | None
@@ -61,7 +61,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
+class RandomLoss:
     """One vehicle, lost."""
 
     number: int
@@ -77,10 +77,10 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class LossOutcome:
     """What became of one flight."""
 
-    loss: Loss
+    loss: RandomLoss
     finished: bool
     """Everything inspected, and everybody else at home above the reserve."""
     wrong: tuple[str, ...]
@@ -95,7 +95,7 @@ class Outcome:
     took_s: float
 
 
-def claimed(settings: Settings) -> Claim:
+def claimed(settings: WindowSettings) -> Claim:
     """Plan for the largest window, with batteries of such a size that budgets are as tight as asked.
 
     Raises:
@@ -117,14 +117,14 @@ def claimed(settings: Settings) -> Claim:
     return Claim(ground, plan, plan.window.earliest_s, plan.window.longest_route_s)
 
 
-def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list[Loss]:
+def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list[RandomLoss]:
     """Draw losses of vehicles that still fly: after the claimed time, to the end of the longest route, or before it.
 
     There are none where that is no time at all.
     """
     rng = np.random.default_rng([seed, 23, int(before)])
     low_s, high_s = (FIRST_S, claim.earliest_s) if before else (max(FIRST_S, claim.earliest_s), claim.longest_s)
-    drawn: list[Loss] = []
+    drawn: list[RandomLoss] = []
     while len(drawn) < count and low_s < high_s:
         at_s = round(float(rng.uniform(low_s, high_s)), 1)
         flies = [
@@ -132,16 +132,16 @@ def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list
             if ends_s > at_s
         ]  # fmt: skip
         if flies:
-            drawn.append(Loss(len(drawn), str(rng.choice(flies)), str(rng.choice(KINDS)), at_s))
+            drawn.append(RandomLoss(len(drawn), str(rng.choice(flies)), str(rng.choice(KINDS)), at_s))
     return drawn
 
 
-def fly_loss(claim: Claim, loss: Loss) -> Outcome:
+def fly_loss(claim: Claim, loss: RandomLoss) -> LossOutcome:
     """Fly one loss; the same always gives the same."""
-    return judged(fly_virtual(claim.ground, claim.plan, faults=[loss.spec], seed=loss.number), loss)
+    return judged_loss(fly_virtual(claim.ground, claim.plan, faults=[loss.spec], seed=loss.number), loss)
 
 
-def judged(flight: VirtualFlight, loss: Loss) -> Outcome:
+def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
     """Hold a flight against the claim, by the simulator's truth where it knows better."""
     report, reserves = flight.report, {name: one.reserve_pct for name, one in flight.context.vehicles.items()}
     survivors = {name: craft for name, craft in flight.crafts.items() if name != loss.vehicle}
@@ -157,20 +157,20 @@ def judged(flight: VirtualFlight, loss: Loss) -> Outcome:
         wrong.append("the supervision did not end")
     missing = flight.context.wanted - set(flight.state.coverage.inspected)
     least_pct = min((craft.charge_pct for craft in survivors.values()), default=0.0)
-    return Outcome(
+    return LossOutcome(
         loss, not wrong, tuple(wrong), report.segments_uncovered, set(report.segments_uncovered) == missing, least_pct,
         flight.flown_s, flight.took_s,
     )  # fmt: skip
 
 
 def fly_losses(
-    claim: Claim, drawn: Sequence[Loss], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[Outcome]:
+    claim: Claim, drawn: Sequence[RandomLoss], jobs: int, told: Callable[[int, int], None] = lambda *_: None
+) -> list[LossOutcome]:
     """Fly each loss."""
     return each(partial(fly_loss, claim), drawn, jobs=jobs, told=told)
 
 
-def results(claim: Claim, after: Sequence[Outcome], before: Sequence[Outcome]) -> Json:
+def results(claim: Claim, after: Sequence[LossOutcome], before: Sequence[LossOutcome]) -> Json:
     """Return the figures."""
     flown_s, took_s = (sum(getattr(one, key) for one in (*after, *before)) for key in ("flown_s", "took_s"))
     return {

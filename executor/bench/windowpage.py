@@ -12,7 +12,7 @@ from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
 from executor.bench.predictionpage import print_table
 from executor.bench.store import Json, write_result, write_text
-from executor.bench.window import Settings
+from executor.bench.window import WindowSettings
 
 TITLE = "The re-plan window, flown"
 INTRODUCTION = (
@@ -25,7 +25,7 @@ INTRODUCTION = (
 )
 
 
-def window_document(settings: Settings, command: str, found: Json) -> Json:
+def window_document(settings: WindowSettings, command: str, found: Json) -> Json:
     """Return the content of window.json."""
     return {
         "format": "faultline-bench-window/1",
@@ -44,7 +44,7 @@ def window_document(settings: Settings, command: str, found: Json) -> Json:
 def keep_window(content: Mapping[str, Any], folder: Path) -> None:
     """Write window.json and window.md."""
     write_result(folder / "window.json", content)
-    write_text(folder / "window.md", markdown(content))
+    write_text(folder / "window.md", window_page(content))
 
 
 LOSSES = ("losses", "flown", "finished", "what is left is named")
@@ -69,7 +69,7 @@ def _broken(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def markdown(content: Mapping[str, Any]) -> str:
+def window_page(content: Mapping[str, Any]) -> str:
     """Return the page."""
     broken = _broken(content)
     least = content["least_pct_after"]

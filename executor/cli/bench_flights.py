@@ -42,17 +42,17 @@ def prediction(
     not nominal: its routes are not counted.
     """
     from executor.bench.machine import cores
-    from executor.bench.prediction import measure, recorded
+    from executor.bench.prediction import measure_prediction, recorded_routes
     from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
     from executor.bench.progress import ShownProgress
 
     if run:
         command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
-        content = prediction_document(recorded(run), command)
+        content = prediction_document(recorded_routes(run), command)
     else:
         autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
         with ShownProgress() as shown:
-            flown = measure(
+            flown = measure_prediction(
                 routes, seed, autopilots, [None, *(network or ())], jobs or cores(), partial(shown.told, "flights")
             )
         asked = [] if autopilot is None else ["--autopilot", autopilot.value]
@@ -106,12 +106,12 @@ def window(
     """
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
-    from executor.bench.window import Settings, claimed, fly_losses, results
+    from executor.bench.window import WindowSettings, claimed, fly_losses, results
     from executor.bench.window import losses as drawn
     from executor.bench.windowpage import keep_window, print_window, window_document
 
     count = jobs or cores()
-    settings = Settings(network, radius, autopilot.value, vehicles, tightness, seconds, seed, count)
+    settings = WindowSettings(network, radius, autopilot.value, vehicles, tightness, seconds, seed, count)
     claim = claimed(settings)
     with ShownProgress() as shown:
         flown = fly_losses(claim, drawn(claim, losses, seed), count, partial(shown.told, "losses after"))

@@ -27,10 +27,10 @@ def happenings(run: Path, clock: SystemClock) -> list[Happening]:
     if not path.exists():
         return []
     dated = ((truth, (truth.unix_s - clock.began_unix_s) * clock.speedup) for truth in read_truths(path))
-    return [one for truth, at_s in dated if (one := injected(truth, at_s)) is not None]
+    return [one for truth, at_s in dated if (one := happening_of(truth, at_s)) is not None]
 
 
-def injected(truth: Truth, at_s: float) -> Happening | None:
+def happening_of(truth: Truth, at_s: float) -> Happening | None:
     """Return the fault that a truth is about, with its time on the ground station's clock; None if it is none."""
     if not truth.what.startswith("fault "):
         return None

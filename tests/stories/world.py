@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from executor.adapters.mavlink.link import VehicleLink
-from executor.bench.virtual.radio import Radio, live
+from executor.bench.virtual.radio import MemoryRadio, live
 from executor.core import fleet
 from executor.core.commands import Say
 from executor.core.context import Context
@@ -128,7 +128,7 @@ class Sky(World):
     def _network(self) -> Network:
         return line_east(self.story.pylons)
 
-    def _radio(self, name: str, sysid: int) -> Radio:
+    def _radio(self, name: str, sysid: int) -> MemoryRadio:
         pad, frame = self._setup.pad_of(name), self._setup.frame
         lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
         dialect = dialect_for(self.autopilot)
@@ -139,7 +139,7 @@ class Sky(World):
             name, sysid, AutopilotKind(self.autopilot), "udpin://127.0.0.1:14550", lat_deg, lon_deg, pad.alt_m,
             drone=PRESETS["mavic3"], charge_pct=self.story.charge_pct, parameters=parameters, seed=sysid,
         )  # fmt: skip
-        return Radio(SimulatedVehicle(config), sysid)
+        return MemoryRadio(SimulatedVehicle(config), sysid)
 
     # What a story may look at and do.
 

@@ -19,7 +19,7 @@ from executor.analysis.documents import FlightReport
 from executor.analysis.report import Said, report_of
 from executor.bench.errors import BenchError
 from executor.bench.virtual.loop import run_virtual
-from executor.bench.virtual.radio import Radio, live
+from executor.bench.virtual.radio import MemoryRadio, live
 from executor.bench.virtual.solver import SolverHere
 from executor.core import fleet
 from executor.core.commands import Level, Say
@@ -33,7 +33,7 @@ from executor.flight.flight_order import Order
 from executor.flight.preparing import examined, interviews, load_all
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
 from executor.simulated.fleet import fleet_of
-from executor.simulated.injected import injected
+from executor.simulated.injected import happening_of
 from executor.simulator.config import SimVehicle
 from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
@@ -108,7 +108,7 @@ def fly_virtual(
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
 
-    The same arguments give the same flight. Whoever flies again does so as the site's `fly_again` says; nobody answers
+    The same arguments give the same flight. A vehicle flies again as the site's `fly_again` says; nobody answers
     offers.
 
     Args:
@@ -173,7 +173,7 @@ class _Sky:
             rule = dialect_for(config.autopilot.value).return_parameters
             height = {rule.height: setup.return_height_m(config.name) / rule.unit_m}
             raised = replace(config, parameters={**config.parameters, **height})
-            self._radios[config.name] = Radio(SimulatedVehicle(craft(raised), simulated.faults), config.sysid)
+            self._radios[config.name] = MemoryRadio(SimulatedVehicle(craft(raised), simulated.faults), config.sysid)
         self._truths: list[Truth] = []
         self._said: list[tuple[float, Say]] = []
 
@@ -208,7 +208,7 @@ class _Sky:
             for result in await asyncio.gather(*tasks, return_exceptions=True):
                 if isinstance(result, Exception):
                     raise result
-        happened = [one for truth in self._truths if (one := injected(truth, truth.t_s)) is not None]
+        happened = [one for truth in self._truths if (one := happening_of(truth, truth.t_s)) is not None]
         frames = {name: link.counts for name, link in links.items()}
         report = report_of(context, flight.state, ended_s, happened, frames, Said(facts, found))
         crafts = {name: _craft(radio.vehicle) for name, radio in self._radios.items()}

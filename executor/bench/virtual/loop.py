@@ -23,7 +23,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return self._now_s
 
     def pass_by(self, seconds: float) -> None:
-        """Let time pass; whoever calls this from a task keeps all others waiting meanwhile."""
+        """Let time pass; a task that calls this keeps all others waiting meanwhile."""
         self._now_s += seconds
 
 

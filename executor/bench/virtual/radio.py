@@ -15,7 +15,7 @@ UNREAD = ("LOCAL_POSITION_NED", "VFR_HUD", "SYSTEM_TIME", "TIMESYNC")
 """Streams that nobody reads here: a tenth of all work is spared without them."""
 
 
-class Radio:
+class MemoryRadio:
     """One vehicle and its link; the vehicle lives as it is told the time."""
 
     def __init__(self, vehicle: SimulatedVehicle, sysid: int) -> None:
@@ -47,7 +47,7 @@ class Radio:
             self.vehicle.autopilot.streams.set_interval(name, -1.0, 0.0)
 
 
-async def live(radios: Iterable[Radio], then: Callable[[float], None], *, every_s: float = STEP_S) -> None:
+async def live(radios: Iterable[MemoryRadio], then: Callable[[float], None], *, every_s: float = STEP_S) -> None:
     """Let everybody live by the loop's time, for ever.
 
     Args:

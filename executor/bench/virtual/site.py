@@ -67,7 +67,7 @@ def _has_heights(network: Path | None, depot: Mapping[str, float] | None) -> boo
     return found.has_heights or found.flat
 
 
-def over(ground: Ground, network: Network) -> Ground:
+def over_network(ground: Ground, network: Network) -> Ground:
     """Return the same site over a changed network."""
     return replace(ground, network=network, inspection=assembly.inspection_of(ground.site, network))
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from executor.analysis.documents import LegRow, RouteRow
 from executor.bench import prediction
 from executor.bench.errors import BenchError
-from executor.bench.prediction import Case, Figures, Flown, FlownRoute, by_phase, cases, phases, summary
+from executor.bench.prediction import Figures, Flown, FlownRoute, RouteCase, by_phase, cases, phases, prediction_errors
 from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
 from executor.bench.virtual.site import virtual_ground
 from executor.cli.bench import cli
@@ -61,13 +61,13 @@ def test_routes_share_nothing_and_have_their_sizes() -> None:
 def test_a_network_that_is_too_small_is_refused(tmp_path: Path) -> None:
     line = write_line(tmp_path / "line.geojson", 5)
     with pytest.raises(BenchError, match=r"line\.geojson: expected 10 segments or more for 2 routes"):
-        prediction.fly_case(Case(0, 1, "px4", line, (5, 5)))
+        prediction.fly_case(RouteCase(0, 1, "px4", line, (5, 5)))
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
     line = write_line(tmp_path_factory.mktemp("line") / "line.geojson")
-    return prediction.fly_case(Case(3, 1, "ardupilot", line, (5, 5)))
+    return prediction.fly_case(RouteCase(3, 1, "ardupilot", line, (5, 5)))
 
 
 def test_two_routes_are_flown_and_held_against_their_plans(flown: Flown) -> None:
@@ -87,22 +87,23 @@ def test_two_routes_are_flown_and_held_against_their_plans(flown: Flown) -> None
 
 def test_the_same_case_gives_the_same_figures(flown: Flown, tmp_path: Path) -> None:
     line = write_line(tmp_path / "line.geojson")
-    assert prediction.fly_case(Case(3, 1, "ardupilot", line, (5, 5))).routes == flown.routes
-    assert prediction.fly_case(Case(4, 1, "ardupilot", line, (5, 5))).routes != flown.routes
+    assert prediction.fly_case(RouteCase(3, 1, "ardupilot", line, (5, 5))).routes == flown.routes
+    assert prediction.fly_case(RouteCase(4, 1, "ardupilot", line, (5, 5))).routes != flown.routes
 
 
 def test_the_median_is_of_the_sizes_of_errors() -> None:
-    found = summary([route_of(90.0, 10.5), route_of(104.0, 9.9), route_of(102.0, None)])
+    found = prediction_errors([route_of(90.0, 10.5), route_of(104.0, 9.9), route_of(102.0, None)])
     assert found == {
         "routes": 3,
         "time_error_pct": {"median": 4.0, "max": 10.0, "median_signed": 2.0},
         "energy_error_pct": {"median": 3.0, "max": 5.0, "median_signed": 2.0},
         "plan_file": None,
     }
-    assert summary([])["time_error_pct"] is None
+    assert prediction_errors([])["time_error_pct"] is None
     route = replace(route_of(90.0, 10.5), plan_file=Figures(80.0, 90.0, 8.4, 10.5))
-    assert summary([route])["plan_file"]["time_error_pct"] == {"median": 12.5, "max": 12.5, "median_signed": 12.5}
-    assert summary([route])["plan_file"]["energy_error_pct"]["max"] == 25.0
+    errors = prediction_errors([route])["plan_file"]
+    assert errors["time_error_pct"] == {"median": 12.5, "max": 12.5, "median_signed": 12.5}
+    assert errors["energy_error_pct"]["max"] == 25.0
 
 
 def test_legs_of_a_kind_are_summed_where_they_were_heard() -> None:
@@ -154,8 +155,8 @@ def test_recorded_flights_need_a_whole_route(tmp_path: Path) -> None:
     assert content["energy_error_pct"]["max"] == 0.0
     truths = [Truth("uav1", what, 0.0, 0.0, charge_pct=pct) for what, pct in (("armed", 99.5), ("disarmed", 98.4))]
     (tmp_path / "truth.jsonl").write_text("".join(json.dumps(asdict(one)) + "\n" for one in truths))
-    [route] = prediction.recorded([tmp_path])
+    [route] = prediction.recorded_routes([tmp_path])
     assert route.figures.energy_error_pct == pytest.approx(10.0)
     report.model_copy(update={"routes": (part,)}).write(tmp_path / "report.json")
     with pytest.raises(BenchError, match="--run: expected a flight in which a vehicle flew its mission"):
-        prediction.recorded([tmp_path])
+        prediction.recorded_routes([tmp_path])

@@ -1,4 +1,4 @@
-"""The window bench on a short line: what is claimed, what is drawn, what is flown, and how it is judged."""
+"""The window bench on a short line: what is claimed, what is drawn, what is flown, and how it is judged_loss."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 
 from executor.bench.virtual.flight import VirtualFlight
 from executor.bench.virtual.site import dearest_pct, sized
-from executor.bench.window import Claim, Loss, Settings, claimed, fly_loss, judged, losses, results
+from executor.bench.window import Claim, RandomLoss, WindowSettings, claimed, fly_loss, judged_loss, losses, results
 from executor.bench.windowpage import keep_window, print_window, window_document
 from executor.cli.bench import cli
 from tests.executor.bench.virtual.short_line import shared, short_ground, write_line
 
-CRASH = Loss(0, "uav2", "crash", 40.0)
+CRASH = RandomLoss(0, "uav2", "crash", 40.0)
 
 
 @pytest.fixture(scope="module")
@@ -60,21 +60,21 @@ def test_a_survivor_must_be_at_home_above_its_reserve(claim: Claim) -> None:
     from executor.bench.virtual.flight import fly_virtual
 
     flight: VirtualFlight = fly_virtual(claim.ground, claim.plan, faults=[CRASH.spec])
-    assert judged(flight, CRASH).finished
-    assert judged(flight, Loss(0, "uav1", "crash", 40.0)).wrong == ("uav2 not at home",)
+    assert judged_loss(flight, CRASH).finished
+    assert judged_loss(flight, RandomLoss(0, "uav1", "crash", 40.0)).wrong == ("uav2 not at home",)
     one = flight.crafts["uav1"]
     for changed, wrong in (
         (replace(one, charge_pct=14.9), "uav1 landed with 14.9 %, reserve 15 %"),
         (replace(one, armed=True), "uav1 not at home"),
         (replace(one, from_pad_m=9.0), "uav1 not at home"),
     ):
-        outcome = judged(replace(flight, crafts={**flight.crafts, "uav1": changed}), CRASH)
+        outcome = judged_loss(replace(flight, crafts={**flight.crafts, "uav1": changed}), CRASH)
         assert (outcome.finished, outcome.wrong) == (False, (wrong,))
-    assert judged(replace(flight, ended=False), CRASH).wrong == ("the supervision did not end",)
+    assert judged_loss(replace(flight, ended=False), CRASH).wrong == ("the supervision did not end",)
 
 
 def test_the_batteries_are_as_tight_as_asked(tmp_path: Path) -> None:
-    settings = Settings(write_line(tmp_path / "line.geojson"), None, "px4", vehicles=2, seconds=0.4, starts=1)
+    settings = WindowSettings(write_line(tmp_path / "line.geojson"), None, "px4", vehicles=2, seconds=0.4, starts=1)
     half, most = (claimed(replace(settings, tightness=tightness)) for tightness in (0.5, 0.8))
     assert half.ground.drone.capacity_ah > 1.3 * most.ground.drone.capacity_ah
     assert half.earliest_s <= most.earliest_s < most.longest_s
@@ -99,7 +99,9 @@ def test_the_command_and_its_page(tmp_path: Path) -> None:
 def test_what_is_not_finished_is_shown(claim: Claim, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     good = fly_loss(claim, CRASH)
     bad = replace(good, finished=False, wrong=("2 segments not inspected",), uncovered=(3, 4), named=False)
-    content = window_document(Settings(None, 700.0, "px4"), "faultline bench window", results(claim, [good], [bad]))
+    content = window_document(
+        WindowSettings(None, 700.0, "px4"), "faultline bench window", results(claim, [good], [bad])
+    )
     assert (content["finished_after"], content["finished_before"], content["unnamed_before"]) == (1, 0, 1)
     keep_window(content, tmp_path)
     page = (tmp_path / "window.md").read_text()

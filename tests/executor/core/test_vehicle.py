@@ -92,6 +92,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "doubted": None,
             "carried": Carried(),
             "owed": None,
+            "leg_began": None,
+            "flown": (),
         },
     ),
 ]

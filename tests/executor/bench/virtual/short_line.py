@@ -37,6 +37,6 @@ def short_ground(folder: Path, vehicles: int, autopilot: str) -> Ground:
 
 def shared(ground: Ground) -> PlanFile:
     """Return a plan in which every vehicle has a run of two segments."""
-    from executor.bench.prediction import plan_of
+    from executor.bench.prediction import plan_with
 
-    return plan_of(ground, {name: (4 * number, 4 * number + 2) for number, name in enumerate(ground.names)})
+    return plan_with(ground, {name: (4 * number, 4 * number + 2) for number, name in enumerate(ground.names)})
