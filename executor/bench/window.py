@@ -88,7 +88,7 @@ class LossOutcome:
     uncovered: tuple[int, ...]
     """Ids of the segments that its report names as left over."""
     named: bool
-    """Whether the report names just what was not inspected, and the crew was told of each of them."""
+    """Whether a re-plan, or a line for the crew, names each of them."""
     least_pct: float
     """The least that a survivor landed with."""
     flown_s: float
@@ -155,11 +155,14 @@ def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
             wrong.append(f"{name} landed with {craft.charge_pct:.1f} %, reserve {reserves[name]:g} %")
     if not flight.ended:
         wrong.append("the supervision did not end")
-    missing = flight.context.wanted - set(flight.state.coverage.inspected)
+    known = {segment for replan in report.replans for segment in replan.uncovered}
+    lines = "\n".join(line.text for _, line in flight.said)
+    named = all(
+        segment in known or flight.context.segment_name(segment) in lines for segment in report.segments_uncovered
+    )
     least_pct = min((craft.charge_pct for craft in survivors.values()), default=0.0)
     return LossOutcome(
-        loss, not wrong, tuple(wrong), report.segments_uncovered, set(report.segments_uncovered) == missing, least_pct,
-        flight.flown_s, flight.took_s,
+        loss, not wrong, tuple(wrong), report.segments_uncovered, named, least_pct, flight.flown_s, flight.took_s,
     )  # fmt: skip
 
 

@@ -70,6 +70,8 @@ def test_a_survivor_must_be_at_home_above_its_reserve(claim: Claim) -> None:
     ):
         outcome = judged_loss(replace(flight, crafts={**flight.crafts, "uav1": changed}), CRASH)
         assert (outcome.finished, outcome.wrong) == (False, (wrong,))
+    left = flight.report.model_copy(update={"segments_uncovered": (3,)})
+    assert not judged_loss(replace(flight, report=left), CRASH).named
     assert judged_loss(replace(flight, ended=False), CRASH).wrong == ("the supervision did not end",)
 
 
