@@ -18,6 +18,7 @@ REASONS = {
     "make": "what every part of the measurements has",
     "report": "what every part of the measurements has",
     "resume": "the agreement calls two commands so: of a flight, and of its measurement",
+    "window": "the agreement calls two commands so: of a plan, and of its measurement",
     "disarm": "the order, and the dialogue that gives it",
 }
 

@@ -130,6 +130,16 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/ground_truth.py",
         "executor/replay/open_log.py",
     ),
+    "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
+    "tests/executor/bench/test_window.py": (
+        "executor/bench/virtual/site.py",
+        "executor/bench/windowpage.py",
+        "executor/cli/bench_flights.py",
+    ),
+    "tests/executor/bench/virtual/test_flight.py": (
+        "executor/bench/virtual/radio.py",
+        "executor/bench/virtual/solver.py",
+    ),
     "tests/executor/replay/test_tuning.py": (
         "executor/replay/baseline_detector.py",
         "executor/replay/pictures_tuning.py",

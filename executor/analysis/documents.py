@@ -206,6 +206,45 @@ class NotCountedRow(Document):
     reason: str
 
 
+class LegRow(Document):
+    """A leg of a mission, from one waypoint to the next with the hold there, as planned and as flown."""
+
+    waypoint: Whole
+    """The one at its end, from 0."""
+    phase: str
+    """What it is for: takeoff, transit, inspect, return or land."""
+    segment: Whole | None = None
+    """Id of the segment that is inspected, or flown to."""
+    planned_s: Number
+    flown_s: Number | None
+    """None where its begin or its end was not heard."""
+    planned_pct: Number
+    """Of a full battery."""
+    flown_pct: Number | None
+    """By what the battery reported; None where that is not known."""
+
+
+class RouteRow(Document):
+    """What was flown of one vehicle's mission, beside what the plan said of the same legs."""
+
+    vehicle: str
+    revision: Whole
+    """Of the mission on board; the legs of one that a re-plan continued are those up to the change."""
+    whole: YesNo
+    """Whether it is a whole flight, from take-off to landing."""
+    began_s: Number
+    ended_s: Number
+    planned_s: Number
+    flown_s: Number
+    time_error_pct: Number | None
+    """By how much more was flown than planned, in percent of what was planned."""
+    planned_pct: Number
+    """Of a full battery."""
+    flown_pct: Number | None
+    energy_error_pct: Number | None
+    legs: tuple[LegRow, ...]
+
+
 class FlightReport(Document):
     """What a flight came to. Times are seconds since the order to take off."""
 
@@ -241,6 +280,8 @@ class FlightReport(Document):
     """That was asked for."""
     inspections: tuple[InspectionRow, ...] = ()
     not_counted: tuple[NotCountedRow, ...] = ()
+    routes: tuple[RouteRow, ...] = ()
+    """Planned beside flown, for each mission and each of its legs."""
 
 
 class PadPart(Document):

@@ -23,6 +23,7 @@ from executor.analysis.documents import (
     ReplanRow,
     VehicleRow,
 )
+from executor.analysis.planned_and_flown import flown_routes
 from executor.core.context import Context
 from executor.core.events import Gain
 from executor.core.hearing import firmware
@@ -173,6 +174,7 @@ def report_of(
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
+        routes=flown_routes(state),
     )
 
 

@@ -59,6 +59,11 @@ INSPECTIONS = {
     "deviation_mean_m": "beside the track, mean (m)",
     "deviation_max_m": "at most (m)",
 }
+ROUTES = (
+    "vehicle", "mission", "legs", "planned", "flown", "error (%)",
+    "planned (% of battery)", "flown (%)", "error (%)",
+)  # fmt: skip
+LEGS = ("leg", "for", "segment", "planned (s)", "flown (s)", "planned (% of battery)", "flown (%)")
 NOT_COUNTED = {"vehicle": "vehicle", "segment": "segment", "reason": "reason"}
 
 _CLASSES = {Level.INFO: "", Level.WARNING: "warning", Level.FAULT: "fault"}
@@ -85,6 +90,7 @@ th { font-weight: 600; white-space: nowrap; } td.number { text-align: right; }
 tr.fault td { color: var(--bad); font-weight: 600; } tr.warning td { color: var(--warn); }
 figure { margin: 1rem 0; }
 figure img { display: block; width: 100%; height: auto; background: #ffffff; border-radius: 4px; }
+summary { cursor: pointer; margin: .5rem 0; }
 figcaption { color: var(--faint); font-size: .9rem; }
 """
 
@@ -125,6 +131,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
         _section("How the segments were flown", INSPECTIONS.values(), _rows(report, report.inspections, INSPECTIONS)),
         _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, report.not_counted, NOT_COUNTED)),
+        _section("Planned and flown", ROUTES, _routes(report)) + "".join(_legs(report)),
         _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),
         _section("Segments", SEGMENTS, _segments(record)),
     ]
@@ -222,6 +229,29 @@ def _away(report: FlightReport) -> Iterator[Sequence[object]]:
             yield row.name, words.state(row.state), words.place(at.lat_deg, at.lon_deg), at.alt_rel_m, _at(at.at_s)
 
 
+def _routes(report: FlightReport) -> Iterator[Sequence[object]]:
+    for row in report.routes:
+        legs = len(row.legs) if row.whole else f"{len(row.legs)}, not from take-off to landing"
+        yield (
+            row.vehicle, row.revision, legs, _clock(row.planned_s), _clock(row.flown_s), row.time_error_pct,
+            row.planned_pct, row.flown_pct, row.energy_error_pct,
+        )  # fmt: skip
+
+
+def _legs(report: FlightReport) -> Iterator[str]:
+    """Yield the legs of every vehicle, folded: there may be hundreds."""
+    for name in dict.fromkeys(row.vehicle for row in report.routes):
+        rows = [
+            (
+                f"{row.revision}.{leg.waypoint}", leg.phase, "" if leg.segment is None else report.segment_names.get(
+                str(leg.segment), leg.segment), leg.planned_s, leg.flown_s, leg.planned_pct, leg.flown_pct,
+            )
+            for row in report.routes if row.vehicle == name for leg in row.legs
+        ]  # fmt: skip
+        summary = f"{name}: {_counted(len(rows), 'leg')}, by mission and waypoint"
+        yield f"<details>\n<summary>{escape(summary)}</summary>\n{_table(LEGS, rows)}\n</details>\n"
+
+
 def _at(t_s: float | None) -> str | None:
     """Return a time as the terminal and the page show it; what was before the take-off has none."""
     return None if t_s is None else words.since_take_off(t_s) or "before"
@@ -231,6 +261,11 @@ def _section(
     title: str, headings: Collection[str], rows: Iterable[Sequence[object]], classes: Sequence[str] = ()
 ) -> str:
     """Return a table under a heading, each row with its class if there are any; nothing if there is no row."""
+    table = _table(headings, rows, classes)
+    return f"<section>\n<h2>{escape(title)}</h2>\n{table}\n</section>" if table else ""
+
+
+def _table(headings: Collection[str], rows: Iterable[Sequence[object]], classes: Sequence[str] = ()) -> str:
     lines = []
     for index, row in enumerate(rows):
         kind = f' class="{classes[index]}"' if classes and classes[index] else ""
@@ -239,7 +274,7 @@ def _section(
         return ""
     head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
     table = f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n" + "\n".join(lines) + "\n</tbody>\n</table>"
-    return f'<section>\n<h2>{escape(title)}</h2>\n<div class="wide">\n{table}\n</div>\n</section>'
+    return f'<div class="wide">\n{table}\n</div>'
 
 
 def _cell(value: object) -> str:

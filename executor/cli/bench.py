@@ -1,4 +1,4 @@
-"""The commands `faultline bench solvers`, `table`, `upload`, `fleet`, `resume` and `detection`."""
+"""The commands of `faultline bench`; those that fly in virtual time are in `bench_flights`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 from executor.adapters.extras import Extra, need
 from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
+from executor.cli import bench_flights
 from executor.cli.options import (
     MINMAX_COST,
     CostName,
@@ -27,7 +28,8 @@ from planner import Cost
 cli = typer.Typer(
     name="bench",
     help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
-    "what a fleet costs; how soon a flight is taken up again; what the watchpoints detect.",
+    "what a fleet costs; how soon a flight is taken up again; what the watchpoints detect; what is flown "
+    "against what was planned.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -357,3 +359,7 @@ def detection(
     for name, found in figures.items():
         print_summary(name.replace("_", " "), found)
     print_recorded(content)
+
+
+cli.command()(bench_flights.prediction)
+cli.command()(bench_flights.window)

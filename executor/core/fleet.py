@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
+from executor.core import leg_times
 from executor.core.carried import Carried
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome, Start
 from executor.core.context import Context, FlyAgain
@@ -44,7 +45,7 @@ from executor.core.hearing.strangers import stranger_lines
 from executor.core.homing import down, homeward
 from executor.core.homing.homeward import comes_home, on_mission
 from executor.core.homing.landing import has_landed, touched_down
-from executor.core.messages import ComponentText, Heartbeat, Position
+from executor.core.messages import ComponentText, Heartbeat, LandedState, MissionCurrent, Position
 from executor.core.operator import handling
 from executor.core.parts import Assignment, Cause, OnBoard
 from executor.core.places import (
@@ -188,7 +189,9 @@ def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: fl
     vehicle = replace(
         vehicle,
         orders=replace(vehicle.orders, ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way)),
-        assignment=replace(vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s)),
+        assignment=replace(
+            vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s), leg_began=None
+        ),
         sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
         motion=replace(vehicle.motion, anchor=None),
         power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct),
@@ -252,6 +255,8 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     folded = fold(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
         folded = replace(folded, state=causes.judged(context, state.listening.absences, before, folded.state, now_s))
+    elif isinstance(event.message, MissionCurrent | LandedState | Position):
+        folded = replace(folded, state=leg_times.followed(before, folded.state, now_s))
     state = state.put(folded.state)
     commands: list[Command] = [
         Say(Level.WARNING, f"{event.vehicle}: {line}")

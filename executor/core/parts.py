@@ -12,7 +12,7 @@ from executor.core.carried import Carried
 from executor.core.coverage import Run, Track
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Attitude, DoubleHeard, Gps, Heartbeat, StationHeard, Wind
-from missions import FlightPath, LegEstimate
+from missions import FlightPath, LegEstimate, Phase
 
 
 class Cause(Enum):
@@ -105,6 +105,32 @@ class OnBoard:
     """Each waypoint in the local frame."""
     legs: tuple[LegEstimate, ...]
     """What each leg of the path should take."""
+
+
+@dataclass(frozen=True, slots=True)
+class LegBegin:
+    """A moment at which one leg ended and the next began."""
+
+    at_s: float
+    given_pct: float | None
+    """What its battery had given by then, in percent; None if it never reported."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlownLeg:
+    """A leg of a mission that was flown, beside what it should have taken."""
+
+    revision: int
+    """Of the mission on board at its end."""
+    waypoint: int
+    """The one at its end."""
+    phase: Phase
+    segment: int | None
+    """The segment that it inspects, or leads to."""
+    planned: LegEstimate
+    began: LegBegin | None
+    """None where nobody heard it."""
+    ended: LegBegin | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +274,10 @@ class Assignment:
     """That mission, until it is given one."""
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
+    leg_began: LegBegin | None = None
+    """When the leg under way began; None before the take-off and after the landing."""
+    flown: tuple[FlownLeg, ...] = ()
+    """Legs that are behind it, of all its missions."""
 
 
 @dataclass(frozen=True, slots=True)

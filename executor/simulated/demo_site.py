@@ -23,9 +23,13 @@ ENDS_S = 10.0
 
 
 def demo_site(
-    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False
-) -> dict[str, object]:
-    """Return the content of a site file for a simulated fleet on free ports; `flat` claims so of its ground."""
+    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False,
+    ports: Sequence[int] = (),
+) -> dict[str, object]:  # fmt: skip
+    """Return the content of a site file for a simulated fleet; `flat` claims so of its ground.
+
+    Its vehicles answer on the ports given, or else on free ones.
+    """
     table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
     site: dict[str, object] = {
         "network": table,
@@ -37,7 +41,7 @@ def demo_site(
                 "sysid": number,
                 "autopilot": autopilot,
             }
-            for number, port in enumerate(free_ports(vehicles), start=1)
+            for number, port in enumerate(ports or free_ports(vehicles), start=1)
         ],
     }
     inspection: dict[str, object] = {"heights": "flat"} if flat else {}

@@ -7,7 +7,7 @@ from pathlib import Path
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.report import Happening
-from executor.simulator.truth import read_truths
+from executor.simulator.truth import Truth, read_truths
 
 KINDS = {
     "silent": "link",
@@ -26,11 +26,13 @@ def happenings(run: Path, clock: SystemClock) -> list[Happening]:
     path = RunDirectory(run).truths
     if not path.exists():
         return []
-    found = []
-    for truth in read_truths(path):
-        if not truth.what.startswith("fault "):
-            continue
-        name = truth.what.partition(":")[2].partition("@")[0].partition("=")[0]
-        at_s = (truth.unix_s - clock.began_unix_s) * clock.speedup
-        found.append(Happening(truth.vehicle, KINDS.get(name, name), at_s))
-    return found
+    dated = ((truth, (truth.unix_s - clock.began_unix_s) * clock.speedup) for truth in read_truths(path))
+    return [one for truth, at_s in dated if (one := happening_of(truth, at_s)) is not None]
+
+
+def happening_of(truth: Truth, at_s: float) -> Happening | None:
+    """Return the fault that a truth is about, with its time on the ground station's clock; None if it is none."""
+    if not truth.what.startswith("fault "):
+        return None
+    name = truth.what.partition(":")[2].partition("@")[0].partition("=")[0]
+    return Happening(truth.vehicle, KINDS.get(name, name), at_s)

@@ -88,6 +88,14 @@ class Airframe:
         return self.armed and not self._falling
 
     @property
+    def _air_speed_m_s(self) -> float:
+        """Horizontal speed through the air: over ground it flies as it is told, whatever the wind."""
+        if self.body.on_ground:
+            return 0.0
+        east, north = self._wind_m_s
+        return math.hypot(self.body.v_east_m_s - east, self.body.v_north_m_s - north)
+
+    @property
     def landed_state(self) -> LandedState:
         """MAV_LANDED_STATE."""
         if self.body.on_ground:
@@ -104,13 +112,6 @@ class Airframe:
     def climbed_to(self) -> Place | None:
         """Where the last take-off was to end, until another kind of flight begins; the next leg begins there."""
         return self._climbed_to if self.climbing_out else None
-
-    @property
-    def _air_speed_m_s(self) -> float:
-        if self.body.on_ground:
-            return 0.0
-        east_m_s, north_m_s = self._wind_m_s
-        return math.hypot(self.body.v_east_m_s - east_m_s, self.body.v_north_m_s - north_m_s)
 
     def step(self, now_s: float, dt_s: float) -> None:
         """Live for ``dt_s``, until ``now_s``."""

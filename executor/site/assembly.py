@@ -73,10 +73,18 @@ def ground_of(site: Site, base: Path) -> Ground:
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
-    table = site.inspection
-    network = with_heights(network, flat=table.heights == "flat")
-    worth_a_look = tuple(implausible(network, tallest_m=site.network.tallest_m))
-    drone = drone_of(site)
+    network = with_heights(network, flat=site.inspection.heights == "flat")
+    return ground_over(site, network, tuple(implausible(network, tallest_m=site.network.tallest_m)))
+
+
+def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()) -> Ground:
+    """Return what is known before any vehicle answers, over a network whose heights are known.
+
+    Raises:
+        MissionsError: there is no room for pads or layers.
+        SiteError: a speed is more than the battery can give.
+    """
+    table, drone = site.inspection, drone_of(site)
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)

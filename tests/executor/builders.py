@@ -13,8 +13,7 @@ from executor.core.vehicle import VehicleState, aboard
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site, check_site
-from missions import Network, flight_path, flight_setup
-from planner import travel_for
+from missions import Network, flight_path
 from tests.missions.builders import line_east
 
 State = TypeVar("State", VehicleState, FleetState)
@@ -37,11 +36,7 @@ def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", /, **tables: M
 
 def ground_for(site: Site, network: Network) -> Ground:
     """Return what is known before any vehicle answers."""
-    table, drone = site.inspection, assembly.drone_of(site)
-    travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    inspection = assembly.inspection_of(site, network)
-    setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
-    return Ground(site, network, inspection, drone, travel, setup)
+    return assembly.ground_over(site, network)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from executor.adapters.mavlink.codec import Codec
-from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
+from executor.bench.virtual.radio import MemoryRadio, live
 from executor.core import fleet
 from executor.core.commands import Say
 from executor.core.context import Context
@@ -29,7 +28,6 @@ from executor.core.vehicle import aboard
 from executor.core.view import FleetView, fleet_view
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from executor.simulator.autopilot import STEP_S
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.faults import parse_fault
 from executor.simulator.truth import Truth
@@ -102,30 +100,6 @@ class Sink:
         """Nothing is ever lost here."""
 
 
-class Radio:
-    """The way between a vehicle and the ground station."""
-
-    def __init__(self, vehicle: SimulatedVehicle, sysid: int) -> None:
-        self.vehicle = vehicle
-        codec = Codec()
-        self.link = VehicleLink(sysid, codec)
-        self._router = Router([self.link], codec)
-        self._waiting: list[bytes] = []
-
-    def write(self, frame: bytes) -> bool:
-        self._waiting.append(frame)
-        return True
-
-    def pass_on(self, now_s: float) -> None:
-        """Live until now, both ways."""
-        waiting, self._waiting = self._waiting, []
-        for frame in waiting:
-            self.vehicle.receive(frame)
-        self.vehicle.advance(now_s)
-        for datagram in self.vehicle.drain():
-            self._router.take(self._router.codec.decode(datagram), self.write)
-
-
 class Sky(World):
     """A story on its way."""
 
@@ -154,7 +128,7 @@ class Sky(World):
     def _network(self) -> Network:
         return line_east(self.story.pylons)
 
-    def _radio(self, name: str, sysid: int) -> Radio:
+    def _radio(self, name: str, sysid: int) -> MemoryRadio:
         pad, frame = self._setup.pad_of(name), self._setup.frame
         lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
         dialect = dialect_for(self.autopilot)
@@ -165,9 +139,7 @@ class Sky(World):
             name, sysid, AutopilotKind(self.autopilot), "udpin://127.0.0.1:14550", lat_deg, lon_deg, pad.alt_m,
             drone=PRESETS["mavic3"], charge_pct=self.story.charge_pct, parameters=parameters, seed=sysid,
         )  # fmt: skip
-        radio = Radio(SimulatedVehicle(config), sysid)
-        radio.link.write = radio.write
-        return radio
+        return MemoryRadio(SimulatedVehicle(config), sysid)
 
     # What a story may look at and do.
 
@@ -272,16 +244,16 @@ class Sky(World):
 
     async def _live(self) -> None:
         """Let time pass for everybody, and the story happen."""
-        for step in itertools.count(1):
-            for radio in self.radios.values():
-                radio.pass_on(step * STEP_S)
-                self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
-            if self.flight is not None and self.flight.state.progress.launched_s is not None:
-                self._happen()
-                if self.now_s - self._looked_s >= LOOK_S:
-                    self._looked_s = self.now_s
-                    self._look()
-            await asyncio.sleep(max(0.0, (step + 1) * STEP_S - self.now_s))
+        await live(self.radios.values(), self._lived)
+
+    def _lived(self, _: float) -> None:
+        for radio in self.radios.values():
+            self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+        if self.flight is not None and self.flight.state.progress.launched_s is not None:
+            self._happen()
+            if self.now_s - self._looked_s >= LOOK_S:
+                self._looked_s = self.now_s
+                self._look()
 
     def _happen(self) -> None:
         due = [moment for moment in self._left if moment.when(self)]

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-import looptime
-
+from executor.bench.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
@@ -361,7 +360,7 @@ class StormSky(Sky):
     def _sleeps(self, for_s: float) -> None:
         """Let the ground's process stand still: its clock goes on, and what is sent waits as long as there is room."""
         loop = asyncio.get_running_loop()
-        assert isinstance(loop, looptime.LoopTimeEventLoop)
+        assert isinstance(loop, VirtualLoop)
         begins_s = self.now_s
         for number in range(1, round(for_s / STEP_S) + 1):
             for air in self.airs.values():
@@ -369,7 +368,7 @@ class StormSky(Sky):
                 if number % 10 == 0:
                     air.vehicle.autopilot.frame.happened("at")
                 self.truths += air.truths()
-        loop.setup_looptime(start=begins_s + round(for_s / STEP_S) * STEP_S, noop_cycles=NOOP_CYCLES)
+        loop.pass_by(round(for_s / STEP_S) * STEP_S)
 
     def _interrupted(self, word: str) -> None:
         assert self.flight is not None
@@ -391,17 +390,10 @@ class StormSky(Sky):
             self._asks(Action.ABORT, None)
 
 
-NOOP_CYCLES = 1
-
-
 def _where(error: BaseException) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1:]
     at = "".join(f" at {frame.filename.rpartition('/')[2]}:{frame.lineno}" for frame in last)
     return f"{type(error).__name__}: {error}{at}"
-
-
-class Loop(looptime.LoopTimeEventLoop, asyncio.SelectorEventLoop):
-    """An event loop whose time jumps."""
 
 
 def fly(plot: Plot) -> Stormed:
@@ -410,5 +402,4 @@ def fly(plot: Plot) -> Stormed:
     async def flying() -> Stormed:
         return await StormSky(plot).storm()
 
-    with asyncio.Runner(loop_factory=lambda: Loop(noop_cycles=NOOP_CYCLES)) as runner:
-        return runner.run(flying())
+    return run_virtual(flying)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.analysis.documents import FlightReport, LastPosition
+from executor.analysis.documents import FlightReport, LastPosition, LegRow, RouteRow
 from executor.analysis.flight_record import Decision, FlightRecord, Revision
 from executor.analysis.read_run import read_run
 from executor.analysis.report_page import outcome, page, value_words, write_page
@@ -110,6 +110,31 @@ def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, FlightReport]) 
     assert list(reader.classes.values()) == ["warning", "fault"]
     segment = cells.index("0", cells.index("T+2:30"))
     assert cells[segment : segment + 4] == ["0", "100.0", "uav2", "uav2"]
+
+
+def test_planned_and_flown_stand_beside_each_other(flight: tuple[FlightRecord, FlightReport]) -> None:
+    record, report = flight
+    legs = (
+        LegRow(waypoint=0, phase="takeoff", planned_s=12.0, flown_s=13.5, planned_pct=0.4, flown_pct=0.5),
+        LegRow(waypoint=1, phase="inspect", segment=3, planned_s=34.3, flown_s=None, planned_pct=1.2, flown_pct=None),
+    )
+    row = RouteRow(
+        vehicle="uav1", revision=0, whole=True, began_s=3.0, ended_s=75.0, planned_s=60.0, flown_s=72.0,
+        time_error_pct=20.0, planned_pct=2.0, flown_pct=2.5, energy_error_pct=25.0, legs=legs,
+    )  # fmt: skip
+    part = row.model_copy(update={"revision": 1, "whole": False, "legs": legs[:1], "flown_pct": None})
+    text = page(record, report.model_copy(update={"routes": (row, part)}), {})
+    reader = _read(text)
+    assert reader.of("h2")[-3:] == ["Planned and flown", "Decisions", "Segments"]
+    cells = reader.of("td")
+    for wanted in (
+        ["uav1", "0", "2", "1 min 0 s", "1 min 12 s", "20.0", "2.00", "2.50", "25.0"],
+        ["uav1", "1", "1, not from take-off to landing", "1 min 0 s", "1 min 12 s", "20.0", "2.00", "unknown"],
+        ["0.0", "takeoff", "12.0", "13.5", "0.40", "0.50"],
+        ["0.1", "inspect", "3", "34.3", "unknown", "1.20", "unknown"],
+    ):
+        assert any(cells[at : at + len(wanted)] == wanted for at in range(len(cells)))
+    assert reader.of("summary") == ["uav1: 3 legs, by mission and waypoint"]
 
 
 def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, FlightReport]) -> None:

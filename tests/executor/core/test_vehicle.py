@@ -94,6 +94,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "doubted": None,
             "carried": Carried(),
             "owed": None,
+            "leg_began": None,
+            "flown": (),
         },
     ),
 ]

@@ -1,0 +1,245 @@
+"""One site flown in virtual time, as `faultline fly` would beside `faultline simulate`.
+
+Interviews, missions on board, the flight loop, codec, dialogues, solver, report and vehicles are the product's own.
+What differs: datagrams go through memory, a re-plan takes the same time whatever the computer does, nobody is asked
+before the take-off, nothing is written, and what a loss would mean is not judged beside the flight.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executor.adapters.clock import SystemClock
+from executor.analysis.documents import FlightReport
+from executor.analysis.report import Said, report_of
+from executor.bench.errors import BenchError
+from executor.bench.virtual.loop import run_virtual
+from executor.bench.virtual.radio import MemoryRadio, live
+from executor.bench.virtual.solver import SolverHere
+from executor.core import fleet
+from executor.core.commands import Level, Say
+from executor.core.context import Context
+from executor.core.events import Event
+from executor.core.parts import OnBoard
+from executor.core.ports import EventSink
+from executor.core.preflight.checks import Check, Severity
+from executor.core.state import FleetState
+from executor.flight.flight_order import Order
+from executor.flight.preparing import examined, interviews, load_all
+from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.simulated.fleet import fleet_of
+from executor.simulated.injected import happening_of
+from executor.simulator.config import SimVehicle
+from executor.simulator.truth import Truth
+from executor.simulator.vehicle import SimulatedVehicle
+from executor.site import assembly
+from executor.site.assembly import Ground
+from missions import PlanFile, dialect_for
+
+LIMIT_S = 3 * 3600.0
+"""A flight that takes longer than this is left: no pack lasts as long."""
+STEP_S = 0.1
+"""Of the vehicles' lives between two looks at what they say."""
+STANDS_S = 5.0
+"""After the end of the supervision the vehicles live on for so long: they disarm some seconds after they land."""
+
+
+@dataclass(frozen=True, slots=True)
+class Craft:
+    """One vehicle in the end, by the simulator."""
+
+    charge_pct: float
+    armed: bool
+    wrecked: bool
+    """Whether it crashed, or lies on its back."""
+    from_pad_m: float
+    up_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualFlight:
+    """All that a flight left behind."""
+
+    report: FlightReport
+    context: Context
+    state: FleetState
+    """At the end."""
+    boards: Mapping[str, OnBoard | None]
+    """The first missions."""
+    truths: tuple[Truth, ...]
+    """What really happened; times are seconds of the flight's clock."""
+    crafts: Mapping[str, Craft]
+    said: tuple[tuple[float, Say], ...]
+    """The lines for the crew, by the flight's clock."""
+    launched_s: float
+    """On the flight's clock."""
+    flown_s: float
+    """From the launch to the end of the supervision."""
+    ended: bool
+    """Whether the supervision came to its own end; otherwise it was left at the limit."""
+    took_s: float
+    """Of real time."""
+
+
+class Nowhere:
+    """`ports.EventSink` that keeps nothing."""
+
+    def write(self, event: Event, now_s: float) -> None:
+        """Pass an event over."""
+
+    async def settle(self) -> None:
+        """Nothing is ever lost here."""
+
+
+def fly_virtual(
+    ground: Ground,
+    plan: PlanFile,
+    *,
+    faults: Sequence[str] = (),
+    seed: int = 0,
+    craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
+    sink: EventSink | None = None,
+    limit_s: float = LIMIT_S,
+) -> VirtualFlight:
+    """Fly a plan over a site from the first heartbeat to the end of the supervision.
+
+    The same arguments give the same flight. A vehicle flies again as the site's `fly_again` says; nobody answers
+    offers.
+
+    Args:
+        ground: The site; its speedup is taken to be 1.
+        plan: Over all of its segments, for its vehicles.
+        faults: As ``--fault`` takes them: ``uav2:crash@300s``.
+        seed: Of the links' chance.
+        craft: Changes a simulated vehicle: its charge, its pack, the wind.
+        sink: Where events are written; without it nowhere.
+        limit_s: Of the flight's time after the launch.
+
+    Raises:
+        SimulatorError: a fault cannot be read, or names nobody.
+        PreflightFailed: a vehicle does not become ready.
+        BenchError: the checklist stops the flight.
+    """
+    flight = ground.site.flight.model_copy(update={"speedup": 1.0})
+    ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
+    began_s = time.perf_counter()
+    flown = run_virtual(lambda: _Sky(ground, plan, faults, seed, craft, sink or Nowhere()).fly(limit_s))
+    return replace(flown, took_s=time.perf_counter() - began_s)
+
+
+class _Quiet:
+    """A console that nobody looks at."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show nothing."""
+
+    def checks(self, found: Sequence[Check]) -> None:
+        """Show nothing."""
+
+    def confirm(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
+        """Say yes."""
+        return True
+
+    async def ask(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
+        """Say yes."""
+        return True
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Show nothing."""
+
+    def done(self) -> None:
+        """There is nothing to end."""
+
+
+class _Sky:
+    """A flight on its way."""
+
+    def __init__(
+        self, ground: Ground, plan: PlanFile, faults: Sequence[str], seed: int,
+        craft: Callable[[SimVehicle], SimVehicle], sink: EventSink,
+    ) -> None:  # fmt: skip
+        self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: ())
+        self._sink = sink
+        self._solver = SolverHere(plan.solved.seed, takes_s=ground.site.flight.solve_s)
+        simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
+        setup = assembly.setup_of(ground)
+        self._radios = {}
+        for config in simulated.vehicles:
+            rule = dialect_for(config.autopilot.value).return_parameters
+            height = {rule.height: setup.return_height_m(config.name) / rule.unit_m}
+            raised = replace(config, parameters={**config.parameters, **height})
+            self._radios[config.name] = MemoryRadio(SimulatedVehicle(craft(raised), simulated.faults), config.sysid)
+        self._truths: list[Truth] = []
+        self._said: list[tuple[float, Say]] = []
+
+    async def fly(self, limit_s: float) -> VirtualFlight:
+        """Fly from the first heartbeat to the end."""
+        loop = asyncio.get_running_loop()
+        clock = SystemClock(1.0, 0.0, 0.0, loop.time, (0.0, 0.0))
+        links = {name: radio.link for name, radio in self._radios.items()}
+        for radio in self._radios.values():
+            radio.spare()
+        tasks = [
+            asyncio.create_task(live(self._radios.values(), self._look, every_s=STEP_S)),
+            asyncio.create_task(keep_heartbeat(links, clock)),
+        ]
+        console = _Quiet()
+        try:
+            facts = await interviews(self._order, links, clock, console)
+            context, boards, found = examined(self._order, facts)
+            stops = [check for check in found if check.severity is Severity.STOP]
+            if stops:
+                raise BenchError(f"a flight in virtual time: {stops[0].subject}: {stops[0].text}")
+            await load_all(context, links, clock, boards, console)
+            launched_s = clock.now_s()
+            observer = Observer(lambda line, at_s: self._said.append((at_s, line)), lambda *_: None)
+            flight = Flight(context, fleet.initial(boards), links, clock, self._sink, self._solver, observer)
+            ended = await _to_the_end(flight, launched_s + limit_s)
+            ended_s = clock.now_s()
+            await asyncio.sleep(STANDS_S)
+        finally:
+            for task in tasks:
+                task.cancel()
+            for result in await asyncio.gather(*tasks, return_exceptions=True):
+                if isinstance(result, Exception):
+                    raise result
+        happened = [one for truth in self._truths if (one := happening_of(truth, truth.t_s)) is not None]
+        frames = {name: link.counts for name, link in links.items()}
+        report = report_of(context, flight.state, ended_s, happened, frames, Said(facts, found))
+        crafts = {name: _craft(radio.vehicle) for name, radio in self._radios.items()}
+        return VirtualFlight(
+            report, context, flight.state, boards, tuple(self._truths), crafts, tuple(self._said), launched_s,
+            ended_s - launched_s, ended, 0.0,
+        )  # fmt: skip
+
+    def _look(self, _: float) -> None:
+        for radio in self._radios.values():
+            self._truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+
+
+async def _to_the_end(flight: Flight, until_s: float) -> bool:
+    flying = asyncio.create_task(flight.run())
+    try:
+        async with asyncio.timeout_at(until_s):
+            await asyncio.shield(flying)
+    except TimeoutError:
+        flight.leave()
+        with suppress(asyncio.CancelledError):
+            await flying
+        return False
+    finally:
+        flying.cancel()
+    return True
+
+
+def _craft(vehicle: SimulatedVehicle) -> Craft:
+    frame = vehicle.autopilot.frame
+    body = frame.body
+    away_m = (body.east_m**2 + body.north_m**2) ** 0.5
+    broken = frame.wrecked or frame.crashed_s is not None
+    return Craft(frame.battery.charge_pct, frame.armed, broken, away_m, body.up_m)

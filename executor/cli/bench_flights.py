@@ -1,0 +1,132 @@
+"""The commands `faultline bench prediction` and `window`: whole flights in virtual time."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption, finite
+
+JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")]
+
+
+def prediction(
+    autopilot: Annotated[
+        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
+    ] = None,
+    routes: Annotated[int, typer.Option(min=1, help="Random routes, in flights of 1 to 4 vehicles.")] = 100,
+    seed: SeedOption = 1,
+    network: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="A network beside faultline's own; may be repeated."),
+    ] = None,
+    run: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Measure the recorded flight of a run directory instead; may be repeated."),
+    ] = None,
+    jobs: JobsOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write prediction.md and prediction.json there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure how well time and energy of routes are predicted: planned against flown.
+
+    Random routes of 5 to 40 segments, in wind and over hills, are flown nominally by the executor against simulated
+    vehicles in virtual time. The same seed gives the same figures for any number of processes. Exit 1 if a flight was
+    not nominal: its routes are not counted.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.prediction import measure_prediction, recorded_routes
+    from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
+    from executor.bench.progress import ShownProgress
+
+    if run:
+        command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
+        content = prediction_document(recorded_routes(run), command)
+    else:
+        autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+        with ShownProgress() as shown:
+            flown = measure_prediction(
+                routes, seed, autopilots, [None, *(network or ())], jobs or cores(), partial(shown.told, "flights")
+            )
+        asked = [] if autopilot is None else ["--autopilot", autopilot.value]
+        asked += [part for one in network or () for part in ("--network", one.name)]
+        command = shlex.join([
+            "faultline", "bench", "prediction", *asked, "--routes", str(routes), "--seed", str(seed)
+        ])  # fmt: skip
+        names = ["faultline's own network", *(one.name for one in network or ())]
+        found = [route for flight in flown for route in flight.routes]
+        content = prediction_document(found, command, seed=seed, flights=flown, networks=names)
+    if out is not None:
+        keep_prediction(content, out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print_prediction(content)
+    raise typer.Exit(1 if content["not_nominal"] else 0)
+
+
+def window(
+    network: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
+    ] = None,
+    radius: Annotated[
+        float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
+    ] = 700.0,
+    losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed time, each a flight.")] = 50,
+    before: Annotated[int, typer.Option(min=0, help="Losses before it: what is left over must be named.")] = 0,
+    seed: SeedOption = 1,
+    autopilot: Annotated[
+        AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
+    ] = FIRST_AUTOPILOT,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
+    tightness: Annotated[
+        float,
+        typer.Option(
+            min=0.01, max=1, metavar="SHARE", help="What the best MinMax plan's dearest route takes of the budget."
+        ),
+    ] = 0.85,
+    seconds: SecondsOption = 20.0,
+    jobs: JobsOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write window.md and window.json there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Lose vehicles after the claimed time of a plan's re-plan window, and fly each loss to its end in virtual time.
+
+    A flight has kept the claim if everything was inspected and every other vehicle stands on its pad above its reserve.
+    Exit 1 if one has not, or if something that was left over before the claimed time is not named.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.progress import ShownProgress
+    from executor.bench.window import WindowSettings, claimed, fly_losses, results
+    from executor.bench.window import losses as drawn
+    from executor.bench.windowpage import keep_window, print_window, window_document
+
+    count = jobs or cores()
+    settings = WindowSettings(network, radius, autopilot.value, vehicles, tightness, seconds, seed, count)
+    claim = claimed(settings)
+    with ShownProgress() as shown:
+        flown = fly_losses(claim, drawn(claim, losses, seed), count, partial(shown.told, "losses after"))
+        early = fly_losses(claim, drawn(claim, before, seed, before=True), count, partial(shown.told, "losses before"))
+    command = shlex.join([
+        "faultline", "bench", "window", *([] if network is None else ["--network", network.name]),
+        "--radius", f"{radius:g}", "--losses", str(losses), "--before", str(before), "--seed", str(seed),
+        "--autopilot", autopilot.value, "--vehicles", str(vehicles), "--tightness", f"{tightness:g}",
+    ])  # fmt: skip
+    content = window_document(settings, command, results(claim, flown, early))
+    if out is not None:
+        keep_window(content, out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print_window(content)
+    kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
+    raise typer.Exit(0 if kept else 1)
