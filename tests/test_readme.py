@@ -14,7 +14,7 @@ MEASURED = re.findall(r"^\| (.+?) \| .+? \| \[.+?\]\((docs/results/.+?)\) \|$", 
 PRINTED = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
 FIGURE = re.compile(r"\d+(?:\.\d+)?")
 MARK = re.compile(r"^ *(?:ok|warn|STOP) ")
-CHANGES = re.compile(r"\d+ segments?|uav\d+|run\d+|\w+\.\w+|[\d.,:;%()+]+")
+CHANGES = re.compile(r"\d+ (?:more )?segments?|uav\d+|run\d+|\w+\.\w+|[\d.,:;%()+]+")
 """What differs from flight to flight in a line: names, times, numbers and counts, and the marks between them."""
 
 
