@@ -41,7 +41,7 @@ from missions.heights import implausible, with_heights
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.performance import Performance, Ramp
+from missions.performance import Performance, Ramp, Tuning, tuned
 from missions.planfile import BreakingLoss, PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
 from missions.planjson import plan_document, read_plan, write_plan
 from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
@@ -106,6 +106,7 @@ __all__ = [
     "StartStep",
     "Task",
     "ThresholdUnit",
+    "Tuning",
     "Waypoint",
     "Window",
     "alike",
@@ -147,6 +148,7 @@ __all__ = [
     "read_text",
     "return_over_ground_m",
     "tracks_m",
+    "tuned",
     "with_heights",
     "write_plan",
 ]

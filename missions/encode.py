@@ -10,10 +10,6 @@ from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
 from missions.waypoints import FlightPath, Phase, Waypoint
 
-HOLD_S = 1.0
-"""param1 of a waypoint with a hold. Measured on ArduPilot: with 1 s the next leg's speed is exact from its beginning,
-with 0 the slow-down comes late or never."""
-
 GROUND_SPEED = 1.0
 """param1 of DO_CHANGE_SPEED."""
 THROTTLE_UNCHANGED = -1.0
@@ -101,7 +97,7 @@ def _place(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
     elif point.phase is Phase.LAND:
         command, param2 = Command.NAV_LAND, 0.0
     elif point.hold:
-        param1, param2 = HOLD_S, dialect.stop_radius_m
+        param1, param2 = dialect.performance.hold_s, dialect.stop_radius_m
     has_position = command is not Command.NAV_TAKEOFF or dialect.takeoff_with_position
     return MissionItem(
         seq=seq,

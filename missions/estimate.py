@@ -12,9 +12,6 @@ from missions.pricing import UNKNOWN, FlightModel
 from missions.safety import legs_m
 from missions.waypoints import FlightPath, Phase
 
-STOP_TURN_DEG = 30.0
-"""At a pass-through corner sharper than this the vehicle is taken to come to a stop; both autopilots slow down."""
-
 
 @dataclass(frozen=True, slots=True)
 class LegEstimate:
@@ -51,17 +48,20 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
     at_rest = np.concatenate(([1.0], stops[:-1])) + stops
     speeds = np.array([point.speed_m_s for point in path.waypoints])
     seconds, pct = model.legs(along_m, speeds, at_rest)
+    performance = model.performance
     for index, point in enumerate(path.waypoints):
         if point.phase in (Phase.TAKEOFF, Phase.LAND):
             upright = model.take_off if point.phase is Phase.TAKEOFF else model.landing
             seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
             continue
-        stays_s = model.performance.settle_s * stops[index] + model.performance.hold_s * point.hold
+        more_s = performance.settle_s * stops[index] + performance.hold_s * point.hold
+        before_m = along_m[index - 1] if index and path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
         if index and stops[index - 1]:
-            before_m = along_m[index - 1] if path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
-            stays_s += float(model.performance.turns_s(before_m, along_m[index]))
-        seconds[index] += stays_s
-        pct[index] += stays_s * model.hover_pct_per_s
+            more_s += float(performance.turns_s(before_m, along_m[index]))
+        elif index:
+            more_s += float(performance.corners_s(before_m, along_m[index], speeds[index]))
+        seconds[index] += more_s
+        pct[index] += more_s * model.hover_pct_per_s
     pct = consumption * pct
     legs = tuple(LegEstimate(*leg) for leg in zip(seconds.tolist(), pct.tolist(), strict=True))
     return Estimate(float(seconds.sum()), float(pct.sum()), legs)
@@ -72,6 +72,5 @@ def _stops_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
     if point.hold or point.phase in (Phase.TAKEOFF, Phase.LAND) or index + 1 == len(path.waypoints):
         return True
     before, after = along_m[index, :2], along_m[index + 1, :2]
-    lengths = math.hypot(*before) * math.hypot(*after)
-    # Straight up or down afterwards: the vehicle stands first.
-    return lengths < 1e-6 or float(np.dot(before, after)) / lengths < math.cos(math.radians(STOP_TURN_DEG))
+    # Straight up or down: the vehicle stands first.
+    return math.hypot(*before) * math.hypot(*after) < 1e-6

@@ -10,8 +10,10 @@ autopilots in simulation follow it, see docs/results).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -22,8 +24,21 @@ from missions.validation import Figure
 Above0 = Annotated[Figure, Field(gt=0)]
 From0 = Annotated[Figure, Field(ge=0)]
 SHORT_M = 1e-6
+LEAST_M_S = 0.1
+CORNER_M_S = 8.0
+TINY_S = 1e-12
 STEPS = 8
 """Of Newton's method for legs too short for their speed."""
+
+
+def half_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
+    """Return the sine of half the turn from ``before_m`` to ``after_m`` (..., 2): 0 straight on, 1 back.
+
+    A vector of no length is a direction that nobody knows: it counts as a right angle.
+    """
+    lengths = np.hypot(before_m[..., 0], before_m[..., 1]) * np.hypot(after_m[..., 0], after_m[..., 1])
+    along = before_m[..., 0] * after_m[..., 0] + before_m[..., 1] * after_m[..., 1]
+    return np.asarray(np.sqrt(np.clip(0.5 * (1.0 - along / np.maximum(lengths, SHORT_M)), 0.0, 1.0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,28 +57,35 @@ class Ramp:
         reached = speed_m_s / acceleration + smooth + acceleration / jerk
         return np.asarray(np.where(peak >= acceleration, reached, 2.0 * (smooth + peak / jerk)))
 
-    def short_s(self, length_m: FloatArray, ends: FloatArray) -> FloatArray:
-        """Return the time of lengths on which no speed is held, with 1 or 2 ends at rest."""
-        acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
-        area = 2.0 * length_m / np.maximum(ends, 1)  # the peak's speed times its ramp
-        lag_s = smooth + acceleration / jerk
-        fast = 0.5 * acceleration * (np.sqrt(lag_s**2 + 4.0 * area / acceleration) - lag_s)
-        # area = 2 j q^2 ... with q the peak of the acceleration over the jerk: 2 j q (s + q)^2
-        q = np.cbrt(area / (2.0 * jerk)) + 1e-12
-        for _ in range(STEPS):
-            value = 2.0 * jerk * q * (smooth + q) ** 2 - area
-            q = np.maximum(q - value / (2.0 * jerk * (smooth + q) * (smooth + 3.0 * q)), 1e-12)
-        gentle = jerk * q >= acceleration
-        return np.asarray(ends * np.where(gentle, fast / acceleration + lag_s, 2.0 * (smooth + q)))
+    def rest_s(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """Return the time of lengths at a speed from rest to rest; none takes no time."""
+        ramp_s = self.ramp_s(speed_m_s)
+        short = length_m < speed_m_s * ramp_s
+        whole = length_m / speed_m_s + ramp_s
+        if np.any(short):
+            whole = np.where(short, 2.0 * self._short_ramp_s(length_m), whole)
+        return np.asarray(np.where(length_m > SHORT_M, whole, 0.0))
 
     def leg_s(self, length_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
-        """Return the time of lengths at a speed, with 0, 1 or 2 of their ends at rest; none takes no time."""
-        ramp_s = self.ramp_s(speed_m_s)
-        whole = length_m / speed_m_s + 0.5 * ends * ramp_s
-        short = (ends > 0) & (length_m < 0.5 * ends * speed_m_s * ramp_s)
-        if np.any(short):
-            whole = np.where(short, self.short_s(length_m, ends), whole)
-        return np.asarray(np.where(length_m > SHORT_M, whole, 0.0))
+        """Return the time of lengths at a speed with 0, 1 or 2 of their ends at rest.
+
+        Where an end is passed half a ramp is spared, and on lengths too short for the speed half of that: autopilots
+        fly no faster than they can stop by the end of the leg.
+        """
+        rest_s = self.rest_s(length_m, speed_m_s)
+        return np.asarray(rest_s - 0.5 * (2.0 - ends) * np.minimum(self.ramp_s(speed_m_s), 0.5 * rest_s))
+
+    def _short_ramp_s(self, length_m: FloatArray) -> FloatArray:
+        """Return the ramps of lengths on which no speed is held: two of them cover the length."""
+        acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
+        lag_s = smooth + acceleration / jerk
+        fast_m_s = 0.5 * acceleration * (np.sqrt(lag_s**2 + 4.0 * length_m / acceleration) - lag_s)
+        # Where the acceleration is not reached: length = 2 j q (s + q)^2, with q its peak over the jerk.
+        q = np.cbrt(length_m / (2.0 * jerk)) + TINY_S
+        for _ in range(STEPS):
+            value = 2.0 * jerk * q * (smooth + q) ** 2 - length_m
+            q = np.maximum(q - value / (2.0 * jerk * (smooth + q) * (smooth + 3.0 * q)), TINY_S)
+        return np.asarray(np.where(jerk * q >= acceleration, fast_m_s / acceleration + lag_s, smooth + q + smooth + q))
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +100,19 @@ class Performance:
     """At most, on a leg."""
     descent_m_s: Above0
     turn_s: From0
-    """What beginning a leg at a right angle to the one before it takes after a stop; an about-turn takes twice that."""
+    """What beginning a leg against the direction of the one before it takes after a stop."""
+    turn_power: From0
+    """A turn by an angle takes this power of the sine of its half: 2 is gentle to small turns."""
+    corner_s: From0
+    """What an about-turn would take in passing at `CORNER_M_S`, in proportion to the speed."""
+    corner_power: From0
+    """As for turns."""
     settle_s: From0
     """What a stop takes beyond its ramp, until its hold begins."""
+    accept_m: From0
+    """So far before its end a leg with a stop is over, and its hold begins."""
     hold_s: From0
-    """What a hold of the mission takes then."""
+    """What a hold of the mission takes."""
     spool_s: From0
     """Of a take-off, beyond its climb: the motors, the lift-off, the climb's end."""
     take_off_m_s: Above0
@@ -106,7 +136,9 @@ class Performance:
             speed_m_s: Over the ground, at most: a steep leg is flown as fast as its height allows.
             ends: How many of the two ends are at rest: 0, 1 or 2.
         """
-        level_s = self.level.leg_s(length_m, self.leg_speed_m_s(length_m, rise_m, speed_m_s), ends)
+        speed_m_s = self.leg_speed_m_s(length_m, rise_m, speed_m_s)
+        level_s = self.level.leg_s(length_m, speed_m_s, ends)
+        level_s = np.maximum(0.0, level_s - np.where(ends > 0, self.accept_m / np.maximum(speed_m_s, LEAST_M_S), 0.0))
         steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
         return np.asarray(np.maximum(level_s, self.upright.leg_s(np.abs(rise_m), steepest, ends)))
 
@@ -117,13 +149,13 @@ class Performance:
         return np.asarray(np.minimum(speed_m_s, np.maximum(able, SHORT_M)))
 
     def turns_s(self, before_m: FloatArray, after_m: FloatArray) -> FloatArray:
-        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others.
+        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others."""
+        return np.asarray(self.turn_s * half_sines(before_m, after_m) ** self.turn_power)
 
-        A vector of no length is a direction that nobody knows: it counts as a right angle.
-        """
-        lengths = np.hypot(before_m[..., 0], before_m[..., 1]) * np.hypot(after_m[..., 0], after_m[..., 1])
-        along = before_m[..., 0] * after_m[..., 0] + before_m[..., 1] * after_m[..., 1]
-        return np.asarray(self.turn_s * (1.0 - along / np.maximum(lengths, SHORT_M)))
+    def corners_s(self, before_m: FloatArray, after_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """Return what going on along ``after_m`` (..., 2) takes more at the end of other legs that is passed."""
+        sines = half_sines(before_m, after_m) ** self.corner_power
+        return np.asarray(self.corner_s * sines * speed_m_s / CORNER_M_S)
 
     def take_off_s(self, climb_m: FloatArray) -> FloatArray:
         """Return the times from the order to take off until it stands over its pad."""
@@ -134,3 +166,31 @@ class Performance:
         """Return the times from standing over its pad until its motors have stopped."""
         slow_m = np.minimum(drop_m, self.land_below_m)
         return np.asarray(self.touch_s + slow_m / self.land_m_s + (drop_m - slow_m) / self.land_fast_m_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """A parameter of an autopilot that shapes its flight, and what of its performance is in proportion to it."""
+
+    parameter: str
+    default: float
+    shapes: tuple[str, ...]
+    """Keys of the performance, such as `climb_m_s` and `level.acceleration_m_s2`."""
+
+
+def tuned(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
+    """Return how a vehicle flies by its own parameters; what it did not say, or what makes no sense, is the default."""
+    for tuning in tunings:
+        value = parameters.get(tuning.parameter)
+        if value is None or not (math.isfinite(value) and value > 0):
+            continue
+        for key in tuning.shapes:
+            axis, _, part = key.rpartition(".")
+            factor = value / tuning.default
+            if not axis:
+                performance = replace(performance, **{part: factor * getattr(performance, part)})
+                continue
+            ramp: Ramp = getattr(performance, axis)
+            changes: dict[str, Any] = {axis: replace(ramp, **{part: factor * getattr(ramp, part)})}
+            performance = replace(performance, **changes)
+    return performance

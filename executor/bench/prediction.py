@@ -1,6 +1,6 @@
 """`faultline bench prediction`: what a plan says of a route's time and energy against what is flown.
 
-Random routes are flown nominally in virtual time; time is counted from lift-off to touch-down, energy is all that the
+Random routes are flown nominally in virtual time; time is counted from arming to disarming, energy is all that the
 battery really gave, from the motors' start to their end. What is planned is what the ground station itself goes by: the
 estimate of every leg of the mission on board.
 """
@@ -227,7 +227,7 @@ def _truly(board: OnBoard, name: str, truths: Sequence[Truth]) -> Figures:
     at = {truth.what: truth for truth in truths if truth.vehicle == name}
     planned_s, planned_pct = planned(board)
     given_pct = (at["armed"].charge_pct or 0.0) - (at["disarmed"].charge_pct or 0.0)
-    return Figures(planned_s, at["landed"].t_s - at["took_off"].t_s, planned_pct, given_pct)
+    return Figures(planned_s, at["disarmed"].t_s - at["armed"].t_s, planned_pct, given_pct)
 
 
 def _not_nominal(flight: VirtualFlight) -> str:

@@ -18,7 +18,7 @@ TITLE = "Planned and flown"
 INTRODUCTION = (
     "`{command}`: {routes} routes of 5 to 40 segments over {networks}, flown by the executor against simulated "
     "vehicles in virtual time; half of the flights in a wind of 1 to 6 m/s, half of those over a network that knows "
-    "its heights over made-up hills of 10 to 60 m. Time is from lift-off to touch-down, energy all that the simulated"
+    "its heights over made-up hills of 10 to 60 m. Time is from arming to disarming, energy all that the simulated"
     " battery really gave. What is planned is the estimate of every leg of the mission on board. An error is the size"
     " of flown / planned - 1. The planner's own figures, which plan files hold, are beside it."
 )

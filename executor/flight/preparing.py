@@ -23,7 +23,7 @@ from executor.runtime import preflight as asking
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site, VehicleTable
-from missions import FlightSetup, dialect_for, encode
+from missions import FlightSetup, dialect_for, encode, tuned
 
 T = TypeVar("T")
 
@@ -87,7 +87,10 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
     task, plan = order.plan.task(), order.plan.plan
     dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
     own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
-    context = assembly.context_of(ground, setup, task, own)
+    performances = {
+        name: tuned(dialects[name].performance, dialects[name].tunings, fact.parameters) for name, fact in facts.items()
+    }
+    context = assembly.context_of(ground, setup, task, own, performances)
     boards = _boards(context, assembly.routes_of(ground, task, plan))
     return (
         context,

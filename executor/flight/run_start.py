@@ -18,7 +18,7 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import read_site
 from executor.site.planning import belongs
-from missions import Pad, PlanFile, dialect_for, read_plan
+from missions import Pad, PlanFile, dialect_for, read_plan, tuned
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,12 @@ def beginning(run: Path) -> Beginning:
     own: Mapping[str, LinkFailsafe] = MappingProxyType({
         name: link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
     })  # fmt: skip
-    context = assembly.context_of(ground, setup, task, own)
+    performances = {
+        name: tuned(dialects[name].performance, dialects[name].tunings, row.parameters)
+        for name, row in rows.items()
+        if name in dialects
+    }
+    context = assembly.context_of(ground, setup, task, own, performances)
     routes = assembly.routes_of(ground, task, plan.plan)
     paths = assembly.paths_of(setup, routes)
     boards = {

@@ -211,6 +211,7 @@ def context_of(
     setup: FlightSetup,
     task: Task,
     own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
+    performances: Mapping[str, Performance] = MappingProxyType({}),
 ) -> Context:
     """Return everything that the decisions in flight may look at.
 
@@ -219,6 +220,7 @@ def context_of(
         setup: Heights and pads.
         task: The problem of the first plan.
         own: What vehicles do by themselves in silence, by their name, where they were asked.
+        performances: As `pricing_of` has it.
     """
     site = ground.site
     vehicles: dict[str, VehicleSetup] = {}
@@ -244,7 +246,7 @@ def context_of(
         draws_pct_s=draws_pct_s(ground.drone),
         prior=Prior(),
         wind_m_s=site.inspection.wind_m_s,
-        pricing=pricing_of(ground, setup),
+        pricing=pricing_of(ground, setup, performances),
         wanted=frozenset(task.segment_ids),
         corridor_m=site.inspection.corridor_m,
         inspection_speed_m_s=site.inspection.speed_m_s,

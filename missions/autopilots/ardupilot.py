@@ -18,7 +18,7 @@ from missions.autopilots.failsafes import (
     Words,
 )
 from missions.items import Frame
-from missions.performance import Performance, Ramp
+from missions.performance import Performance, Ramp, Tuning
 
 
 def _ardupilot(number: int) -> ModeNumber:
@@ -138,16 +138,29 @@ ARDUPILOT = Dialect(
         upright=Ramp(acceleration_m_s2=1.0, jerk_m_s3=1.0, smooth_s=0.3),  # WPNAV_ACCEL_Z 100 cm/s/s
         climb_m_s=2.5,  # WPNAV_SPEED_UP 250 cm/s
         descent_m_s=1.5,  # WPNAV_SPEED_DN 150 cm/s
-        turn_s=0.45,  # measured
+        turn_s=0.9,  # measured: 0.45 s for a right angle
+        turn_power=2.0,
+        corner_s=2.8,  # measured at 8 m/s: 0.2, 1.4, 2.1 and 2.5 s for 30, 60, 90 and 150 degrees
+        corner_power=1.0,
         settle_s=0.0,
+        accept_m=0.0,  # the hold's clock starts where the curve ends
         hold_s=1.0,
-        spool_s=6.3,  # measured, from MISSION_START to the next item
+        spool_s=6.3,  # measured, from MISSION_START to the next item; lift-off after 4 s
         take_off_m_s=2.5,  # WPNAV_SPEED_UP
         take_off_below_m=0.0,
         land_m_s=0.5,  # LAND_SPEED 50 cm/s
-        land_below_m=11.6,  # measured: LAND_ALT_LOW 1000 cm, and the way to that speed
+        land_below_m=11.6,  # LAND_ALT_LOW 1000 cm, and the way to that speed
         land_fast_m_s=1.5,  # LAND_SPEED_HIGH 0: WPNAV_SPEED_DN
-        touch_s=2.9,  # measured
+        touch_s=2.7,  # measured: of it 2.4 s from the touch-down until it disarms
+    ),
+    tunings=(
+        Tuning("WPNAV_ACCEL", 250.0, ("level.acceleration_m_s2",)),
+        Tuning("WPNAV_JERK", 1.0, ("level.jerk_m_s3", "upright.jerk_m_s3")),
+        Tuning("WPNAV_ACCEL_Z", 100.0, ("upright.acceleration_m_s2",)),
+        Tuning("WPNAV_SPEED_UP", 250.0, ("climb_m_s", "take_off_m_s")),
+        Tuning("WPNAV_SPEED_DN", 150.0, ("descent_m_s", "land_fast_m_s")),
+        Tuning("LAND_SPEED", 50.0, ("land_m_s",)),
+        Tuning("LAND_ALT_LOW", 1000.0, ("land_below_m",)),
     ),
     oldest_version=(4, 6),
     tested_version="Copter 4.7-dev",

@@ -8,7 +8,7 @@ from enum import Enum
 
 from missions.autopilots.failsafes import BatteryFailsafe, Geofence, GroundStationFailsafe
 from missions.items import Frame
-from missions.performance import Performance
+from missions.performance import Performance, Tuning
 
 
 class StartStep(Enum):
@@ -145,6 +145,8 @@ class Dialect:
     geofence: Geofence
     performance: Performance
     """How it flies missions by its own parameters' defaults."""
+    tunings: tuple[Tuning, ...]
+    """Which parameters change that."""
     oldest_version: tuple[int, int]
     """Major and minor number; what is older was not looked at."""
     tested_version: str

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
 from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
 from missions.items import Frame
-from missions.performance import Performance, Ramp
+from missions.performance import Performance, Ramp, Tuning
 
 
 def _px4(main: int, sub: int) -> ModeNumber:
@@ -64,6 +64,10 @@ PX4_BATTERY = BatteryFailsafe(
 )
 PX4_FENCE = Geofence(enabled_by=("GF_ACTION",), kinds=None, height="GF_MAX_VER_DIST", radius="GF_MAX_HOR_DIST")
 
+STOP_RADIUS_M = 2.0
+"""Of a waypoint with a hold. Farther from a leg's line than this it flies back to the line first (FlightTaskAuto.cpp):
+with 1 m the estimate's wander alone made it do so, for 2 to 10 s on a third of the legs; with 2 m it was not seen."""
+
 PX4 = Dialect(
     name="px4",
     title="PX4",
@@ -73,7 +77,7 @@ PX4 = Dialect(
     command_frame=Frame.MISSION,  # recorded flights
     takeoff_with_position=True,  # recorded flights; NaN would be flown from wherever it stands
     no_yaw=math.nan,  # recorded flights; 0 would be 'face north'
-    stop_radius_m=1.0,  # its own NAV_ACC_RAD of 10 m would end an inspection 10 m early
+    stop_radius_m=STOP_RADIUS_M,  # its own NAV_ACC_RAD of 10 m would end an inspection 10 m early
     pass_radius_m=2.0,  # the columns' margin: corners are cut by less than this
     flag_first=0,  # measured trap: without it a next flight begins where the last one ended
     max_items=500,  # boards with little memory hold 500, others 2000 (dataman)
@@ -122,21 +126,32 @@ PX4 = Dialect(
     ground_station_failsafe=PX4_LINK,
     battery_failsafe=PX4_BATTERY,
     geofence=PX4_FENCE,
-    performance=Performance(  # measured on 300 legs in simulation, two of the same differ by 0.3 s and now and then 2 s
-        level=Ramp(acceleration_m_s2=2.2, jerk_m_s3=5.5),  # with MPC_ACC_HOR 3, MPC_JERK_AUTO 4
+    performance=Performance(  # PositionSmoothing.cpp, TrajMath.hpp; measured on 300 legs in simulation
+        level=Ramp(acceleration_m_s2=2.43, jerk_m_s3=1000.0),  # both ramps as one, with MPC_ACC_HOR 3, MPC_JERK_AUTO 4
         upright=Ramp(acceleration_m_s2=1.5, jerk_m_s3=4.0),  # with MPC_ACC_UP_MAX 4, MPC_ACC_DOWN_MAX 3
         climb_m_s=3.0,  # MPC_Z_V_AUTO_UP
         descent_m_s=1.5,  # MPC_Z_V_AUTO_DN
-        turn_s=0.95,
-        settle_s=0.0,
-        hold_s=1.0,
-        spool_s=5.6,
-        take_off_m_s=1.6,  # MPC_TKO_SPEED 1.5
-        take_off_below_m=20.0,
-        land_m_s=1.25,  # MPC_Z_V_AUTO_DN 1.5 down to MPC_LAND_ALT1, then slower, to MPC_LAND_SPEED 0.7
+        turn_s=2.3,  # measured: it moves on for a while, and its trajectory waits for it
+        turn_power=1.0,
+        corner_s=4.6,  # MPC_XY_TRAJ_P 0.5: it slows down to 3.3 m/s for 30, to 1.7 m/s for 90 degrees
+        corner_power=0.5,
+        settle_s=0.6,
+        accept_m=STOP_RADIUS_M,
+        hold_s=2.0,
+        spool_s=8.4,  # COM_SPOOLUP_TIME 1, MPC_TKO_RAMP_T 3, and the last metres
+        take_off_m_s=1.5,  # MPC_TKO_SPEED
+        take_off_below_m=10.0,  # MPC_LAND_ALT1
+        land_m_s=1.25,  # measured, of MPC_Z_VEL_MAX_DN 1.5
         land_below_m=0.0,
         land_fast_m_s=1.25,
-        touch_s=8.2,
+        touch_s=8.4,  # the last 10 m are slower, down to MPC_LAND_SPEED 0.7; 2 s and more until it disarms
+    ),
+    tunings=(
+        Tuning("MPC_ACC_HOR", 3.0, ("level.acceleration_m_s2",)),
+        Tuning("MPC_Z_V_AUTO_UP", 3.0, ("climb_m_s",)),
+        Tuning("MPC_Z_V_AUTO_DN", 1.5, ("descent_m_s",)),
+        Tuning("MPC_Z_VEL_MAX_DN", 1.5, ("land_m_s", "land_fast_m_s")),
+        Tuning("MPC_TKO_SPEED", 1.5, ("take_off_m_s",)),
     ),
     oldest_version=(1, 15),
     tested_version="PX4 1.17.0",

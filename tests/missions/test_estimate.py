@@ -13,7 +13,8 @@ from tests.missions.builders import FRAME
 EVEN = Ramp(2.5, 1e9)
 """As good as without a jerk: a ramp to 5 m/s takes 2 s."""
 PERFORMANCE = Performance(
-    EVEN, EVEN, climb_m_s=2.0, descent_m_s=1.0, turn_s=0.0, settle_s=0.5, hold_s=1.0, spool_s=3.0, take_off_m_s=1.0,
+    EVEN, EVEN, climb_m_s=2.0, descent_m_s=1.0, turn_s=0.0, turn_power=2.0, corner_s=0.0, corner_power=1.0,
+    settle_s=0.5, accept_m=0.0, hold_s=1.0, spool_s=3.0, take_off_m_s=1.0,
     take_off_below_m=4.0, land_m_s=0.5, land_below_m=5.0, land_fast_m_s=2.0, touch_s=2.0,
 )  # fmt: skip
 STILL = SteadyWind(0.0, 0.0, (0.0, 10.0), (0.1, 0.1))
@@ -77,11 +78,18 @@ def transit(*places: tuple[float, float], model: FlightModel = MODEL) -> float:
     return sum(leg.duration_s for leg in estimate(FlightPath("uav1", tuple(points)), model).legs[1:])
 
 
-def test_a_gentle_corner_is_flown_through_and_a_sharp_one_is_a_stop() -> None:
+def test_a_corner_that_is_passed_takes_more_the_sharper_it_is() -> None:
+    passing = replace(MODEL, performance=replace(PERFORMANCE, corner_s=4.0))
     straight = transit((100, 0))
-    assert transit((50, 0), (100, 0)) == pytest.approx(straight, abs=1e-3)
-    # 100 m around a right angle: one more stop, two ramps of 5 / 5 s.
-    assert transit((50, 0), (50, 50)) == pytest.approx(straight + 2.0 + 0.5, abs=1e-3)
+    assert transit((50, 0), (100, 0), model=passing) == pytest.approx(straight, abs=1e-3)
+    # At 5 m/s, of 4 s at 8 m/s: a right angle has the sine of 45 degrees, an about-turn all.
+    assert transit((50, 0), (50, 50), model=passing) == pytest.approx(straight + 4.0 * 0.5**0.5 * 5.0 / 8.0, abs=1e-3)
+    assert transit((50, 0), (0, 0), model=passing) == pytest.approx(straight + 4.0 * 5.0 / 8.0, abs=1e-3)
+
+
+def test_a_stop_may_count_before_the_end() -> None:
+    early = replace(MODEL, performance=replace(PERFORMANCE, accept_m=2.0))
+    assert transit((100, 0), model=early) == pytest.approx(transit((100, 0)) - 2.0 / 5.0, abs=1e-3)
 
 
 def test_a_leg_too_short_for_its_speed_is_two_ramps() -> None:
@@ -112,12 +120,11 @@ def test_the_jerk_may_be_built_up_too() -> None:
 
 
 def test_after_a_stop_a_turn_takes_its_time() -> None:
-    turning = replace(MODEL, performance=replace(PERFORMANCE, turn_s=1.0))
-    there = transit((50, 0), (50, 50)), transit((50, 0), (50, 50), model=turning)
-    # After the climb nobody knows where it faces: as a right angle, and then one.
-    assert there[1] - there[0] == pytest.approx(2.0, abs=1e-3)
-    back = transit((50, 0), (0, 0)), transit((50, 0), (0, 0), model=turning)
-    assert back[1] - back[0] == pytest.approx(3.0, abs=1e-3)
+    turning = replace(MODEL, performance=replace(PERFORMANCE, turn_s=2.0))
+    home = (FlightPath("uav1", OUT_AND_HOME.waypoints[:4]), FlightPath("uav1", OUT_AND_HOME.waypoints[:3]))
+    more = [estimate(path, turning).duration_s - estimate(path, MODEL).duration_s for path in home]
+    # After the climb nobody knows where it faces: as a right angle; straight on; and back.
+    assert more == pytest.approx([1.0 + 2.0, 1.0], abs=1e-3)
 
 
 def test_a_steep_leg_takes_as_long_as_its_height() -> None:

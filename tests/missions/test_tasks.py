@@ -14,7 +14,8 @@ from tests.missions.builders import depot_vehicle, line_east
 QUICK = Ramp(1e6, 1e9)
 MODEL = FlightModel(
     Performance(
-        QUICK, QUICK, climb_m_s=2.0, descent_m_s=2.0, turn_s=0.0, settle_s=0.5, hold_s=1.0, spool_s=3.0,
+        QUICK, QUICK, climb_m_s=2.0, descent_m_s=2.0, turn_s=0.0, turn_power=1.0, corner_s=0.0, corner_power=1.0,
+        settle_s=0.5, accept_m=0.0, hold_s=1.0, spool_s=3.0,
         take_off_m_s=2.0, take_off_below_m=10.0, land_m_s=0.5, land_below_m=5.0, land_fast_m_s=2.0, touch_s=2.0,
     ),
     SteadyWind(0.0, 0.0, (0.0, 100.0), (0.1, 0.1)), 10.0, 2.0,
@@ -69,7 +70,7 @@ def test_a_steep_way_takes_as_long_as_its_height() -> None:
 
 
 def test_turning_on_the_spot_takes_its_time() -> None:
-    turning = replace(MODEL, performance=replace(MODEL.performance, turn_s=1.0))
+    turning = replace(MODEL, performance=replace(MODEL.performance, turn_s=2.0, turn_power=2.0))
     towards = pricing()
     task = open_task(
         replace(towards, models=dict.fromkeys(towards.models, turning)), range(3), [depot_vehicle("uav1", 80.0)]

@@ -1,0 +1,27 @@
+"""How vehicles fly by their own parameters."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from missions import ARDUPILOT, PX4, Dialect, tuned
+
+
+def test_what_is_set_on_board_shapes_the_flight() -> None:
+    own = tuned(ARDUPILOT.performance, ARDUPILOT.tunings, {"WPNAV_ACCEL": 100.0, "WPNAV_SPEED_DN": 300.0})
+    assert own.level.acceleration_m_s2 == pytest.approx(1.0)
+    assert (own.descent_m_s, own.land_fast_m_s) == pytest.approx((3.0, 3.0))
+    assert own.climb_m_s == ARDUPILOT.performance.climb_m_s
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_what_makes_no_sense_is_taken_as_the_default(value: float) -> None:
+    assert tuned(PX4.performance, PX4.tunings, {"MPC_ACC_HOR": value, "SOMETHING": 3.0}) == PX4.performance
+
+
+@pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: dialect.name)
+def test_the_defaults_change_nothing(dialect: Dialect) -> None:
+    defaults = {tuning.parameter: tuning.default for tuning in dialect.tunings}
+    assert tuned(dialect.performance, dialect.tunings, defaults) == dialect.performance
