@@ -64,9 +64,9 @@ PX4_BATTERY = BatteryFailsafe(
 )
 PX4_FENCE = Geofence(enabled_by=("GF_ACTION",), kinds=None, height="GF_MAX_VER_DIST", radius="GF_MAX_HOR_DIST")
 
-STOP_RADIUS_M = 2.0
+STOP_RADIUS_M = 3.0
 """Of a waypoint with a hold. Farther from a leg's line than this it flies back to the line first (FlightTaskAuto.cpp):
-with 1 m the estimate's wander alone made it do so, for 2 to 10 s on a third of the legs; with 2 m it was not seen."""
+with 1 m the estimate's wander alone made it do so, for 2 to 10 s on a third of the legs, with 2 m now and then."""
 
 PX4 = Dialect(
     name="px4",
@@ -135,7 +135,7 @@ PX4 = Dialect(
         turn_power=1.0,
         corner_s=4.6,  # MPC_XY_TRAJ_P 0.5: it slows down to 3.3 m/s for 30, to 1.7 m/s for 90 degrees
         corner_power=0.5,
-        settle_s=0.6,
+        settle_s=1.0,  # measured
         accept_m=STOP_RADIUS_M,
         hold_s=2.0,
         spool_s=8.4,  # COM_SPOOLUP_TIME 1, MPC_TKO_RAMP_T 3, and the last metres

@@ -155,8 +155,9 @@ def _offer(
 ) -> Survivor:
     setup = context.vehicles[state.name]
     remaining = state.power.battery.remaining_pct or 0.0
-    left = min(remaining - setup.reserve_pct, setup.budget_pct - state.power.battery.used_pct)
-    budget = left - spent_pct - QUANTUM_PCT
+    # What is never touched is the reserve, so that it is the one that a rounded report is held against.
+    left = min(remaining - QUANTUM_PCT - setup.reserve_pct, setup.budget_pct - state.power.battery.used_pct)
+    budget = left - spent_pct
     tail: tuple[int, ...] = ()
     if state.assignment.board is not None and airborne:
         ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
