@@ -52,7 +52,7 @@ from executor.flight.linking import check_backends
 from executor.flight.next_sortie import next_sortie, sortie_words
 from executor.flight.parameter_changes import check_run, still_open
 from executor.runtime import turns
-from executor.simulated.demo_site import check_faults, demo_site, simulated_fleet
+from executor.simulated.demo_site import USUAL_RADIUS_M, USUAL_VEHICLES, check_faults, demo_site, simulated_fleet
 from executor.simulated.injected import happenings
 from executor.site import assembly
 from executor.site.config import check_site, read_site, signing_key
@@ -69,8 +69,8 @@ def demo(
     ] = None,
     radius: Annotated[
         float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
-    ] = 700.0,
-    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
+    ] = USUAL_RADIUS_M,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = USUAL_VEHICLES,
     speedup: Annotated[
         float,
         typer.Option(
