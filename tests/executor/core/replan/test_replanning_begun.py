@@ -79,7 +79,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
-                    survivors=(replace(ITS_OFFER, budget_pct=73.1078, most_pct=73.1886),),
+                    survivors=(ITS_OFFER,),
                     trigger="assigned to no vehicle: segments 2, 3, 4, 5",
                 ),
             ],
@@ -101,7 +101,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
-                    survivors=(replace(ITS_OFFER, budget_pct=73.1078, most_pct=73.1886),),
+                    survivors=(ITS_OFFER,),
                     trigger="uav3: gone",
                 ),
             ],
@@ -124,7 +124,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(),
-                    survivors=(replace(ITS_OFFER, budget_pct=73.1078, most_pct=73.1886),),
+                    survivors=(ITS_OFFER,),
                     trigger="page asks for it",
                 ),
             ],
