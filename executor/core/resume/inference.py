@@ -26,8 +26,6 @@ from planner import segment_of
 
 LEAST_TOLERANCE_S = 2.0
 """The hold of a second at either end of the time, and a second between two reports of the index."""
-TOLERANCE = 1.0 - 1.0 / SPEED_FACTOR
-"""Share of a segment's time that is won by flying it just too fast to count."""
 ENERGY_TOLERANCE = 0.15
 """How far a landed vehicle's use may be from what its mission should have cost: take-off and descent are estimates."""
 ENERGY_TOLERANCE_PCT = 2.0
@@ -93,8 +91,10 @@ def _in_time(context: Context, before: Before, fix: Fix, board: OnBoard, waypoin
     tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))
     early_s = tolerance_s
     if waypoint == before.waypoint:
-        # A part of one segment between two known places: how fast it was flown is known as well.
-        early_s = TOLERANCE * expected_s + NOISE_M / context.inspection_speed_m_s
+        # A part of one segment between two known places: how fast it was flown is known as well, as it is by positions.
+        # Its share of the segment's time is no measure: that has the hold in it, and the ramps at both ends.
+        between_m = math.dist(before.fix.place_m, fix.place_m)
+        early_s = expected_s - (between_m - NOISE_M) / (SPEED_FACTOR * context.inspection_speed_m_s)
     if not -early_s <= elapsed_s - expected_s <= tolerance_s:
         return Inferred(why_not=f"it took {elapsed_s:.0f} s where its way takes {expected_s:.0f} s")
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
