@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from executor.core import fleet
 from executor.core.commands import (
     AskStreams,
@@ -155,13 +157,19 @@ class Craft:
             self.wait_s -= step_s
             return
         point = self.path.waypoints[self.leg]
-        if not self._toward(self.goals_m[self.leg], point.speed_m_s * self.speed, step_s):
+        speed_m_s = self._landing_m_s() if point.phase is Phase.LAND else point.speed_m_s
+        if not self._toward(self.goals_m[self.leg], speed_m_s * self.speed, step_s):
             return
         self.wait_s = HOLD_S if point.hold else 0.0
         if self.leg + 1 < len(self.path.waypoints):
             self.leg += 1
         else:
             self.armed = False
+
+    def _landing_m_s(self) -> float:
+        """Return how fast it comes down so that its landing takes as long as those of its autopilot."""
+        drop_m = self.goals_m[-2][2]
+        return float(drop_m / self.context.pricing.models[self.name].performance.landing_s(np.array(drop_m)))
 
     def _home(self, step_s: float) -> None:
         pad = self.context.vehicles[self.name].pad_m

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from executor.core.battery import account
 from executor.core.context import Context
 from executor.core.coverage import NOISE_M, SPEED_FACTOR, Run, Sample, run_joined
@@ -24,8 +26,6 @@ from planner import segment_of
 
 LEAST_TOLERANCE_S = 2.0
 """The hold of a second at either end of the time, and a second between two reports of the index."""
-TOLERANCE = 1.0 - 1.0 / SPEED_FACTOR
-"""Share of a segment's time that is won by flying it just too fast to count."""
 ENERGY_TOLERANCE = 0.15
 """How far a landed vehicle's use may be from what its mission should have cost: take-off and descent are estimates."""
 ENERGY_TOLERANCE_PCT = 2.0
@@ -88,11 +88,13 @@ def _in_time(context: Context, before: Before, fix: Fix, board: OnBoard, waypoin
         return NOTHING
     expected_s = _left_s(board, before.waypoint, before.fix) - _left_s(board, waypoint, fix)
     expected_s += sum(leg.duration_s for leg in board.legs[before.waypoint + 1 : waypoint + 1])
-    tolerance_s = _tolerance_s(board, (*visits, *(() if joins is None else (joins,))))
+    tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))
     early_s = tolerance_s
     if waypoint == before.waypoint:
-        # A part of one segment between two known places: how fast it was flown is known as well.
-        early_s = TOLERANCE * expected_s + NOISE_M / context.inspection_speed_m_s
+        # A part of one segment between two known places: how fast it was flown is known as well, as it is by positions.
+        # Its share of the segment's time is no measure: that has the hold in it, and the ramps at both ends.
+        between_m = math.dist(before.fix.place_m, fix.place_m)
+        early_s = expected_s - (between_m - NOISE_M) / (SPEED_FACTOR * context.inspection_speed_m_s)
     if not -early_s <= elapsed_s - expected_s <= tolerance_s:
         return Inferred(why_not=f"it took {elapsed_s:.0f} s where its way takes {expected_s:.0f} s")
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
@@ -142,7 +144,7 @@ def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, boa
     first = board.legs[before.waypoint]
     expected_s = left * first.duration_s + sum(leg.duration_s for leg in rest)
     visits = _passed(before, board, len(board.legs))
-    if elapsed_s < expected_s - _tolerance_s(board, visits):
+    if elapsed_s < expected_s - _tolerance_s(context, board, visits):
         return Inferred(why_not=f"{elapsed_s:.0f} s are too short for its way of {expected_s:.0f} s")
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return Inferred(why_not="its consumption is not known")
@@ -180,17 +182,17 @@ def _passed(before: Before, board: OnBoard, waypoint: int) -> tuple[int, ...]:
     return tuple(visits)
 
 
-def _tolerance_s(board: OnBoard, visits: tuple[int, ...]) -> float:
-    """Return how far a time may be off: less than any one of the segments flown too fast would make it."""
-    shortest_s = min(
-        (
-            board.legs[index].duration_s
-            for index, point in enumerate(board.path.waypoints)
-            if point.phase is Phase.INSPECT and point.visit in visits
-        ),
-        default=0.0,
+def _tolerance_s(context: Context, board: OnBoard, visits: tuple[int, ...]) -> float:
+    """Return how far a time may be off: less than any one of the segments flown too fast would make it.
+
+    Their holds, and what it takes to reach their speed and to lose it, are as long at any speed, or longer.
+    """
+    shortest_m = min((board.tracks[visit].length_m for visit in visits), default=0.0)
+    performance = context.pricing.models[board.path.vehicle].performance
+    usual_s, fast_s = performance.level.rest_s(
+        np.full(2, shortest_m), context.inspection_speed_m_s * np.array((1.0, SPEED_FACTOR))
     )
-    return max(LEAST_TOLERANCE_S, TOLERANCE * shortest_s)
+    return max(LEAST_TOLERANCE_S, float(usual_s - fast_s))
 
 
 def _left_s(board: OnBoard, waypoint: int, fix: Fix) -> float:

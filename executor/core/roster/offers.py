@@ -63,10 +63,12 @@ def open_segments(context: Context, state: FleetState) -> frozenset[int]:
 
 def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    spare_pct = replanning.from_its_pad(context, vehicle).budget_pct
-    task = open_task(context.pricing, segments, (Vehicle(vehicle.name, (0.0, 0.0), spare_pct),))
+    offer = replanning.from_its_pad(context, vehicle)
+    alone = Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption)
+    task = open_task(context.pricing, segments, (alone,))
     alone_pct = (task.instance.start_pct[0] + task.instance.home_pct[0]).reshape(-1, 2).min(axis=1)
-    return frozenset(segment for segment, pct in zip(task.segment_ids, alone_pct, strict=True) if pct <= spare_pct)
+    pairs = zip(task.segment_ids, alone_pct, strict=True)
+    return frozenset(segment for segment, pct in pairs if pct <= alone.budget_pct)
 
 
 def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:

@@ -239,7 +239,7 @@ ROWS = [
         with_facts(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
         Tick(),
         [
-            Say(Level.WARNING, "uav1: what it flew meanwhile does not count: 70 s are too short for its way of 154 s"),
+            Say(Level.WARNING, "uav1: what it flew meanwhile does not count: 70 s are too short for its way of 179 s"),
             Say(
                 Level.FAULT,
                 (
@@ -345,7 +345,7 @@ ROWS = [
             fix=replace(at(), place_m=(250.0, -5.0)),
         ),
         Tick(),
-        [Say(Level.WARNING, "uav1: what it flew meanwhile does not count: it took 60 s where its way takes 36 s")],
+        [Say(Level.WARNING, "uav1: what it flew meanwhile does not count: it took 60 s where its way takes 38 s")],
         {"uav1": {"before": None, "runs_broken": ((0, "no position for 60.0 s"),)}},
         {},
     ),

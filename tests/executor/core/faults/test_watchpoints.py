@@ -124,9 +124,9 @@ ROWS = [
     Row(
         "reserve",
         flying(battery=pack(14.0, 14.0)),
-        "would land with 10 % of its battery, give or take 1.7, reserve 15 %: below it by 99 % probability",
+        "would land with 9 % of its battery, give or take 1.7, reserve 15 %: below it by 100 % probability",
         unknown=flying(battery=pack(14.0, age_s=7.5)),
-        hangs=flying(battery=pack(16.5, 16.5)),
+        hangs=flying(battery=pack(17.3, 17.3)),
     ),
     Row(
         "battery-reports",

@@ -291,7 +291,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what is left after the flight",
         lambda: [checks.left_pct(CONTEXT, path, 50.0) for path in (None, PATH)],
-        [None, 44.332],
+        [None, 43.1177],
     ),
     (
         "whether its battery is enough",
@@ -301,9 +301,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             ["ok: stays on the ground as a spare, battery 80 %"],
-            ["ok: battery 80 %, flight 2.7 min and 6 %, lands with 74 %"],
-            [("stop: battery 18 %, flight 2.7 min and 6 %, lands with 12 %, expected at least the reserve of 15 %")],
-            ["ok: battery 22 %, flight 2.7 min and 6 %, lands with 16 %"],
+            ["ok: battery 80 %, flight 3.2 min and 7 %, lands with 73 %"],
+            [("stop: battery 18 %, flight 3.2 min and 7 %, lands with 11 %, expected at least the reserve of 15 %")],
+            ["ok: battery 22 %, flight 3.2 min and 7 %, lands with 15 %"],
         ],
     ),
     (

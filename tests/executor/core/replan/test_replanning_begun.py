@@ -33,7 +33,9 @@ from tests.executor.core.vehicles import FLEET, NOW_S, flying
 CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}
 ON_ITS_WAY = flying()
-ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3, most_pct=73.1888)
+ITS_OFFER = Survivor(
+    "uav1", (200.0, -5.0), 73.1078, 0.999996, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
+)
 PROVEN = dict.fromkeys(range(6), "uav3")
 UNSOLVED = plan_of(solve_s=None, solved_s=0.0)
 
@@ -77,7 +79,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
-                    survivors=(replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886),),
+                    survivors=(ITS_OFFER,),
                     trigger="assigned to no vehicle: segments 2, 3, 4, 5",
                 ),
             ],
@@ -99,7 +101,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
-                    survivors=(replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886),),
+                    survivors=(ITS_OFFER,),
                     trigger="uav3: gone",
                 ),
             ],
@@ -122,7 +124,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Solve(
                     revision=1,
                     open_segments=(),
-                    survivors=(replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886),),
+                    survivors=(ITS_OFFER,),
                     trigger="page asks for it",
                 ),
             ],
@@ -175,12 +177,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         Survivor(
                             vehicle="uav1",
                             start_m=(261.5, 15.4),
-                            budget_pct=73.0157,
-                            consumption=1.12826,
+                            budget_pct=74.0,
+                            consumption=0.999996,
                             airborne=True,
                             tail=(),
                             kept=4,
-                            most_pct=74.0157,
+                            most_pct=75.0,
+                            start_up_m=20.0,
                         ),
                     ),
                     trigger="not proven to be inspected: segment 0",
@@ -211,12 +214,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         Survivor(
                             vehicle="uav1",
                             start_m=(261.5, 15.4),
-                            budget_pct=73.0157,
-                            consumption=1.12826,
+                            budget_pct=74.0,
+                            consumption=0.999996,
                             airborne=True,
                             tail=(),
                             kept=4,
-                            most_pct=74.0157,
+                            most_pct=75.0,
+                            start_up_m=20.0,
                         ),
                     ),
                     trigger="not proven to be inspected: segment 0",
@@ -262,12 +266,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         Survivor(
                             vehicle="uav1",
                             start_m=(261.5, 15.4),
-                            budget_pct=73.0157,
-                            consumption=1.12826,
+                            budget_pct=74.0,
+                            consumption=0.999996,
                             airborne=True,
                             tail=(),
                             kept=4,
-                            most_pct=74.0157,
+                            most_pct=75.0,
+                            start_up_m=20.0,
                         ),
                     ),
                     trigger="not proven to be inspected: segment 1",

@@ -32,7 +32,9 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
 
 CONTEXT = FLEET.context
-ITS_OFFER = Survivor("uav1", (200.0, -5.0), 72.1888, 1.12826, airborne=True, tail=(2,), kept=3, most_pct=73.1888)
+ITS_OFFER = Survivor(
+    "uav1", (200.0, -5.0), 73.1078, 0.999996, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
+)
 STANDS = landed(stage=Stage.LANDED, fix=LOW)
 ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
 
@@ -53,12 +55,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=72.5918,
-            consumption=1.12826,
+            budget_pct=74.0,
+            consumption=0.999996,
             airborne=False,
             tail=(),
             kept=0,
-            most_pct=73.5918,
+            most_pct=75.0,
         ),
     ),
     (
@@ -67,12 +69,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=72.5918,
-            consumption=1.12826,
+            budget_pct=74.0,
+            consumption=0.999996,
             airborne=False,
             tail=(),
             kept=0,
-            most_pct=73.5918,
+            most_pct=75.0,
         ),
     ),
     (
@@ -81,12 +83,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=72.5918,
-            consumption=1.12826,
+            budget_pct=74.0,
+            consumption=0.999996,
             airborne=False,
             tail=(),
             kept=0,
-            most_pct=73.5918,
+            most_pct=75.0,
         ),
     ),
     ("who stands there and was not cleared", lambda: offered(STANDS, CREW), None),
@@ -96,12 +98,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=72.5918,
-            consumption=1.12826,
+            budget_pct=74.0,
+            consumption=0.999996,
             airborne=False,
             tail=(),
             kept=0,
-            most_pct=73.5918,
+            most_pct=75.0,
         ),
     ),
     ("who was cleared longer ago", lambda: offered(with_facts(STANDS, cleared_s=NOW_S - 60.1), CREW), None),
@@ -118,21 +120,21 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("who returns", lambda: offered(flying(stage=Stage.RETURNING)), None),
     ("who has no mission in the air", lambda: offered(flying(board=None)), None),
     ("who has no position in the air", lambda: offered(flying(fix=None)), None),
-    ("who inspects keeps that", lambda: offered(flying()), replace(ITS_OFFER, budget_pct=72.1886, most_pct=73.1886)),
+    ("who inspects keeps that", lambda: offered(flying()), ITS_OFFER),
     (
         "who is on its way to an inspection keeps that",
         lambda: offered(ON_ITS_WAY),
-        replace(ITS_OFFER, budget_pct=71.3069, most_pct=72.3069),
+        replace(ITS_OFFER, budget_pct=72.1154, most_pct=73.1154),
     ),
     (
         "who climbs keeps its first inspection",
         lambda: offered(flying(waypoint=0, fix=over_pad(5.0))),
-        replace(ITS_OFFER, budget_pct=70.7416, most_pct=71.7416),
+        replace(ITS_OFFER, budget_pct=71.2622, most_pct=72.2622),
     ),
     (
         "who starts keeps its first inspection, whatever its mode",
         lambda: offered(flying(stage=Stage.STARTING, waypoint=0, fix=over_pad(5.0), heartbeat=beat(4))),
-        replace(ITS_OFFER, budget_pct=70.7416, most_pct=71.7416),
+        replace(ITS_OFFER, budget_pct=71.2622, most_pct=72.2622),
     ),
     ("who flies in another mode", lambda: offered(flying(heartbeat=beat(HOLD))), None),
     ("whose mode is old", lambda: offered(flying(heartbeat_s=NOW_S - 3.5)), None),
@@ -142,12 +144,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who ends its inspection in time",
         lambda: offered(flying(fix=far(3.6))),
-        replace(ITS_OFFER, budget_pct=72.8778, most_pct=73.8778),
+        replace(ITS_OFFER, budget_pct=73.8513, most_pct=74.8513),
     ),
     (
         "who ends its inspection before an upload is over keeps the next one",
         lambda: offered(flying(fix=far(2.4))),
-        replace(ITS_OFFER, budget_pct=72.9238, most_pct=73.9238),
+        replace(ITS_OFFER, budget_pct=73.9009, most_pct=74.9009),
     ),
     (
         "who inspects the last one",
@@ -155,12 +157,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(300.0, -5.0),
-            budget_pct=72.3774,
-            consumption=1.12826,
+            budget_pct=73.3116,
+            consumption=0.999996,
             airborne=True,
             tail=(),
             kept=4,
-            most_pct=73.3774,
+            most_pct=74.3116,
+            start_up_m=15.0,
         ),
     ),
     (
@@ -169,12 +172,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(300.0, -5.0),
-            budget_pct=73.0029,
-            consumption=1.12826,
+            budget_pct=73.9862,
+            consumption=0.999996,
             airborne=True,
             tail=(),
             kept=4,
-            most_pct=74.0029,
+            most_pct=74.9862,
+            start_up_m=15.0,
         ),
     ),
     (
@@ -183,12 +187,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(261.5, 15.4),
-            budget_pct=73.0157,
-            consumption=1.12826,
+            budget_pct=74.0,
+            consumption=0.999996,
             airborne=True,
             tail=(),
             kept=4,
-            most_pct=74.0157,
+            most_pct=75.0,
+            start_up_m=20.0,
         ),
     ),
     ("who is on its way home and nearly there", lambda: offered(flying(waypoint=4, fix=over_pad(15.0))), None),
@@ -200,12 +205,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=12.5918,
-            consumption=1.12826,
+            budget_pct=4.0,
+            consumption=1.0,
             airborne=False,
             tail=(),
             kept=0,
-            most_pct=13.5918,
+            most_pct=15.0,
         ),
     ),
     (
@@ -215,7 +220,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(0.0, 0.0),
             budget_pct=0.0,
-            consumption=1.12826,
+            consumption=1.0,
             airborne=False,
             tail=(),
             kept=0,
@@ -228,12 +233,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=2.59176,
-            consumption=1.12826,
+            budget_pct=4.0,
+            consumption=1.0,
             airborne=False,
             tail=(),
             kept=0,
-            most_pct=3.59176,
+            most_pct=5.0,
         ),
     ),
     (
@@ -244,12 +249,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(200.0, -5.0),
-            budget_pct=71.775,
-            consumption=1.69239,
+            budget_pct=72.6617,
+            consumption=1.5,
             airborne=True,
             tail=(2,),
             kept=3,
-            most_pct=72.775,
+            most_pct=73.6617,
+            start_up_m=15.0,
         ),
     ),
     (

@@ -13,6 +13,7 @@ from executor.core.intents import Action
 from executor.core.replan import what_if
 from executor.core.view import fleet_view
 from executor.runtime.outlook import keep_judging
+from missions import Pricing
 from tests.executor.builders import THREE, with_facts
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
@@ -79,7 +80,8 @@ class Beside:
     def apply(self, event: LossJudged) -> None:
         self.story.happen(event)
 
-    async def judge(self, problem: Solve) -> tuple[int, ...] | None:
+    async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
+        assert pricing is self.context.pricing
         self.asked.append(problem)
         await asyncio.sleep(0.5)
         return self.answer

@@ -87,7 +87,7 @@ def test_what_is_heard_without_a_gap_needs_no_evidence() -> None:
 
 def test_who_landed_meanwhile_flew_its_mission() -> None:
     flight = under_way(fleet_of(faults={"link_timeout_s": 300.0}))
-    silent(flight, 150.0)
+    silent(flight, 160.0)
     assert not flight.crafts["uav2"].armed
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING

@@ -19,6 +19,7 @@ ASK: dict[str, object] = {"fly_again": "ask"}
 def one_left(**flight: object) -> Story:
     """Return a flight in which uav1 and uav3 have landed and uav2 is lost with work left."""
     told = story(fleet_of(UNEQUAL, flight={**ASK, **flight}))
+    told.crafts["uav2"].speed = 0.9  # the others are down while it has two segments left
     told.run(lambda: told.stage("uav1") is Stage.LANDED and told.stage("uav3") is Stage.LANDED)
     told.crafts["uav2"].mute = True
     told.run(lambda: told.stage("uav2") is Stage.LOST)

@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
+from executor.core.battery import kalman
 from executor.core.battery.account import BatteryState
+from executor.core.battery.kalman import Prior
 from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.roster import offers
@@ -41,6 +43,11 @@ LANDS = with_facts(SECOND, waypoint=4)
 
 def idle(one: VehicleState, context: Context = CREW) -> bool:
     return offers.idle(context, one, NOW_S)
+
+
+def greedy(factor: float) -> BatteryState:
+    """Return a battery at 22 % that gives so many times what the model says."""
+    return replace(pack(22.0), estimate=kalman.first_estimate(22.0, Prior(factor, 0.1)))
 
 
 def looked(*vehicles: VehicleState, context: Context = CREW, **given: Any) -> Stepped:
@@ -136,7 +143,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             sorted(offers.within_reach(CREW, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))))
             for percent in (17.0, 19.0, 19.5, 20.0, 20.5, 21.0, 22.0)
         ],
-        [[], [], [], [], [0], [0], [0, 1, 2]],
+        [[], [], [], [], [], [], [0, 1]],
+    ),
+    (
+        "what one can reach that uses more than the model",
+        lambda: [
+            sorted(offers.within_reach(CREW, with_facts(STANDS, battery=greedy(factor)), frozenset(range(6))))
+            for factor in (1.0, 1.1, 1.2)
+        ],
+        [[0, 1], [0], []],
     ),
     (
         "who has not reported its battery reaches nothing",
