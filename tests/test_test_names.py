@@ -189,6 +189,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/planjson.py",
     ),
     "tests/missions/test_routes.py": ("missions/setup.py",),
+    "tests/missions/test_tasks.py": ("missions/pricing.py",),
     "tests/planner/test_exact.py": ("planner/partition.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp.py",),
     "tests/planner/test_large.py": (
