@@ -278,7 +278,7 @@ def _findings(content: PlanFile) -> Iterator[str]:
         figures.append((f"cost.value ({content.cost_name})", content.cost_value, content.window.earliest_s))
     if content.window is not None:
         longest_s = evaluation.longest_route_s
-        window_pct = 100.0 * (longest_s - content.window.earliest_s) / longest_s if longest_s > 0 else 100.0
+        window_pct = 100.0 * ((longest_s - content.window.earliest_s) / longest_s) if longest_s > 0 else 100.0
         figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
         figures.append(("window.window_pct", content.window.window_pct, window_pct))
     for name, written, computed in figures:

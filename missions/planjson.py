@@ -44,6 +44,10 @@ def _is_zero(value: float) -> bool:
     return value == 0
 
 
+def _is_nowhere(along_m: Pair) -> bool:
+    return along_m == (0, 0)
+
+
 Above0 = Annotated[Figure, Field(gt=0)]
 Speed = Annotated[Figure, Field(ge=0.001)]
 Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
@@ -109,6 +113,8 @@ class VehiclePart(_Part):
     """Whether it flies already, and so pays its way home in any case."""
     start_up_m: Annotated[Figure, Field(exclude_if=_is_zero)] = 0.0
     """In the air: its height there, as `model` counts heights."""
+    facing_m: Annotated[Pair, Field(exclude_if=_is_nowhere)] = (0.0, 0.0)
+    """In the air: along which it arrived there, metres east and north; without it nobody knows."""
 
 
 class VisitPart(_Part):
@@ -320,6 +326,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
                 1.0 if vehicle.consumption is None else vehicle.consumption,
                 vehicle.airborne,
                 vehicle.start_up_m,
+                vehicle.facing_m,
             )
             for vehicle in document.vehicles
         ),

@@ -198,7 +198,8 @@ class FlownMoves:
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
     """Return the planning problem of all segments of a pricing.
 
-    A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``.
+    A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``, turned
+    along its ``facing_m``.
 
     Args:
         pricing: Of at least these vehicles.
@@ -223,8 +224,9 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
-            start[:, row] = model.moves(here_m, UNKNOWN, first_m, last_m)
-            idle[:, row] = model.ways_home(here_m, UNKNOWN, base)
+            facing_m = np.array([*vehicle.facing_m, 0.0])
+            start[:, row] = model.moves(here_m, facing_m, first_m, last_m)
+            idle[:, row] = model.ways_home(here_m, facing_m, base)
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),

@@ -45,6 +45,8 @@ class Vehicle:
     """An airborne vehicle pays its way home even when it is given no visit."""
     start_up_m: float = 0.0
     """Height of its start, where moves count heights."""
+    facing_m: tuple[float, float] = (0.0, 0.0)
+    """Along which it arrived there, east and north; of no length where nobody knows."""
 
 
 @dataclass(frozen=True, slots=True)

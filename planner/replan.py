@@ -200,8 +200,17 @@ def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
     if visit is not None:
         east_m, north_m, up_m = (float(coordinate) for coordinate in instance.end_m[visit])
+        east_along_m, north_along_m = (
+            float(along) for along in (instance.end_m[visit] - instance.end_m[visit ^ 1])[:2]
+        )
         return _Start(
-            replace(vehicle, start_m=(east_m, north_m), start_up_m=up_m, airborne=True),
+            replace(
+                vehicle,
+                start_m=(east_m, north_m),
+                start_up_m=up_m,
+                facing_m=(east_along_m, north_along_m),
+                airborne=True,
+            ),
             instance.moves.seconds(profile, visit, every),
             vehicle.consumption * instance.moves.pct(profile, visit, every),
             float(instance.home_s[number, visit]),
@@ -210,7 +219,7 @@ def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
     if not survivor.completed and not vehicle.airborne:
         return _Start(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
     return _Start(
-        replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, airborne=False),
+        replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, facing_m=(0.0, 0.0), airborne=False),
         instance.depot_s[number],
         vehicle.consumption * instance.depot_pct[number],
         0.0,

@@ -58,7 +58,7 @@ class ReplanWindow:
     def _share_pct(self, earliest_s: float) -> float:
         if self.longest_route_s <= 0:
             return 100.0
-        return 100.0 * (self.longest_route_s - earliest_s) / self.longest_route_s
+        return 100.0 * ((self.longest_route_s - earliest_s) / self.longest_route_s)
 
 
 @dataclass(frozen=True, slots=True)

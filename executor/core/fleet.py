@@ -6,18 +6,15 @@ events fed to `step` again gives the same commands.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import leg_times
-from executor.core.carried import Carried
-from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome, Start
-from executor.core.context import Context, FlyAgain
+from executor.core import launching, leg_times
+from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
+from executor.core.context import Context
 from executor.core.coverage import GAP_S
 from executor.core.custody import causes, reading
-from executor.core.endings import Ending
 from executor.core.events import (
     Asked,
     Event,
@@ -56,7 +53,6 @@ from executor.core.places import (
     seen_at_rest,
 )
 from executor.core.replan import offering, replanning
-from executor.core.replan.wording import listed
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
@@ -64,15 +60,8 @@ from executor.core.separation import separated
 from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying, moved_to
 from executor.core.words import count_of
-from missions import StartStep
-from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
-
-RETRIES = 3
-"""How often a start that failed is tried again."""
-START_WINDOW_S = 60.0
-"""So long after the crew's yes a start that failed is tried again: later somebody may stand at the pad."""
 
 
 def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] = ()) -> FleetState:
@@ -101,9 +90,9 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case Tick():
             return _tick(context, state, now_s)
         case LaunchOrdered():
-            return _launch(context, state, now_s)
+            return launching.launch(context, state, now_s)
         case StartEnded():
-            return _started(context, state, event, now_s)
+            return launching.started(context, state, event, now_s)
         case UploadEnded():
             return _uploaded(context, state, event, now_s)
         case SolveEnded():
@@ -145,107 +134,6 @@ def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
         return state
     outlook = {**state.replanning.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
     return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
-
-
-HEARD_LATELY_S = 15.0
-"""Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
-
-
-def _launch(context: Context, state: FleetState, now_s: float) -> Stepped:
-    commands: list[Command] = []
-    for vehicle in state.vehicles.values():
-        if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
-            state = state.put(replace(vehicle, link=replace(vehicle.link, heard_s=now_s, excused_s=now_s)))
-    planned: set[int] = set()
-    begun: set[int] = set()
-    for vehicle in state.vehicles.values():
-        if vehicle.assignment.board is None or not vehicle.assignment.board.visits:
-            continue
-        own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
-        planned |= own
-        if vehicle.armed:
-            continue  # somebody else has armed it since it was looked at
-        begun |= own
-        state, start = _start(context, state, vehicle, now_s)
-        commands.append(start)
-    left = context.wanted - planned
-    if left:
-        commands.append(Say(Level.INFO, f"left for the next sortie by the plan: {listed(context, left)}"))
-    given_up = state.coverage.given_up | (planned - begun)
-    state = replace(state, coverage=replace(state.coverage, given_up=given_up, left_over=left))
-    return replace(
-        state,
-        progress=replace(state.progress, launched_s=now_s),
-        crew=replace(state.crew, briefing=replace(state.crew.briefing, question=None)),
-    ), tuple(commands)
-
-
-def _start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
-    dialect = context.vehicles[vehicle.name].dialect
-    modes_on_the_way = {dialect.modes.mission.custom_mode}
-    if StartStep.GUIDED in dialect.start:
-        modes_on_the_way.add(dialect.modes.guided.custom_mode)
-    vehicle = moved_to(vehicle, Stage.STARTING)
-    vehicle = replace(
-        vehicle,
-        orders=replace(vehicle.orders, ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way)),
-        assignment=replace(
-            vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s), leg_began=None
-        ),
-        sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
-        motion=replace(vehicle.motion, anchor=None),
-        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct),
-    )
-    return state.put(vehicle), Start(vehicle.name)
-
-
-def _started(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
-    vehicle = state.vehicles[event.vehicle]
-    if vehicle.stage is not Stage.STARTING:
-        return state, ()
-    if event.accepted:
-        vehicle = replace(
-            moved_to(vehicle, Stage.FLYING),
-            assignment=replace(vehicle.assignment, failures=0),
-            orders=replace(vehicle.orders, ordered_mode_s=now_s, cleared_s=None),
-            motion=replace(vehicle.motion, anchor=None),
-        )
-        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
-    stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
-    may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
-    may = may and event.code is not Ending.MODE_CHANGED
-    if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
-        vehicle = replace(
-            vehicle,
-            assignment=replace(vehicle.assignment, failures=vehicle.assignment.failures + 1),
-            orders=replace(vehicle.orders, ordered_mode_s=now_s),
-        )
-        text = f"{vehicle.name}: did not start ({event.reason}); trying again"
-        return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
-    why = f"did not start: {event.reason}"
-    if event.armed and not vehicle.armed and not _beats(context, vehicle, now_s):
-        # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
-        why += ", and no HEARTBEAT comes from it"
-        return declare(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
-    why += ", and it has disarmed" if stopped else ""
-    return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
-
-
-def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether what its HEARTBEAT says is of now."""
-    beat_s = vehicle.link.heartbeat_s
-    return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
-
-
-def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
-    """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
-    if not (vehicle.sortie.armed_once or event.armed):
-        return True
-    fix = vehicle.motion.fix
-    if not _beats(context, vehicle, now_s) or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
-        return False  # it may have taken off, or its autopilot may have started anew
-    return not vehicle.sortie.took_off and not comes_home(context, vehicle) and vehicle.custody.cause is Cause.OURS
 
 
 def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -565,12 +453,12 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
             ),
         )
     if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
-        state, start = _start(context, state, state.vehicles[vehicle.name], now_s)
+        state, start = launching.ordered(context, state, state.vehicles[vehicle.name], now_s)
         commands.append(start)
     elif mission.fresh and event.accepted:
         commands.append(Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's clearance is too old"))
     elif vehicle.stage is Stage.STARTING and not event.mixed:
-        state, more = _started_again(context, state, state.vehicles[vehicle.name], now_s)
+        state, more = launching.started_again(context, state, state.vehicles[vehicle.name], now_s)
         commands.extend(more)
     state = replace(state, replanning=replace(state.replanning, replan=plan))
     if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
@@ -585,19 +473,6 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
 def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
     return vehicle.stage is Stage.RETURNING or homeward.comes_down(context, vehicle)
-
-
-def _started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
-    if vehicle.sortie.took_off:
-        vehicle = replace(
-            moved_to(vehicle, Stage.FLYING),
-            assignment=replace(vehicle.assignment, failures=0),
-            orders=replace(vehicle.orders, ordered_mode_s=now_s),
-        )
-        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    state, start = _start(context, state, vehicle, now_s)
-    return state, (start,)
 
 
 def _finish(context: Context, state: FleetState) -> Stepped:

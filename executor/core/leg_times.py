@@ -1,7 +1,8 @@
 """When each leg of a mission on board began and ended, and what the battery gave for it: held against the plan later.
 
-A leg ends when the vehicle goes on to the next waypoint, by its own word; the last one ends on the ground. What is not
-heard, as in a silence, stays unknown; nothing is decided by any of it.
+A leg ends when the vehicle goes on to the next waypoint, by its own word. As in a plan, the first one begins with the
+start of its motors, and the last one ends with their end on the ground. What is not heard, as in a silence, stays
+unknown; nothing is decided by any of it.
 """
 
 from __future__ import annotations
@@ -22,13 +23,16 @@ def followed(before: VehicleState, state: VehicleState, now_s: float) -> Vehicle
     if assignment.board is None or state.stage not in _FLIES_MISSION:
         return state
     if assignment.leg_began is None:
-        up = state.sortie.took_off or (state.armed and state.telemetry.on_ground is False)
+        runs = state.armed or state.sortie.took_off
         first = assignment.waypoint == 0
         began = LegBegin(now_s, given_pct(state))
-        return replace(state, assignment=replace(assignment, leg_began=began)) if up and first else state
+        return replace(state, assignment=replace(assignment, leg_began=began)) if runs and first else state
+    if not state.armed and not state.sortie.took_off:  # its motors stopped before it took off: it begins anew
+        return replace(state, assignment=replace(assignment, leg_began=None))
     if assignment.waypoint != before.assignment.waypoint:
         return _passed(state, before.assignment.waypoint, assignment.waypoint, now_s)
-    return landed(state, now_s) if state.telemetry.on_ground and state.sortie.took_off else state
+    stands = state.telemetry.on_ground and not state.armed
+    return landed(state, now_s) if stands and state.sortie.took_off else state
 
 
 def landed(state: VehicleState, now_s: float) -> VehicleState:

@@ -258,11 +258,20 @@ def changes(plan: PlanFile, ground: Ground) -> list[str]:
 
 
 def _asked(plan: PlanFile) -> dict[str, object]:
-    """Return what a plan file says of the site that it was made for."""
+    """Return what a plan file says of the site that it was made for.
+
+    Pads and layers are not among it: they are chosen by who else flies, and the next sortie does so without the lost.
+    """
     document = plan_document(plan)
+    model = None if plan.pricing is None else {"power": asdict(next(iter(plan.pricing.models.values())).power)}
     return {
-        **{key: document.get(key) for key in ("depot", "travel", "inspection", "model")},
-        "vehicles": {vehicle.name: asdict(vehicle) for vehicle in plan.vehicles},
+        **{key: document.get(key) for key in ("depot", "travel", "inspection")},
+        "model": model,
+        "vehicles": {
+            vehicle.name: asdict(vehicle)
+            | ({} if plan.pricing is None else {"performance": asdict(plan.pricing.models[vehicle.name].performance)})
+            for vehicle in plan.vehicles
+        },
         "segments": {
             segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
         },

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from missions import Base, FlightModel, Performance, Pricing, Ramp, flown_instance, open_task
-from planner import Plan, Route, SteadyWind, Vehicle
+from planner import Plan, Route, SteadyWind, Vehicle, remaining
 from tests.missions.builders import depot_vehicle, line_east
 
 QUICK = Ramp(1e6, 1e9)
@@ -81,6 +81,19 @@ def test_turning_on_the_spot_takes_its_time() -> None:
     assert task.instance.start_s[0, 0] == pytest.approx(3.0 + 10.0 + 1.0 + 10.0 + 1.5 + 50.0 + 1.5, abs=1e-3)
     # Home from the line's end is back along it.
     assert task.instance.home_s[0, 0] == pytest.approx(2.0 + 20.0 + 0.5 + 7.5 + 10.0 + 2.0, abs=1e-3)
+
+
+def test_who_is_free_after_a_visit_is_turned_along_it() -> None:
+    """What is left after a loss, written down and priced anew, takes what it takes in the flight that goes on."""
+    turning = replace(MODEL, performance=replace(MODEL.performance, turn_s=2.0, turn_power=2.0))
+    towards = replace(pricing(), models=dict.fromkeys(pricing().models, turning))
+    vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
+    plan = Plan((Route(0, (4,)), Route(1, (0, 2))))
+    left = remaining(flown_instance(towards, vehicles), plan, lost=0, at_s=20.0)
+    assert left.instance.vehicles[0].facing_m == pytest.approx((100.0, 0.0), abs=1e-3)
+    again = flown_instance(towards.part(left.open_segments, ["uav2"]), left.instance.vehicles)
+    for key in ("start_s", "start_pct", "home_s", "home_pct", "idle_s", "idle_pct", "depot_s", "depot_pct", "end_m"):
+        assert getattr(again, key) == pytest.approx(getattr(left.instance, key), abs=1e-9), key
 
 
 def test_many_segments_are_priced_when_they_are_asked_for() -> None:

@@ -19,6 +19,7 @@ from executor.adapters.solver import SolverProcess, SolverSetup, solve_for_survi
 from executor.core.commands import Solve, Survivor
 from executor.core.events import SolveEnded
 from executor.site import assembly
+from missions import Pricing
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import line_east
 
@@ -114,7 +115,7 @@ async def test_the_worker_solves_is_cancelled_and_is_replaced_when_it_dies(proce
     assert other.pid != worker.pid
 
 
-def stubborn(_: Solve) -> SolveEnded:
+def stubborn(_problem: Solve, _pricing: Pricing) -> SolveEnded:
     """Never answer, and ignore a polite end."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     print(os.getpid(), flush=True)
@@ -133,7 +134,7 @@ async def main():
     async with solver.SolverProcess(tests.SETUP, lambda text: print("told:", text, flush=True)) as process:
         try:
             async with asyncio.timeout(3.0):
-                print((await process.{asked}(tests.problem())), flush=True)
+                print((await process.{asked}(tests.problem(), tests.PRICING)), flush=True)
         except TimeoutError:
             print("left", flush=True)
 

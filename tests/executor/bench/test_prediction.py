@@ -15,7 +15,7 @@ from executor.bench import prediction
 from executor.bench.errors import BenchError
 from executor.bench.prediction import Figures, Flown, FlownRoute, RouteCase, by_phase, cases, phases, prediction_errors
 from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
-from executor.bench.virtual.site import virtual_ground
+from executor.bench.virtual.site import AMPLE_AH, virtual_ground
 from executor.cli.bench import cli
 from executor.simulator.truth import Truth
 from tests.executor.bench.virtual.short_line import write_line
@@ -51,7 +51,7 @@ def test_hills_leave_the_depot_where_it_is_and_rise_as_high_as_asked() -> None:
 
 
 def test_routes_share_nothing_and_have_their_sizes() -> None:
-    ground = virtual_ground(None, None, 3, "px4")
+    ground = virtual_ground(None, None, 3, "px4", capacity_ah=AMPLE_AH)
     routes = prediction.random_routes(ground, (5, 12, 40), np.random.default_rng(2))
     assert [len(visits) for visits in routes.values()] == [5, 12, 40]
     segments = [visit >> 1 for visits in routes.values() for visit in visits]

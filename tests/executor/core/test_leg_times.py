@@ -11,6 +11,7 @@ from executor.core.parts import FlownLeg
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from tests.executor.builders import THREE, fleet_of, vehicle, with_facts
+from tests.executor.core.steps import beat
 from tests.executor.core.stories import FLEET, story, under_way
 
 
@@ -109,3 +110,26 @@ def test_one_that_comes_home_by_itself_ends_no_leg() -> None:
     home = replace(before, stage=Stage.RETURNING)
     assert leg_times.followed(home, at(home, 5), 60.0) == at(home, 5)
     assert leg_times.landed(home, 70.0) == home
+
+
+def test_the_climb_begins_with_the_motors_and_anew_if_they_stopped_before_it() -> None:
+    stands = vehicle(FLEET, stage=Stage.FLYING)
+    armed = with_facts(stands, heartbeat=beat())
+    runs = leg_times.followed(stands, armed, 3.0)
+    assert runs.assignment.leg_began is not None
+    assert runs.assignment.leg_began.at_s == 3.0
+    stopped = leg_times.followed(runs, with_facts(runs, heartbeat=beat(armed=False)), 9.0)
+    assert stopped.assignment.leg_began is None
+    again = leg_times.followed(stopped, with_facts(stopped, heartbeat=beat()), 20.0)
+    assert again.assignment.leg_began is not None
+    assert again.assignment.leg_began.at_s == 20.0
+
+
+def test_the_landing_ends_with_the_motors() -> None:
+    board = in_the_air().assignment.board
+    assert board is not None
+    down = with_facts(at(in_the_air(), len(board.legs) - 1), heartbeat=beat(), on_ground=True)
+    assert leg_times.followed(down, down, 70.0).assignment.flown == ()
+    (landing,) = leg_times.followed(down, with_facts(down, heartbeat=beat(armed=False)), 72.0).assignment.flown
+    assert landing.ended is not None
+    assert (landing.phase, landing.ended.at_s) == (Phase.LAND, 72.0)

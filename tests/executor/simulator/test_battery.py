@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.simulator.battery import Battery
-from planner.energy import PRESETS, endurance_s, pct_per_s, power_w
+from planner.energy import PRESETS, endurance_s, pct_per_s, power_w, top_speed_m_s
 
 DRONE = PRESETS["mavic3"]
 
@@ -97,6 +97,6 @@ def test_a_battery_step_is_points_at_once_and_never_below_nothing() -> None:
 
 def test_faster_than_the_model_goes_costs_as_its_fastest() -> None:
     one, two = full(), full()
-    fly(one, 1, 25.0)
-    fly(two, 1, 40.0)
+    fly(one, 1, top_speed_m_s(DRONE))
+    fly(two, 1, top_speed_m_s(DRONE) + 15.0)
     assert one.current_a == two.current_a > 0

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.solver import REPLAN_COST
+from executor.cli.options import DEFAULT_REPLAN_COST
 from executor.core.preflight.checks import Severity
+from executor.site.assembly import task_of
 from executor.site.plan_words import left_words, plan_checks, summary
 from executor.site.planning import DEFAULT, changes, first_plan, fits
 from missions import PlanFile, PlanFileError
@@ -31,11 +33,13 @@ def test_every_command_plans_by_the_same_default(place: Place, command: str) -> 
     options = ["--seconds", "1", *(["--run", place.path("run")] if command == "fly" else [])]
     code, _, err = place.run(command, place.path("site.toml"), *options)
     assert code in {0, 1, 2}  # nobody answers
-    assert "planning 4 segments for 2 vehicles (minmax, 1 s)" in err
+    assert "planning 4 segments for 2 vehicles (window, 1 s)" in err
 
 
-def test_a_re_plan_is_chosen_by_the_same_cost_as_a_plan() -> None:
-    assert DEFAULT.cost is REPLAN_COST
+def test_a_re_plan_is_chosen_by_the_same_cost_as_a_plan_that_can_have_no_window() -> None:
+    assert DEFAULT.for_task(task_of(GROUND)).cost is None
+    assert DEFAULT.for_task(task_of(ground_for(site_of(("uav1",)), line_east(7)))).cost is REPLAN_COST
+    assert DEFAULT_REPLAN_COST.value == REPLAN_COST.value
 
 
 def test_the_same_options_give_the_same_plan(place: Place) -> None:
@@ -134,12 +138,12 @@ def poor(budgets: dict[str, float], step: int = 7) -> PlanFile:
 
 
 def test_what_is_left_over_is_named_with_its_reason() -> None:
-    lines = left_words(poor({"uav1": 6.0}))
+    lines = left_words(poor({"uav1": 8.5}))
     assert [line.split(":")[0] for line in lines] == [
         "left over, within reach, but the others use the budgets up",
         "left over, out of reach there and back within any budget",
     ]
-    assert lines[1].endswith(": segment 5 (6.77 % of 6 %)")
+    assert lines[1].endswith(": segment 5 (9.29 % of 8.5 %)")
 
 
 def test_of_many_that_are_left_over_some_are_named() -> None:

@@ -17,9 +17,9 @@ ASK, NEVER = (ground_for(site_of(NAMES, flight={"fly_again": again}), line_east(
 
 
 def uneven() -> PlanFile:
-    """Return a plan of four segments by which uav1 is home long before uav2."""
+    """Return a plan of four segments by which uav1 is home before uav2 has done half of its work."""
     content = first_plan(NEVER, replace(DEFAULT, seconds=0.1))
-    plan = Plan((Route(0, (0,)), Route(1, (2, 4, 6))))
+    plan = Plan((Route(0, (0,)), Route(1, (7, 5, 3))))
     made = make_plan_file(content.network(), content.task(), content.travel, plan, Cost.MINMAX, content.solved)
     return replace(made, fly_again=False)
 
