@@ -40,6 +40,7 @@ from missions.geo import LocalFrame
 from missions.heights import implausible, with_heights
 from missions.items import Command, Frame, MissionItem
 from missions.network import Network, Pylon, Segment
+from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.performance import Performance, Ramp, Tuning, tuned
 from missions.planfile import BreakingLoss, PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
@@ -88,6 +89,7 @@ __all__ = [
     "Network",
     "NetworkError",
     "OverGround",
+    "Pace",
     "Pad",
     "Performance",
     "Phase",

@@ -62,7 +62,8 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
             more_s += float(performance.corners_s(before_m, along_m[index], speeds[index]))
         seconds[index] += more_s
         pct[index] += more_s * model.hover_pct_per_s
-    pct = consumption * pct
+    paces = np.array([model.pace.of(point.phase) for point in path.waypoints])
+    seconds, pct = paces * seconds, consumption * paces * pct
     legs = tuple(LegEstimate(*leg) for leg in zip(seconds.tolist(), pct.tolist(), strict=True))
     return Estimate(float(seconds.sum()), float(pct.sum()), legs)
 

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from missions.errors import PlanFileError
 from missions.files import printable, read_text, write_whole
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
+from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
 from missions.pricing import Base, FlightModel, Pricing
@@ -46,6 +47,10 @@ def _is_zero(value: float) -> bool:
 
 def _is_nowhere(along_m: Pair) -> bool:
     return along_m == (0, 0)
+
+
+def _is_modelled(value: Pace) -> bool:
+    return value == AS_MODELLED
 
 
 Above0 = Annotated[Figure, Field(gt=0)]
@@ -164,6 +169,8 @@ class VehicleModelPart(_Part):
 
     base: Base
     performance: Performance
+    pace: Annotated[Pace, Field(exclude_if=_is_modelled)] = AS_MODELLED
+    """What was learned of it in flight: factors on the times and energies of its legs."""
 
 
 class ModelPart(_Part):
@@ -363,7 +370,7 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "name": "flight",
         "power": models[0].power,
         "vehicles": [
-            {"base": pricing.bases[vehicle.name], "performance": model.performance}
+            {"base": pricing.bases[vehicle.name], "performance": model.performance, "pace": model.pace}
             for vehicle, model in zip(vehicles, models, strict=True)
         ],
         "tracks": pricing.tracks_m.tolist(),
@@ -380,7 +387,7 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         np.array(model.tracks, dtype=np.float64).reshape(-1, 2, 3),
         {name: own.base for name, own in named.items()},
         {
-            name: FlightModel(own.performance, power, travel.transit_speed_m_s, travel.inspection_speed_m_s)
+            name: FlightModel(own.performance, power, travel.transit_speed_m_s, travel.inspection_speed_m_s, own.pace)
             for name, own in named.items()
         },
     )

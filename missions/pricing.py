@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from missions.geo import FloatArray
+from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.validation import Figure, Place
 from planner import CLIMB_SHARE_PER_M_S, Instance, Moves, MoveTables, SteadyWind, Vehicle, Visits
@@ -44,6 +45,8 @@ class FlightModel:
     """What it uses at an air speed, and the wind."""
     transit_speed_m_s: Speed
     inspection_speed_m_s: Speed
+    pace: Pace = AS_MODELLED
+    """What is known of this very vehicle: on its moves as a whole."""
 
     def legs(self, along_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (...) float64 seconds and energies in percent of a full battery of straight legs.
@@ -94,26 +97,29 @@ class FlightModel:
         there_m, along_m = first_m - from_m, last_m - first_m
         away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
         hold_s = self.performance.hold_s
-        transit_s, transit_pct = self._stopping(facing_m, there_m, self.transit_speed_m_s, hold_s)
+        transit_s, transit_pct = self._transit(facing_m, there_m, hold_s)
         before_m = np.where(away[..., np.newaxis], there_m, facing_m)
-        inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s)
+        inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s, self.pace.inspect)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
     def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
         there_m = np.array(base.place_m) - from_m
-        level_s, level_pct = self._stopping(facing_m, there_m, self.transit_speed_m_s, 0.0)
+        level_s, level_pct = self._transit(facing_m, there_m, 0.0)
         land_s, land_pct = self.landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
+    def _transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
+        return self._stopping(before_m, along_m, self.transit_speed_m_s, hold_s, self.pace.transit)
+
     def _stopping(
-        self, before_m: FloatArray, along_m: FloatArray, speed_m_s: float, hold_s: float
+        self, before_m: FloatArray, along_m: FloatArray, speed_m_s: float, hold_s: float, pace: float
     ) -> tuple[FloatArray, FloatArray]:
         shape = along_m.shape[:-1]
         seconds, pct = self.legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
         stays_s = self.performance.settle_s + hold_s + self.performance.turns_s(before_m, along_m)
-        return seconds + stays_s, pct + stays_s * self.hover_pct_per_s
+        return pace * (seconds + stays_s), pace * (pct + stays_s * self.hover_pct_per_s)
 
     def _rates_pct_per_s(self, velocities_m_s: FloatArray) -> FloatArray:
         return self.power.rates_pct_per_s(velocities_m_s[..., 0], velocities_m_s[..., 1])

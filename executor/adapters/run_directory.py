@@ -55,6 +55,16 @@ class RunDirectory:
         return self.path / "report.json"
 
     @property
+    def learned(self) -> Path:
+        """Return what the flight taught about its vehicles."""
+        return self.path / "learned.json"
+
+    @property
+    def learned_before(self) -> Path:
+        """Return what was known of them before it; not there if nothing was."""
+        return self.path / "learned-before.json"
+
+    @property
     def page(self) -> Path:
         """Return the report to be read by people."""
         return self.path / "report.html"
@@ -126,6 +136,11 @@ def keep_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, 
         shutil.copyfile(file, path / kept)
         content[name] = {**table, key: kept}
     write_whole(RunDirectory(path).site, tomli_w.dumps(content).encode())
+
+
+def today() -> str:
+    """Return the date here, as files have it."""
+    return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:

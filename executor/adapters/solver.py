@@ -133,7 +133,7 @@ def solve_for_survivors(
     try:
         own, own_tails = task, tails
         if spare:  # what is to spare must not take a part in what is not
-            own = open_task(pricing, problem.open_segments, task.instance.vehicles)
+            own = open_task(paced(pricing, problem), problem.open_segments, task.instance.vehicles)
             own_tails = [own.from_network(_among(own, task.to_network(tail))) for tail in tails]
         warm = warm_start(own.instance, own_tails)
         result = replan(own.instance, warm=warm, cost=REPLAN_COST, stop=stop, seed=setup.seed)
@@ -163,10 +163,21 @@ def replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int,
         Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne, offer.start_up_m)
         for offer in problem.survivors
     ]
+    pricing = paced(pricing, problem)
     task = open_task(pricing, (*problem.open_segments, *problem.left_over), vehicles)
     tails = [task.from_network(_among(task, tail)) for tail in _each_once([one.tail for one in problem.survivors])]
     instance = granted(task.instance, tails, [offer.most_pct for offer in problem.survivors])
     return replace(task, instance=instance), tails
+
+
+def paced(pricing: Pricing, problem: Solve) -> Pricing:
+    """Return what flights take with what the survivors have shown of their pace."""
+    shown = {offer.vehicle: offer.pace for offer in problem.survivors}
+    models = {
+        name: replace(model, pace=model.pace.times(shown[name])) if name in shown else model
+        for name, model in pricing.models.items()
+    }
+    return replace(pricing, models=models)
 
 
 def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:

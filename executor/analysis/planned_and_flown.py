@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
+from types import MappingProxyType
 
 from executor.analysis.documents import LegRow, RouteRow
 from executor.core.parts import FlownLeg, LegBegin
@@ -11,15 +13,26 @@ from executor.core.state import FleetState
 from missions import Phase
 
 
-def flown_routes(state: FleetState) -> tuple[RouteRow, ...]:
-    """Return what every vehicle flew of each of its missions; times are seconds since the launch."""
+def flown_routes(state: FleetState, factors: Mapping[str, float] = MappingProxyType({})) -> tuple[RouteRow, ...]:
+    """Return what every vehicle flew of each of its missions; times are seconds since the launch.
+
+    Args:
+        state: At the end of the flight.
+        factors: The consumption that was planned with, by the vehicle's name, where it was known before.
+    """
     launched_s = state.progress.launched_s or 0.0
     rows = []
     for vehicle in state.vehicles.values():
         for revision, legs in groupby(vehicle.assignment.flown, key=lambda leg: leg.revision):
-            row = _route(vehicle.name, revision, list(legs), launched_s)
+            row = _route(
+                vehicle.name, revision, [_at_factor(leg, factors.get(vehicle.name, 1.0)) for leg in legs], launched_s
+            )
             rows += [] if row is None else [row]
     return tuple(rows)
+
+
+def _at_factor(leg: FlownLeg, factor: float) -> FlownLeg:
+    return replace(leg, planned=replace(leg.planned, energy_pct=factor * leg.planned.energy_pct))
 
 
 def error_pct(flown: float | None, planned: float) -> float | None:

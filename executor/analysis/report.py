@@ -174,7 +174,7 @@ def report_of(
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
-        routes=flown_routes(state),
+        routes=flown_routes(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
 
 

@@ -28,6 +28,7 @@ from executor.cli.options import (
     FaultOption,
     FlownPlanOption,
     JsonOption,
+    LearnedOption,
     PlanCostOption,
     QuietOption,
     RunOption,
@@ -40,7 +41,7 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import can_be_written, plan_and_tell, routes_wanted, wanted_of
+from executor.cli.planning import can_be_written, ground_with, plan_and_tell, routes_wanted, wanted_of
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
@@ -155,6 +156,7 @@ def fly(
     site: SiteArgument,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
+    learned: LearnedOption = None,
     cost: PlanCostOption = None,
     solver: SolverOption = SolverName.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
@@ -174,8 +176,8 @@ def fly(
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
     check_backends(content)
-    ground = assembly.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    ground = ground_with(content, site.parent, learned, console)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
     routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
@@ -190,6 +192,7 @@ def preflight(
     site: SiteArgument,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
+    learned: LearnedOption = None,
     cost: PlanCostOption = None,
     solver: SolverOption = SolverName.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
@@ -206,8 +209,8 @@ def preflight(
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
     check_backends(content)
-    ground = assembly.ground_of(content, site.parent)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
+    ground = ground_with(content, site.parent, learned, console)
     routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
     order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
     found = turns.run(examine(order, console))

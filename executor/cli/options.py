@@ -130,6 +130,14 @@ AfterOption = Annotated[
         "--after", metavar="DIR", help="Plan only what the flight of that run directory left over: the next sortie."
     ),
 ]
+LearnedOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--learned",
+        metavar="DIR",
+        help="Start from what the flight of that run directory taught about the same vehicles: pace and consumption.",
+    ),
+]
 FlownPlanOption = Annotated[
     Path | None, typer.Option("--plan", metavar="PLAN", help="Fly exactly this plan; without it a new one is made.")
 ]

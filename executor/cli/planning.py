@@ -9,12 +9,15 @@ from pathlib import Path
 import typer
 
 from executor.adapters.extras import Extra, need
+from executor.adapters.run_directory import RunDirectory
+from executor.analysis.learned import learned_words, read_learned
 from executor.cli.console import TerminalConsole
 from executor.cli.options import PlanCostName, SolverName
 from executor.core.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_sortie import segments_left
 from executor.site import assembly, planning
+from executor.site.config import Site
 from executor.site.planning import PlanSolver, Wanted
 from missions import PlanFile, check_plan, read_plan
 from planner import Cost, Progress
@@ -44,6 +47,37 @@ def wanted_of(
         stretch=stretch_pct / 100,
         starts=starts,
     )
+
+
+def ground_with(site: Site, base: Path, learned: Path | None, console: TerminalConsole) -> assembly.Ground:
+    """Return what is known before any vehicle answers, with what was learned of the site's vehicles before.
+
+    Args:
+        site: The site file's tables.
+        base: Its folder.
+        learned: The run directory of an earlier flight.
+        console: Where it is said who starts from what.
+
+    Raises:
+        LogError: its learned.json is missing or cannot be used.
+        MissionsError: the network cannot be used.
+    """
+    if learned is None:
+        return assembly.ground_of(site, base)
+    path = RunDirectory(learned).learned
+    document, drone = read_learned(path), assembly.drone_of(site).name
+    rows, known = {row.name: row for row in document.vehicles}, {}
+    for vehicle in site.vehicle:
+        row = rows.get(vehicle.name)
+        if row is None:
+            console.say(Level.INFO, f"{vehicle.name}: nothing is learned of it in {path}; it starts from the defaults")
+        elif (row.autopilot, row.drone) != (vehicle.autopilot, drone):
+            was = f"{row.autopilot} on a {row.drone}"
+            console.say(Level.WARNING, f"{vehicle.name}: was {was} in {path}; it starts from the defaults")
+        else:
+            known[vehicle.name] = document.known[vehicle.name]
+            console.say(Level.INFO, f"{learned_words(row)} ({document.date})")
+    return assembly.ground_of(site, base, known)
 
 
 PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")

@@ -22,6 +22,7 @@ from executor.cli.options import (
     EverybodyOption,
     FormatName,
     JsonOption,
+    LearnedOption,
     PlanArgument,
     PlanCostName,
     PlanCostOption,
@@ -34,7 +35,15 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import announced, can_be_drawn, can_be_written, plan_and_tell, wanted_of, writable
+from executor.cli.planning import (
+    announced,
+    can_be_drawn,
+    can_be_written,
+    ground_with,
+    plan_and_tell,
+    wanted_of,
+    writable,
+)
 from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
 from executor.flight import next_sortie
@@ -89,6 +98,7 @@ def plan(
     search: SearchOption = None,
     front: FrontOption = False,
     after: AfterOption = None,
+    learned: LearnedOption = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file.")
     ] = None,
@@ -106,8 +116,8 @@ def plan(
         wanted = replace(wanted, params=SearchParams.load(search))
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
-    ground = assembly.ground_of(read_site(site), site.parent)
     console = TerminalConsole(quiet=as_json, yes=True)
+    ground = ground_with(read_site(site), site.parent, learned, console)
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
@@ -123,7 +133,8 @@ def plan(
         writable(picture, lambda: draw_plan(content, picture))
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
-        print(f"flown as it is by: faultline fly {site} --plan {output}")
+        known = "" if learned is None else f" --learned {learned}"
+        print(f"flown as it is by: faultline fly {site} --plan {output}{known}")
     if content.plan.uncovered:
         raise typer.Exit(1)
 

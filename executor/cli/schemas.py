@@ -12,12 +12,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from executor.adapters.mqtt import intake, payloads
-from executor.analysis import documents
+from executor.analysis import documents, learned
 from executor.core import state, view
 from executor.site import config
 from missions import planfile, planjson
 
 FILES: dict[str, type[BaseModel]] = {
+    "learned": learned.LearnedDocument,
     "plan": planjson.PlanDocument,
     "report": documents.FlightReport,
     "site": config.Site,
@@ -39,7 +40,7 @@ Words = Mapping[tuple[str, str], str]
 
 def schemas() -> dict[str, str]:
     """Return every schema as text, by its place below `docs`."""
-    words = {(kind, key): text for module in (view, state, planfile, planjson, documents, config)
+    words = {(kind, key): text for module in (view, state, planfile, planjson, documents, learned, config)
              for kind, key, text in docstrings(module)}  # fmt: skip
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
     sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from missions.pace import AS_MODELLED, Pace
 from missions.waypoints import FlightPath
 
 
@@ -122,6 +123,8 @@ class Survivor:
     beyond `budget_pct`."""
     start_up_m: float = 0.0
     """In the air: its height where it becomes free, as flights are priced."""
+    pace: Pace = AS_MODELLED
+    """What it has shown of its pace in this flight, beside the one of its model."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
+from executor.core.learning import UNKNOWN, Learned
 from executor.core.limits import Limits
 from missions import Dialect, FlightSetup, LocalFrame, Pricing
 from planner import Drone, pct_per_s, top_speed_m_s
@@ -41,6 +43,10 @@ class VehicleSetup:
     """Silence of ours after which it ends its mission by itself; None if it does not, or did not say so."""
     planned: bool = True
     """Whether its plan is known: without one neither where it lands nor how long it stays somewhere says anything."""
+    prior: Prior = NO_PRIOR
+    """What is believed of its consumption, relative to the energy model, before it has used anything."""
+    start: Learned = UNKNOWN
+    """What is known of its pace, relative to its model, before it has flown anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +60,6 @@ class Scene:
     drone: Drone
     draws_pct_s: tuple[float, ...]
     """By `draws_pct_s` of the drone."""
-    prior: Prior
-    """What is believed of a vehicle's consumption, relative to `drone`, before it has used anything."""
     wind_m_s: tuple[float, float]
     """Where the air moves to, east and north, as the site file says."""
     corridor_m: float

@@ -10,6 +10,7 @@ from executor.core.battery.roundings import Roundings
 from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
 from executor.core.coverage import Run, Track
+from executor.core.learning import Learned
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Attitude, DoubleHeard, Gps, Heartbeat, StationHeard, Wind
 from missions import FlightPath, LegEstimate, Phase
@@ -114,6 +115,8 @@ class LegBegin:
     at_s: float
     given_pct: float | None
     """What its battery had given by then, in percent; None if it never reported."""
+    modelled_pct: float = 0.0
+    """What the model says of its battery's account by then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,6 +281,8 @@ class Assignment:
     """When the leg under way began; None before the take-off and after the landing."""
     flown: tuple[FlownLeg, ...] = ()
     """Legs that are behind it, of all its missions."""
+    learned: Learned | None = None
+    """What they say of the vehicle; None as long as they say nothing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,21 +17,23 @@ DESCENT_M_S = 1.0
 
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
-    """Return how long the vehicle needs until the end of a waypoint's leg, by the path on board; 0 if it has passed."""
+    """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
     if state.assignment.board is None or waypoint < state.assignment.waypoint:
         return 0.0
-    legs = state.assignment.board.legs
-    rest = _share_of_leg_left(state) * legs[state.assignment.waypoint].duration_s
-    return rest + sum(leg.duration_s for leg in legs[state.assignment.waypoint + 1 : waypoint + 1])
+    legs = state.assignment.board.legs[: waypoint + 1]
+    return _paced(state, [leg.duration_s for leg in legs[state.assignment.waypoint :]])
 
 
 def modelled_to_reach_pct(state: VehicleState, waypoint: int) -> float:
-    """Return the energy of the same way by the model, in percent of a full battery."""
+    """Return the energy of the same way by the model, in percent of a full battery.
+
+    With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
+    power, learned by velocities, and comes on top.
+    """
     if state.assignment.board is None or waypoint < state.assignment.waypoint:
         return 0.0
-    legs = state.assignment.board.legs
-    rest = _share_of_leg_left(state) * legs[state.assignment.waypoint].energy_pct
-    return rest + sum(leg.energy_pct for leg in legs[state.assignment.waypoint + 1 : waypoint + 1])
+    legs = state.assignment.board.legs[: waypoint + 1]
+    return _paced(state, [leg.energy_pct for leg in legs[state.assignment.waypoint :]])
 
 
 def to_finish_pct(state: VehicleState) -> float:
@@ -76,6 +78,18 @@ def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSe
     away_m = math.dist(state.motion.fix.place_m, setup.pad_m)
     level_s, down_s = away_m / HOME_SPEED_M_S, max(0.0, state.motion.fix.alt_rel_m) / DESCENT_M_S
     return context.draw_pct_per_s(HOME_SPEED_M_S, 0.0) * level_s + context.draw_pct_per_s(0.0, 0.0) * down_s
+
+
+def _paced(state: VehicleState, legs: list[float]) -> float:
+    """Return the sum of figures of the leg under way, as far as it is left, and of those after it, at its own pace."""
+    board, learned, first = state.assignment.board, state.assignment.learned, state.assignment.waypoint
+    if board is None or not legs:
+        return 0.0
+    legs[0] *= _share_of_leg_left(state)
+    if learned is None:
+        return sum(legs)
+    pace, points = learned.pace, board.path.waypoints[first : first + len(legs)]
+    return sum(pace.of(point.phase) * leg for point, leg in zip(points, legs, strict=True))
 
 
 def _share_of_leg_left(state: VehicleState) -> float:

@@ -355,8 +355,8 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
         spent_pct = sum(leg.energy_pct for leg in vehicle.assignment.board.legs) - projection.modelled_to_reach_pct(
             vehicle, len(vehicle.assignment.board.legs) - 1
         )
-        predicted_pct = round(began_pct - spent_pct, 1)
-        band_pct = round(math.hypot(context.prior.sd * spent_pct, WHOLE_PCT), 1)
+        predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
+        band_pct = round(math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
     return BatteryView(
         measured_pct=vehicle.power.battery.remaining_pct,
         predicted_pct=predicted_pct,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.run_directory import RunDirectory, keep_site
+from executor.adapters.run_directory import RunDirectory, keep_site, today
+from executor.analysis.learned import document_of, learned_of
 from executor.analysis.report import Happening
 from executor.core.commands import Level
 from executor.core.context import Context
+from executor.core.learning import Known
 from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.flight.broker import Settings
@@ -70,6 +72,15 @@ class Order:
     """Where it is published."""
 
 
+def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, Known]) -> None:
+    """Write what a flight taught about its vehicles.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    learned_of(context, state, before, today()).write(RunDirectory(run).learned)
+
+
 def keep(order: Order) -> None:
     """Write the site and the first plan into the run directory."""
     files = {}
@@ -82,4 +93,6 @@ def keep(order: Order) -> None:
         # The key stays where it is: a run directory is copied and handed on.
         content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
     keep_site(order.run, content, files)
+    if order.ground.learned:
+        document_of(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
     write_plan(RunDirectory(order.run).plan(0), order.plan)

@@ -31,7 +31,7 @@ from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
 from executor.flight import parameter_changes, web
 from executor.flight.changed_parameters import parameters_report
-from executor.flight.flight_order import Console, Order
+from executor.flight.flight_order import Console, Order, keep_learned
 from executor.flight.leaving import Interrupts
 from executor.flight.linking import open_links
 from executor.flight.preparing import examined, interviews, load_all
@@ -227,10 +227,15 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     report = report_of(
         context, flight.state, ended_s, order.truths(clock), frames, seat.said, parameters_report(given_back)
     )
-    try:
-        report.write(RunDirectory(order.run).report)
-    except OSError as error:
-        console.say(Level.WARNING, f"report.json cannot be written: {error.strerror}")
+    writes: Mapping[str, Callable[[], None]] = {
+        "report.json": partial(report.write, RunDirectory(order.run).report),
+        "learned.json": partial(keep_learned, order.run, context, flight.state, order.ground.learned),
+    }
+    for name, write in writes.items():
+        try:
+            write()
+        except OSError as error:
+            console.say(Level.WARNING, f"{name} cannot be written: {error.strerror}")
     return FlightResult(report, context, interrupts.left)
 
 

@@ -17,6 +17,7 @@ from executor.adapters.extras import Extra, what_to_install
 from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
 from executor.adapters.run_directory import RunDirectory, locked
 from executor.analysis.documents import FlightReport, read_asked, read_report
+from executor.analysis.learned import began_with
 from executor.analysis.report import NOTHING_SAID, Said, report_of
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
@@ -27,7 +28,7 @@ from executor.flight import fly
 from executor.flight.broker import Settings, settings_of
 from executor.flight.changed_parameters import parameters_report, read_kept
 from executor.flight.checkpoints import FoundCheckpoint, Planned, newest
-from executor.flight.flight_order import Console, Order
+from executor.flight.flight_order import Console, Order, keep_learned
 from executor.flight.fly import Cockpit, FlightResult
 from executor.flight.linking import open_links
 from executor.flight.recorder import Legacy, plan_path
@@ -98,7 +99,10 @@ def outset(run: Path) -> Ready | Outset:
     path = RunDirectory(run).events
     found = newest(run, path)
     launched = found.checkpoint is not None or _launched(run)
-    ground, plan = ground_of(read_site(RunDirectory(run).site), run), read_plan(RunDirectory(run).plan(0))
+    ground, plan = (
+        ground_of(read_site(RunDirectory(run).site), run, began_with(run)),
+        read_plan(RunDirectory(run).plan(0)),
+    )
     belongs(plan, ground, str(RunDirectory(run).plan(0)))
     if not launched:
         return Ready(ground, plan)
@@ -215,6 +219,7 @@ def over(run: Path, left: Left) -> FlightReport | None:
     parameters = parameters_report(read_kept(run) or ())
     report = report_of(left.begun.context, left.state, left.last_s, said=_said(run), parameters=parameters)
     with suppress(OSError):  # it is shown all the same
+        keep_learned(run, left.begun.context, left.state, left.begun.ground.learned)
         report.write(RunDirectory(run).report)
     return report
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import AskedVehicle, read_asked
+from executor.analysis.learned import began_with
 from executor.core import fleet
 from executor.core.context import Context
 from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
@@ -40,7 +41,7 @@ def beginning(run: Path) -> Beginning:
         MissionsError: the first plan, or the network, cannot be used.
     """
     site = read_site(RunDirectory(run).site)
-    ground = assembly.ground_of(site, run)
+    ground = assembly.ground_of(site, run, began_with(run))
     plan = read_plan(RunDirectory(run).plan(0))
     belongs(plan, ground, str(RunDirectory(run).plan(0)))
     task = plan.task()

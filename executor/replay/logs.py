@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from executor.core import projection
+from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
 from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.events import Heard, Tick
@@ -317,7 +318,6 @@ def _empty_scene(rules: ReplayRules) -> Scene:
         limits=rules.limits,
         drone=drone,
         draws_pct_s=draws_pct_s(drone),
-        prior=ANY_DRONE if site is None else Prior(),
         wind_m_s=(0.0, 0.0) if site is None else site.inspection.wind_m_s,
         corridor_m=math.inf,
         inspection_speed_m_s=math.inf,
@@ -338,6 +338,7 @@ def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool)
         link_timeout_s=math.inf if on_board else timeout_s,
         pad_m=(0.0, 0.0),
         planned=False,
+        prior=ANY_DRONE if site is None else NO_PRIOR,
     )
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
-from executor.core.battery.kalman import Prior
+from executor.core.battery.account import NO_PRIOR
 from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
+from executor.core.learning import UNKNOWN, Known
 from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
 from executor.errors import SiteError
@@ -34,6 +35,7 @@ from missions import (
     read_network,
     with_heights,
 )
+from missions.pace import AS_MODELLED
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -57,6 +59,8 @@ class Ground:
     """Heights, and pads that are chosen around the depot."""
     worth_a_look: tuple[str, ...] = ()
     """What was found about the network's heights, in words."""
+    learned: Mapping[str, Known] = field(default_factory=lambda: MappingProxyType({}))
+    """What is known of vehicles from flights before, by their name."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,8 +68,13 @@ class Ground:
         return tuple(vehicle.name for vehicle in self.site.vehicle)
 
 
-def ground_of(site: Site, base: Path) -> Ground:
-    """Read the network and prepare the models; paths are relative to `base`, the site file's folder.
+def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProxyType({})) -> Ground:
+    """Read the network and prepare the models.
+
+    Args:
+        site: The site file's tables.
+        base: Its folder, which its paths are relative to.
+        learned: What is known of vehicles from flights before, by their name.
 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by.
@@ -74,7 +83,8 @@ def ground_of(site: Site, base: Path) -> Ground:
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
     network = with_heights(network, flat=site.inspection.heights == "flat")
-    return ground_over(site, network, tuple(implausible(network, tallest_m=site.network.tallest_m)))
+    ground = ground_over(site, network, tuple(implausible(network, tallest_m=site.network.tallest_m)))
+    return replace(ground, learned=learned)
 
 
 def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()) -> Ground:
@@ -135,12 +145,17 @@ def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Coll
         without: Vehicles that do not fly.
     """
     vehicles = [
-        Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct)
+        Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct, consumption_of(ground, vehicle.name))
         for vehicle in ground.site.vehicle
         if vehicle.name not in without
     ]
     wanted = range(len(ground.network.segments)) if segments is None else segments
     return open_task(pricing_of(ground), wanted, vehicles)
+
+
+def consumption_of(ground: Ground, name: str) -> float:
+    """Return what a vehicle uses relative to the energy model, as far as it is known."""
+    return ground.learned[name].consumption.factor if name in ground.learned else 1.0
 
 
 def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
@@ -164,13 +179,15 @@ def pricing_of(
     """
     table, setup = ground.site.inspection, setup or ground.setup
     power = steady_wind(ground.drone, max(table.transit_speed_m_s, table.speed_m_s), table.wind_m_s)
-    models = {
-        vehicle.name: FlightModel(
-            performances.get(vehicle.name, dialect_for(vehicle.autopilot).performance),
-            power, table.transit_speed_m_s, table.speed_m_s,
-        )
-        for vehicle in ground.site.vehicle
-    }  # fmt: skip
+    models = {}
+    for vehicle in ground.site.vehicle:
+        known, usual = ground.learned.get(vehicle.name), dialect_for(vehicle.autopilot).performance
+        if known is not None and known.performance is not None:
+            usual = known.performance
+        models[vehicle.name] = FlightModel(
+            performances.get(vehicle.name, usual), power, table.transit_speed_m_s, table.speed_m_s,
+            AS_MODELLED if known is None else known.pace,
+        )  # fmt: skip
     return Pricing(setup.tracks_up_m, {name: setup.base_of(name) for name in ground.names}, models)
 
 
@@ -226,7 +243,7 @@ def context_of(
     vehicles: dict[str, VehicleSetup] = {}
     for table in site.vehicle:
         dialect, pad = dialect_for(table.autopilot), setup.pad_of(table.name)
-        failsafe = own.get(table.name)
+        failsafe, known = own.get(table.name), ground.learned.get(table.name)
         vehicles[table.name] = VehicleSetup(
             name=table.name,
             sysid=table.sysid,
@@ -236,6 +253,8 @@ def context_of(
             link_timeout_s=link_timeout_s(site, dialect, failsafe),
             pad_m=(pad.east_m, pad.north_m),
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
+            prior=NO_PRIOR if known is None else known.prior,
+            start=UNKNOWN if known is None else known.start,
         )
     return Context(
         frame=setup.frame,
@@ -244,7 +263,6 @@ def context_of(
         limits=limits_of(site),
         drone=ground.drone,
         draws_pct_s=draws_pct_s(ground.drone),
-        prior=Prior(),
         wind_m_s=site.inspection.wind_m_s,
         pricing=pricing_of(ground, setup, performances),
         wanted=frozenset(task.segment_ids),

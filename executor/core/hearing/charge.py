@@ -28,7 +28,7 @@ def powered(context: Scene, state: VehicleState, message: Battery, now_s: float)
         if single and _rounds_twice(context, state.name, charge):
             roundings = replace(roundings, rounded=percent, rounded_s=now_s)
             percent = roundings.percent
-        charge = _charged(context, charge, percent, message.charge_state, now_s)
+        charge = _charged(context, state.name, charge, percent, message.charge_state, now_s)
     if message.voltage_v and single:
         volts = _measured(context, state, Report(message.voltage_v, message.current_a, message.cells_v), now_s)
     return replace(old, packs=packs, battery=charge, roundings=roundings, volts=volts, battery_faults=message.faults)
@@ -41,10 +41,10 @@ def status_told(context: Scene, state: VehicleState, message: SystemStatus, now_
     # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
     unreported = now_s - charge.reported_s > context.limits.battery_stale_s
     if message.remaining_pct is not None and unreported:
-        charge = _charged(context, charge, message.remaining_pct, 0, now_s)
+        charge = _charged(context, state.name, charge, message.remaining_pct, 0, now_s)
     elif message.remaining_pct is not None and len(old.packs) == 1 and _rounds_twice(context, state.name, charge):
         roundings = replace(roundings, ceiled=message.remaining_pct, ceiled_s=now_s)
-        charge = _charged(context, charge, roundings.percent, charge.charge_state, now_s)
+        charge = _charged(context, state.name, charge, roundings.percent, charge.charge_state, now_s)
     if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
         volts = _measured(context, state, Report(message.voltage_v), now_s)
     if charge is old.battery and roundings is old.roundings and volts is old.volts:
@@ -66,9 +66,10 @@ def _rounds_twice(context: Scene, name: str, charge: BatteryState) -> bool:
 
 
 def _charged(
-    context: Scene, known: BatteryState, remaining_pct: float, charge_state: int, now_s: float
+    context: Scene, name: str, known: BatteryState, remaining_pct: float, charge_state: int, now_s: float
 ) -> BatteryState:
+    prior = context.vehicles[name].prior if name in context.vehicles else account.NO_PRIOR
     # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
-        return account.swapped(known, remaining_pct, charge_state, now_s, context.prior)
-    return account.with_remaining(known, remaining_pct, charge_state, now_s, context.prior, context.limits)
+        return account.swapped(known, remaining_pct, charge_state, now_s, prior)
+    return account.with_remaining(known, remaining_pct, charge_state, now_s, prior, context.limits)

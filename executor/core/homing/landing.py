@@ -59,7 +59,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
             sortie=replace(vehicle.sortie, place_told=False),
         )
         return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = leg_times.landed(vehicle, now_s)
+    vehicle = leg_times.landed(vehicle, now_s, context.vehicles[vehicle.name].start)
     vehicle = replace(
         moved_to(vehicle, Stage.LANDED),
         assignment=replace(vehicle.assignment, run=None),

@@ -232,7 +232,14 @@ def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) ->
     """Return what a flight should leave in the battery; None if there is no flight."""
     if path is None:
         return None
-    return remaining_pct - estimate(path, context.pricing.models[path.vehicle]).energy_pct
+    return (
+        remaining_pct
+        - estimate(path, context.pricing.models[path.vehicle], consumption=_factor(context, path.vehicle)).energy_pct
+    )
+
+
+def _factor(context: Context, name: str) -> float:
+    return context.vehicles[name].prior.factor
 
 
 def energy_for_flight(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
@@ -242,7 +249,7 @@ def energy_for_flight(context: Context, name: str, path: FlightPath | None, rema
         return Check(
             Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %", CheckCode.ENERGY
         )
-    needed = estimate(path, context.pricing.models[name])
+    needed = estimate(path, context.pricing.models[name], consumption=_factor(context, name))
     left = remaining_pct - needed.energy_pct
     text = (
         f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "

@@ -17,6 +17,7 @@ from executor.core.vehicle import Stage, VehicleState
 from executor.core.words import count_of
 from missions import Phase, continue_path, flight_path
 from missions.autopilots.modes import is_mission_mode
+from missions.pace import AS_MODELLED
 from planner import segment_of
 
 CLEARED_S = 60.0
@@ -163,9 +164,10 @@ def _offer(
         ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
         tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
     most = remaining - setup.reserve_pct - spent_pct
+    learned = state.assignment.learned
     return Survivor(
         state.name, start_m, max(0.0, budget), account.factor(state.power.battery), airborne, tail, kept,
-        max(0.0, most),
+        max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace,
     )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_the_battery_against_the_plan() -> None:
     assert view.measured_pct == 90.0
     assert view.predicted_pct == round(95.0 - spent_pct, 1)
     # As unsure as the prior is of what was spent, and as a whole percent is.
-    assert view.predicted_band_pct == round(math.hypot(CONTEXT.prior.sd * spent_pct, math.sqrt(1.0 / 12.0)), 1)
+    assert view.predicted_band_pct == round(math.hypot(SETUP.prior.sd * spent_pct, math.sqrt(1.0 / 12.0)), 1)
     assert view.to_finish_pct == round(projection.to_finish_pct(state), 1)
     ahead = projection.at_landing(CONTEXT, state, SETUP)
     assert isinstance(ahead, Projection)
