@@ -41,7 +41,7 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import can_be_written, ground_with, plan_and_tell, routes_wanted, wanted_of
+from executor.cli.planning import can_be_written, ground_with, plan_and_tell, routes_wanted, wanted_for, wanted_of
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
@@ -83,6 +83,7 @@ def demo(
     autopilot: Annotated[
         AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
     ] = FIRST_AUTOPILOT,
+    cost: PlanCostOption = None,
     flat: Annotated[
         bool, typer.Option("--flat", help="For a network without heights: take its ground to be flat.")
     ] = False,
@@ -99,7 +100,8 @@ def demo(
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
-    plan = plan_and_tell(ground, console, replace(DEFAULT, seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True))
+    wanted = replace(wanted_for(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
+    plan = plan_and_tell(ground, console, wanted)
     directory = new_run_directory(run)
     order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
     keep(order)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -18,7 +19,7 @@ from executor.errors import SiteError
 from executor.flight.next_sortie import segments_left
 from executor.site import assembly, planning
 from executor.site.config import Site
-from executor.site.planning import PlanSolver, Wanted
+from executor.site.planning import DEFAULT, PlanSolver, Wanted
 from missions import PlanFile, check_plan, read_plan
 from planner import Cost, Progress
 
@@ -37,9 +38,8 @@ def wanted_of(
     Raises:
         PlanFileError: the solver cannot do it.
     """
-    return Wanted(
-        cost=None if cost in {None, PlanCostName.WINDOW} else Cost(cost.value),
-        usual=cost is None,
+    return replace(
+        wanted_for(cost),
         seconds=seconds,
         seed=seed,
         solver=PlanSolver(solver.value),
@@ -47,6 +47,12 @@ def wanted_of(
         stretch=stretch_pct / 100,
         starts=starts,
     )
+
+
+def wanted_for(cost: PlanCostName | None) -> Wanted:
+    """Return what is asked for by a cost, or by none."""
+    chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
+    return replace(DEFAULT, cost=chosen, usual=cost is None)
 
 
 def ground_with(site: Site, base: Path, learned: Path | None, console: TerminalConsole) -> assembly.Ground:

@@ -112,7 +112,8 @@ def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
         plan: What is to be flown.
         segments: Of the whole site.
     """
-    found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in (*route_words(plan), summary(plan))]
+    lines = (*route_words(plan), summary(plan), *window_words(plan))
+    found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in lines]
     found += [
         Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER) for line in left_words(plan, NAMED_IN_CHECKLIST)
     ]
