@@ -144,9 +144,8 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     if isinstance(event.message, Heartbeat):
         folded = replace(folded, state=causes.judged(context, state.listening.absences, before, folded.state, now_s))
     elif isinstance(event.message, MissionCurrent | LandedState | Position):
-        folded = replace(
-            folded, state=leg_times.followed(before, folded.state, now_s, context.vehicles[event.vehicle].start)
-        )
+        start = context.vehicles[event.vehicle].start
+        folded = replace(folded, state=leg_times.followed(before, folded.state, now_s, start))
     state = state.put(folded.state)
     commands: list[Command] = [
         Say(Level.WARNING, f"{event.vehicle}: {line}")

@@ -55,7 +55,7 @@ def test_the_next_flight_is_predicted_better(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
-    [('"mean": ', '"mean": -', "mean"), ("faultline-learned/1", "faultline-learned/9", "format"), ("{", "[", "")],
+    [('"mean": ', '"mean": -', "mean"), ("faultline-learned/1", "faultline-learned/9", "format"), ("{", "[", "JSON")],
 )
 def test_a_wrong_file_is_named_with_its_key(tmp_path: Path, old: str, new: str, said: str) -> None:
     path = tmp_path / "learned.json"
