@@ -51,6 +51,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/window.py",
     ),
     "tests/executor/analysis/test_report.py": ("executor/analysis/documents.py",),
+    "tests/executor/bench/virtual/test_learned.py": ("executor/analysis/learned.py",),
     "tests/executor/bench/table/test_cells.py": (
         "executor/bench/machine.py",
         "executor/bench/markdown.py",

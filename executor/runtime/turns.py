@@ -73,7 +73,7 @@ class InTurns(selectors.DefaultSelector):
         return ready
 
 
-class Pace(Protocol):
+class Pacemaker(Protocol):
     """A time that somebody else makes, and that goes on when everything before it was dealt with."""
 
     @property
@@ -103,7 +103,7 @@ class _AtItsPace(InTurns):
 
     def __init__(self) -> None:
         super().__init__()
-        self.pace: Pace | None = None
+        self.pace: Pacemaker | None = None
 
     def select(self, timeout: float | None = None) -> Ready:
         """Return what is ready; nothing, if it is only later than it was."""
@@ -136,7 +136,7 @@ class Loop(asyncio.SelectorEventLoop):
         return super().time() if pace is None else pace.steady_s() + self._shift_s
 
     @contextmanager
-    def at_the_pace_of(self, pace: Pace) -> Iterator[None]:
+    def at_the_pace_of(self, pace: Pacemaker) -> Iterator[None]:
         """Go by this time inside the block."""
         self._shift_s = super().time() - pace.steady_s()
         self._selects.pace = pace

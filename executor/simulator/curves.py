@@ -54,7 +54,7 @@ class Moment(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class LegLimits:
     """What a vehicle is asked for at most."""
 
     level_m_s: float
@@ -82,7 +82,7 @@ class Curve:
     ramp_s: float
 
     @classmethod
-    def along(cls, way: Vector, pace: Pace) -> Curve:
+    def along(cls, way: Vector, pace: LegLimits) -> Curve:
         """Return the way that is flown as fast as the pace allows."""
         top, most, length = pace.speed_m_s(way), pace.acceleration_m_s2(way), way.length
         if top * ramp_s(top, most) > length:
@@ -131,7 +131,7 @@ def ramp_s(speed_m_s: float, most_m_s2: float) -> float:
     return speed_m_s / most_m_s2 + SNAP_S + most_m_s2 / JERK_M_S3
 
 
-def overlap_s(one: Curve, two: Curve, pace: Pace) -> float:
+def overlap_s(one: Curve, two: Curve, pace: LegLimits) -> float:
     """Return by how much the second of two legs begins before the first one ends (advance_target_along_track).
 
     Half-way through the turn the target must be near enough to the corner, slower than on either leg, and not too

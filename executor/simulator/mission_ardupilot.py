@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from executor.simulator.airframe import Airframe
-from executor.simulator.curves import Curve, Pace, Strand, Vector, overlap_s, turn_s
+from executor.simulator.curves import Curve, LegLimits, Strand, Vector, overlap_s, turn_s
 from executor.simulator.enums import MissionState, Severity
 from executor.simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
 from executor.simulator.messages import out
@@ -309,10 +309,10 @@ class ArduPilotMission:
             return None
         return ride
 
-    def _pace(self, speed_m_s: float) -> Pace:
+    def _pace(self, speed_m_s: float) -> LegLimits:
         params = self._params
         up_m_s, down_m_s = params["WPNAV_SPEED_UP"] * CM, params["WPNAV_SPEED_DN"] * CM
-        return Pace(speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
+        return LegLimits(speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
 
     def _next(self, done: MissionItem) -> None:
         self._reached = self.index

@@ -66,7 +66,7 @@ def test_px4_starts_with_its_take_off() -> None:
     assert math.isnan(takeoff.param4)
     assert speed == MissionItem(1, Frame.MISSION, Command.DO_CHANGE_SPEED, 1.0, 8.0, -1.0)
     assert (passing.param1, passing.param2) == (0.0, 2.0)
-    assert (stopping.param1, stopping.param2) == (2.0, 2.0)
+    assert (stopping.param1, stopping.param2) == (2.0, 3.0)
 
 
 def test_ardupilot_starts_with_a_slot_for_home() -> None:

@@ -63,6 +63,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "flew_mission": False,
             "jump": (0.0, -math.inf),
             "strangers": frozenset(),
+            "learned": None,
             "before": None,
             "fix_waypoint": None,
             "declined": None,

@@ -275,7 +275,7 @@ def test_what_it_can_still_spend_leaves_the_reserve() -> None:
     # A full battery is not the budget: the site allows a route 75 %.
     full = survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(100.0)), NOW_S)
     assert full is not None
-    assert full.budget_pct == pytest.approx(min(85.0, SETUP.budget_pct) - 1.0)
+    assert full.budget_pct == pytest.approx(min(85.0 - 1.0, SETUP.budget_pct))
 
 
 def left_over(*uncovered: int, **changes: object) -> FleetState:

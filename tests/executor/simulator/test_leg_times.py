@@ -8,14 +8,14 @@ from dataclasses import replace
 import pytest
 
 from executor.simulator.config import AutopilotKind
-from executor.simulator.curves import Curve, Pace, Vector, overlap_s
+from executor.simulator.curves import Curve, LegLimits, Vector, overlap_s
 from executor.simulator.smoothing import Axis, braking_speed_m_s
 from missions.items import MissionItem
 from tests.executor.simulator.harness import Operator, land, numbered, speed, takeoff, waypoint
 
 AP, PX4 = AutopilotKind.ARDUPILOT, AutopilotKind.PX4
 HOME = waypoint(0, 0, 0.0)
-PACE = Pace(8.0, 2.5, 1.5, 2.5, 2.0)
+PACE = LegLimits(8.0, 2.5, 1.5, 2.5, 2.0)
 
 
 def stop(north_m: float, east_m: float, up_m: float = 20.0) -> MissionItem:

@@ -205,7 +205,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         Survivor(
             vehicle="uav1",
             start_m=(0.0, 0.0),
-            budget_pct=4.0,
+            budget_pct=5.0,
             consumption=1.0,
             airborne=False,
             tail=(),
