@@ -60,7 +60,7 @@ def plan_figure(content: PlanFile) -> Figure:
     handles = [*_vehicle_handles(styles), *_first_handles(), *_ground_handles(pads=False)]
     places = [content.ends_m.reshape(-1, 2), *(np.array(route.way_m) for route in routes), np.array([DEPOT_M])]
     count, covered = len(content.segments), sum(len(route.segments) for route in routes)
-    title = f"{covered} of {count} segments for {len(routes)} vehicles, {content.cost_name} {content.cost_value:.2f}"
+    title = f"{covered} of {count} segments for {len(routes)} vehicles, {_chosen(content)}"
     sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
     legend(sheet, handles)
@@ -81,6 +81,13 @@ def map_figure(record: FlightRecord) -> Figure:
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
     legend(sheet, handles)
     return sheet.figure
+
+
+def _chosen(content: PlanFile) -> str:
+    """Return what the plan was chosen by, and what that came to."""
+    if content.window is not None:
+        return f"any one may be lost from {content.window.earliest_s:.0f} s on"
+    return f"{content.cost_name} {content.cost_value:.2f}"
 
 
 def _title(record: FlightRecord) -> str:
