@@ -109,12 +109,13 @@ def test_a_plan_of_the_site_as_it_is_fits() -> None:
 
 def test_the_checklist_shows_what_is_asked() -> None:
     lines = plan_checks(PLAN, segments=6)
-    assert [line.severity for line in lines] == [Severity.OK] * 3
+    assert [line.severity for line in lines] == [Severity.OK] * 4
     flown = [len(route.visits) for route in PLAN.plan.routes]
     assert [line.text.split(",")[0] for line in lines] == [
         f"uav1: {flown[0]} segments", f"uav2: {flown[1]} segments", "6 of 6 segments",
+        "re-plan window 100 %: from 0 s on any one vehicle may be lost",
     ]  # fmt: skip
-    assert "longest route" in lines[-1].text
+    assert "longest route" in lines[2].text
 
 
 def test_a_part_of_the_site_is_said_to_be_one() -> None:
@@ -127,7 +128,8 @@ def test_preflight_shows_the_plan(place: Place) -> None:
     code, out, _ = place.run("preflight", place.path("site.toml"), "--json")
     assert code == 1
     said = [check["text"] for check in json.loads(out)["checks"] if check["subject"] == "plan"]
-    assert said[-1].startswith("4 of 4 segments, longest route ")
+    assert said[-2].startswith("4 of 4 segments, longest route ")
+    assert said[-1].startswith("re-plan window 100 %: from 0 s on ")
 
 
 def poor(budgets: dict[str, float], step: int = 7) -> PlanFile:

@@ -50,8 +50,8 @@ def test_a_loss_is_replanned_and_everything_inspected(tmp_path: Path, autopilot:
     # What the ground station heard of the survivor's flight is what was.
     at_s = {truth.what: truth.t_s for truth in flight.truths if truth.vehicle == "uav1"}
     rows = [row for row in report.routes if row.vehicle == "uav1"]
-    assert rows[0].began_s == pytest.approx(at_s["took_off"] - flight.launched_s, abs=2.0)
-    assert rows[-1].ended_s == pytest.approx(at_s["landed"] - flight.launched_s, abs=2.0)
+    assert rows[0].began_s == pytest.approx(at_s["armed"] - flight.launched_s, abs=2.0)
+    assert rows[-1].ended_s == pytest.approx(at_s["disarmed"] - flight.launched_s, abs=2.0)
 
 
 def test_the_same_flight_is_the_same_to_the_last_event(tmp_path: Path) -> None:
