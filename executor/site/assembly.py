@@ -59,7 +59,7 @@ class Ground:
     """Heights, and pads that are chosen around the depot."""
     worth_a_look: tuple[str, ...] = ()
     """What was found about the network's heights, in words."""
-    learned: Mapping[str, Known] = field(default_factory=lambda: MappingProxyType({}))
+    learned: Mapping[str, Known] = field(default_factory=dict)
     """What is known of vehicles from flights before, by their name."""
 
     @property
@@ -84,7 +84,7 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
     network = with_heights(network, flat=site.inspection.heights == "flat")
     ground = ground_over(site, network, tuple(implausible(network, tallest_m=site.network.tallest_m)))
-    return replace(ground, learned=learned)
+    return replace(ground, learned=dict(learned))
 
 
 def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()) -> Ground:

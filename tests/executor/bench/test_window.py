@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,10 @@ def claim(tmp_path_factory: pytest.TempPathFactory) -> Claim:
     ground = short_ground(tmp_path_factory.mktemp("line"), 2, "ardupilot")
     plan = shared(ground)
     return Claim(ground, plan, 30.0, max(plan.durations_s))
+
+
+def test_a_claim_can_be_flown_in_other_processes(claim: Claim) -> None:
+    assert pickle.dumps(claim)
 
 
 def test_losses_are_drawn_in_their_time_and_of_who_still_flies(claim: Claim) -> None:
