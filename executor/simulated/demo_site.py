@@ -18,9 +18,8 @@ from missions import default_network_path, read_network
 USUAL_VEHICLES = 4
 """With these the whole of the default network is flown below the ceiling of a site."""
 USUAL_RADIUS_M = 700.0
-USUAL_BUDGET_PCT = 28.0
-"""Tight enough for the usual demo that it matters by what its plan was chosen: after the same loss a plan that was
-chosen by mincomb leaves segments over."""
+USUAL_BUDGET_PCT = 34.0
+"""Of the usual demo: with 28 % it depends on how far the search for the window came whether everything is inspected."""
 SIMULATED_CEILING_M = 1000.0
 ENDS_S = 10.0
 """Real seconds that the simulated fleet may take to end."""
