@@ -6,6 +6,7 @@ Unknown is ``None``, never zero: both autopilots send -1, -100, 65535 or 0 for v
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 from missions.items import MissionItem
 
@@ -228,6 +229,53 @@ class OrderSeen:
 
     command: int
     """MAV_CMD; 176 also for the older SET_MODE."""
+
+
+class Actor(Enum):
+    """Who changed a mode, by the autopilot's own record of it."""
+
+    PILOT = "pilot"
+    """By the transmitter: its mode switch, its sticks."""
+    GROUND_STATION = "ground station"
+    FAILSAFE = "failsafe"
+    MISSION = "mission"
+    """A mission that ended, or one of its items."""
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChange:
+    """The autopilot's own record of a change of mode: MODE of DataFlash with its reason, vehicle_status of PX4."""
+
+    custom_mode: int
+    by: Actor
+
+
+@dataclass(frozen=True, slots=True)
+class RcChannels:
+    """RC_CHANNELS, RC_CHANNELS_RAW or RCIN: what the pilot's transmitter says."""
+
+    values_us: tuple[int, ...]
+    """Of channel 1 and on; 0 where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A parameter of the vehicle that was seen on its way, or in its own log: nobody here asked for it."""
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class OwnFailsafe:
+    """The autopilot's own record of a failsafe: ERR of DataFlash, failsafe flags of PX4."""
+
+    kind: str
+    """battery, crash, ekf, gps, compass, motor, rc, ground station, fence, terrain, vibration, attitude or other."""
+    active: bool
+    words: str
+    """As a person reads it."""
 
 
 @dataclass(frozen=True, slots=True)
