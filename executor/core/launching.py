@@ -12,7 +12,9 @@ from executor.core.endings import Ending
 from executor.core.events import StartEnded
 from executor.core.homing.homeward import comes_home
 from executor.core.parts import Cause
+from executor.core.places import kill_switch_on
 from executor.core.replan.wording import listed
+from executor.core.roster import killswitch
 from executor.core.roster.withdraw import declare
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
@@ -92,6 +94,8 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
             motion=replace(vehicle.motion, anchor=None),
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+    if not vehicle.armed and kill_switch_on(event.reason):
+        return killswitch.left_alone(state, vehicle, now_s)
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)

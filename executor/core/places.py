@@ -31,8 +31,8 @@ def last_heard(context: Scene, vehicle: VehicleState) -> str:
     return f"last position {where(context, vehicle)}" if vehicle.motion.fix is not None else "its position is not known"
 
 
-_KILLED = re.compile(r"emergency stop|kill", re.IGNORECASE)
-"""ArduPilot: "RC: Motors Emergency Stopped"; PX4: "Kill engaged", "Kill-switch engaged"."""
+_KILLED = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
+"""ArduPilot: "RC: Motors Emergency Stopped", "Arm: Motors Emergency Stopped"; PX4: "Kill engaged"."""
 RESTS_AFTER_S = 3.0
 """A vehicle whose motors have stopped falls from 40 m in this time."""
 RESTS_M_S = 0.5
@@ -50,13 +50,18 @@ def seen_at_rest(vehicle: VehicleState, now_s: float) -> bool:
     return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.sortie.disarmed_s) >= UNSEEN_S
 
 
+def kill_switch_on(text: str) -> bool:
+    """Return whether a text says that somebody has stopped the motors."""
+    return bool(_KILLED.search(text))
+
+
 def fell(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle disarmed in the air, as far as its last position tells."""
     fix = vehicle.motion.fix
     if fix is None:
         return False
     text, said_s = vehicle.telemetry.alarm
-    if _KILLED.search(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s:
+    if kill_switch_on(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s:
         return True
     return sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
 

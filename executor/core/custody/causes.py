@@ -102,15 +102,12 @@ CALM_S = 2.5
 def _holds_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it holds and its heartbeats know of nothing: a failsafe that acts makes them critical.
 
-    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody can
-    send, or a silence explains a hold for a moment only.
+    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody
+    can send, or a silence explains a hold for a moment only.
     """
     beat, beat_s = vehicle.telemetry.heartbeat, vehicle.link.heartbeat_s
-    if (
-        beat is None
-        or beat_s is None
-        or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    ):
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    if beat is None or beat_s is None or beat.custom_mode != hold:
         return False
     if beat.system_status >= CRITICAL or vehicle.sensors.fence_breached or not beat.armed:
         return False

@@ -17,6 +17,7 @@ from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.events import OrderEnded, ReturnEnded
 from executor.core.parts import Cause, Errand
+from executor.core.places import kill_switch_on
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
@@ -29,6 +30,8 @@ REFUSED_AGAIN_S = 5.0
 FRESH_FIX_S = 1.5
 """Who was not heard is asked where it is before it is told where to go; so long its position is waited for."""
 SINKS_M_S = 0.3
+STOPPED_S = 5.0
+"""A vehicle whose motors were stopped shows within this time that it is disarmed, if it was so."""
 UNSAID_S = 5.0
 """So long without HEARTBEAT its mode is not known."""
 
@@ -76,11 +79,13 @@ def comes_down(context: Context, vehicle: VehicleState) -> bool:
     return over_pad and fix is not None and fix.velocity_m_s[2] < -SINKS_M_S
 
 
-def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # noqa: PLR0911 - one return a reason
+def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # noqa: C901, PLR0911 - one return a reason
     """Return what to do about a vehicle that should not fly its mission any more."""
     errand = vehicle.orders.errand or Errand(now_s)
     if in_other_hands(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
         return Advice(Answer.LEAVE, "with its pilot, not commanded")
+    if _stopped(vehicle, now_s) and not errand.force:
+        return Advice(Answer.WAIT, "its kill switch is on, by its own word: not commanded")
     if errand.land:
         return Advice(Answer.LAND)
     if comes_home(context, vehicle) and not errand.force:
@@ -100,6 +105,12 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
     if on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
         return Advice(Answer.LEAVE, "landing, not commanded")
     return Advice(Answer.RETURN)
+
+
+def _stopped(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it has just said that its kill switch is on."""
+    text, said_s = vehicle.telemetry.alarm
+    return kill_switch_on(text) and now_s - said_s < STOPPED_S
 
 
 def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Advice | None:

@@ -6,27 +6,30 @@ refuse to arm as long as the switch is on.
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 from executor.core.commands import Command, HandsOff, Level, Say
 from executor.core.messages import StatusText
+from executor.core.places import kill_switch_on
 from executor.core.roster.withdraw import left_plan, withdrawn
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
-_ON = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
-"""ArduPilot: "RC: Motors Emergency Stopped", "Arm: Motors Emergency Stopped"; PX4: "Kill engaged"."""
 _STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
 
 
 def kill_heard(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
     """Leave a vehicle on the ground that says that its kill switch is on."""
     stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.orders.excluded
-    if state.progress.launched_s is None or not stands or not _ON.search(text.text):
+    if state.progress.launched_s is None or not stands or not kill_switch_on(text.text):
         return state, ()
+    return left_alone(state, vehicle, now_s)
+
+
+def left_alone(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Leave a vehicle that stands with its kill switch on."""
     name, starting = vehicle.name, vehicle.stage is Stage.STARTING
     commands: tuple[Command, ...] = (HandsOff(name),)
     if starting:

@@ -114,6 +114,26 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [advice(waypoint=5, heartbeat=beat(mode)) for mode in (AUTO, 4)],
         ["leave: landing, not commanded", "return: "],
     ),
+    (
+        "who has just said that its kill switch is on",
+        lambda: [
+            advice(alarm=(text, NOW_S - since_s), errand=Errand(NOW_S, force=force))
+            for text, since_s, force in (
+                ("RC: Motors Emergency Stopped", 4.9, False),
+                ("RC: Motors Emergency Stopped", 5.0, False),
+                ("Kill engaged", 0.0, False),
+                ("Kill disengaged", 0.0, False),
+                ("Kill engaged", 0.0, True),
+            )
+        ],
+        [
+            "wait: its kill switch is on, by its own word: not commanded",
+            "return: ",
+            "wait: its kill switch is on, by its own word: not commanded",
+            "return: ",
+            "return: ",
+        ],
+    ),
     ("beyond its mission", lambda: advice(waypoint=6), "return: "),
 ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core.commands import HandsOff, Level, Start
-from executor.core.events import Heard, UploadEnded
+from executor.core.events import Heard, StartEnded, UploadEnded
 from executor.core.intents import Action, Outcome
 from executor.core.messages import StatusText
 from executor.core.vehicle import Stage
@@ -59,6 +59,20 @@ def test_who_does_not_arm_for_it_stays_and_the_others_have_its_work() -> None:
     flight.run(lambda: flight.stage("uav4") is Stage.STARTING)
     killed(flight, "Arm: Motors Emergency Stopped")
     assert flight.stage("uav4") is Stage.LANDED
+    flight.finish()
+    assert flight.given(Start).count(Start("uav4")) == 1
+    assert set(flight.state.coverage.inspected) == EVERYTHING
+
+
+def test_who_was_stopped_as_soon_as_it_had_armed_is_not_armed_again() -> None:
+    """Its HEARTBEAT says armed as it says so: only the start that fails shows that the switch ended it."""
+    flight = spare()
+    flight.crafts["uav2"].mute = True
+    flight.start_s["uav4"] = 60.0
+    flight.run(lambda: flight.stage("uav4") is Stage.STARTING)
+    reason = "is not armed in mission mode; it says: RC: Motors Emergency Stopped"
+    flight.happen(StartEnded("uav4", accepted=False, reason=reason, armed=True))
+    assert flight.said(Level.FAULT)[-1] == LINE
     flight.finish()
     assert flight.given(Start).count(Start("uav4")) == 1
     assert set(flight.state.coverage.inspected) == EVERYTHING
