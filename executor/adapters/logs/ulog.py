@@ -163,11 +163,11 @@ class UlogFile:
         """Yield what began to act or ended; the flag that rose last is the reason."""
         if acts:
             kind, said = next(reversed(self._failing.values()), UNNAMED)
-            if self._failed is None or (self._failed.kind != kind and kind != UNNAMED[0]):
+            if self._failed is None or (self._failed.what != kind and kind != UNNAMED[0]):
                 self._failed = OwnFailsafe(kind, active=True, words=said)
                 yield self._failed
         elif self._failed is not None:
-            yield OwnFailsafe(self._failed.kind, active=False, words=self._failed.words)
+            yield OwnFailsafe(self._failed.what, active=False, words=self._failed.words)
             self._failed = None
 
     def _flags(self, row: Row) -> None:
