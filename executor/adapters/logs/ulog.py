@@ -83,6 +83,7 @@ class UlogFile:
     skipped: Skipped = field(default_factory=Skipped)
     stations: set[int] = field(default_factory=set)
     heard: dict[int, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     _beat_usec: int = -BEAT_USEC
     _beat: tuple[int, bool] | None = None
     _local: Row = field(default_factory=dict)
@@ -111,7 +112,9 @@ class UlogFile:
         except Exception as error:
             raise LogError(f"{self.path}: expected a ULog of PX4: {error}") from error
         self.skipped.unreadable += bool(log.file_corruption)
-        self.skipped.truncated += len(log.dropouts)
+        self.skipped.dropouts += len(log.dropouts)
+        if not any(one.name == "vehicle_status" for one in log.data_list):
+            self.notes.append("no vehicle_status in it: nobody knows in which mode it flew, or whether it was armed")
         system = self._system(log)
         streams = [_rows(dataset, _READERS[dataset.name]) for dataset in log.data_list if dataset.name in _READERS]
         streams.append(_texts(log))

@@ -60,6 +60,7 @@ GAP_USEC = 900_000
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
+MOST_NAMED = 8
 """A sequence number that is ahead by more is one that was overtaken on the way."""
 GCS_TYPE, NO_AUTOPILOT = 6, 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
@@ -243,6 +244,7 @@ class TelemetryFile:
     heard: dict[int, int] = field(default_factory=dict)
     """When any frame of a vehicle's autopilot came last, whether or not it was handed on."""
     frames: int = 0
+    notes: list[str] = field(default_factory=list)
     _texts: Texts = field(default_factory=Texts)
     _sources: dict[int, _Source] = field(default_factory=dict)
     _speakers: dict[int, Speaker] = field(default_factory=dict)
@@ -266,6 +268,22 @@ class TelemetryFile:
                 base = yield from self._piece(buffer, last=not more)
                 if not more:
                     break
+        self._explain()
+
+    def _explain(self) -> None:
+        """Note why there is nobody to follow, if nobody is."""
+        if any(source.vehicle for source in self._sources.values()):
+            return
+        systems = sorted({key >> 8 for key in self._sources} - self.stations)
+        if not self.path.stat().st_size:
+            self.notes.append("it is empty")
+        elif not self.frames:
+            self.notes.append("there is no MAVLink frame in it")
+        elif not systems:
+            self.notes.append("only ground stations were recorded")
+        else:
+            named = ", ".join(str(one) for one in systems[:MOST_NAMED])
+            self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
 
     def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
