@@ -288,6 +288,7 @@ class _Player:
             found = [one for one in found if one.kind is not FaultKind.LINK]
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
+        notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
         return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))

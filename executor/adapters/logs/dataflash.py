@@ -29,6 +29,7 @@ AGREES_USEC = 60_000_000
 """A clock that leaps by more than ten minutes is believed if the next record agrees."""
 SURVEY_ROWS = 20_000
 """Parameters and texts at the beginning in which a log says who wrote it."""
+MOST_HELD = 5000
 COPTER = 2
 """MAV_TYPE: the log does not say how many rotors a copter has."""
 FIRMWARE = re.compile(r"(Ardu|APM:? ?)?(?P<name>Copter|Plane|Rover|rover2|Sub|Blimp|AntennaTracker)\b.* V?\d")
@@ -54,6 +55,8 @@ class DataFlashFile:
     system: int = SYSTEM
     vehicle_type: int = COPTER
     _now_usec: int | None = None
+    _held: list[tuple[str, Fields]] = field(default_factory=list)
+    """Records without a time, before the first one that has one."""
     _doubted: tuple[int, str, Fields] | None = None
     """A record whose time is far from that of the others."""
     _boot: Boot = field(default_factory=Boot)
@@ -106,12 +109,17 @@ class DataFlashFile:
         return True
 
     def _timed(self, row: Row) -> Iterable[tuple[int, str, Fields]]:
-        """Return a record with its time, and before it one whose time is no longer doubted; none of it is in doubt."""
+        """Return a record with its time, and before it one whose time is no longer doubted; nothing while it is."""
         t_usec, kind, fields = row
-        if t_usec is None:
-            return [(self._now_usec or 0, kind, fields)]
         if self._now_usec is None:
-            self._now_usec = t_usec
+            self._held.append((kind, fields))
+            if t_usec is None and len(self._held) < MOST_HELD:
+                return []
+            self._now_usec = t_usec or 0
+            held, self._held = self._held, []
+            return [(self._now_usec, *one) for one in held]
+        if t_usec is None:
+            return [(self._now_usec, kind, fields)]
         ahead_usec = t_usec - self._now_usec
         if -LATE_USEC <= ahead_usec <= LEAP_USEC:
             if self._doubted is not None:
