@@ -55,6 +55,7 @@ POSITION_USEC = 1_900_000
 """Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
+RC_USEC = 190_000
 GAP_USEC = 900_000
 """Where nothing came of a system for so long, it is said that time passed before its next message."""
 ENOUGH_FRAMES = 80
@@ -197,7 +198,7 @@ KINDS: dict[int, MessageKind] = {
     POSITION: MessageKind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
     42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
     46: MessageKind(11, struct.Struct("<H"), MissionReached),
-    109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
+    109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, POSITION_USEC, special=True),
     BATTERY: MessageKind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
     245: MessageKind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
     STATUSTEXT: MessageKind(83, struct.Struct("<B50sHB"), _never, special=True),
@@ -206,8 +207,8 @@ KINDS: dict[int, MessageKind] = {
     SET_MODE: MessageKind(89, struct.Struct("<IBB"), _never, special=True),
     COMMAND_ACK: MessageKind(143, struct.Struct("<HB"), _never, special=True),
     PARAM_VALUE: MessageKind(220, struct.Struct("<fHH16sB"), _never, special=True),
-    RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, special=True),
-    RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, special=True),
+    RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, RC_USEC, special=True),
+    RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, RC_USEC, special=True),
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
@@ -417,9 +418,12 @@ class TelemetryFile:
             name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return Setting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
-        if isinstance(message, RcChannels):
-            return self._rc.setdefault(system, RcWatch()).news(stamp, message.values_us)
-        return None
+        if not isinstance(message, RcChannels):
+            return None
+        watch = self._rc.setdefault(system, RcWatch())
+        if len(message.values_us) < len(watch.told):
+            return None  # ArduPilot sends the first eight channels once more
+        return watch.news(stamp, message.values_us)
 
     def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
