@@ -99,14 +99,14 @@ class _UlogRow:
     index: int
 
     def __getitem__(self, name: str) -> float:
-        return self.columns[name][self.index]  # type: ignore[no-any-return] # pyulog is untyped
+        value: float = self.columns[name][self.index]
+        return value
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
 
     def get(self, name: str, default: float) -> float:
-        column = self.columns.get(name)
-        return default if column is None else column[self.index]  # type: ignore[no-any-return] # pyulog is untyped
+        return self[name] if name in self.columns else default
 
 
 _Turn = tuple[int, Callable[[Px4, int, Any], Told], Any]
