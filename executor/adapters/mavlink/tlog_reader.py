@@ -72,8 +72,9 @@ ACCEPTED = frozenset({0, 5})
 """MAV_RESULT: accepted, in progress."""
 PREARM_CHECK = 0x10000000
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-_HEAD = struct.Struct(">Q10B")
-HEAD_SIZE = _HEAD.size
+_HEAD = struct.Struct(">Q5B")
+LEAST = 18
+"""Bytes of the shortest records: a time, and a frame of the older version without a field."""
 
 
 def checksum(data: bytes) -> int:
@@ -225,6 +226,23 @@ class _Source:
     vehicle: bool = False
     rounds_twice: bool = False
     """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
+    battery_usec: int = -STAND_IN_USEC
+    """When its BATTERY_STATUS came last."""
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One source's messages of one kind."""
+
+    source: _Source
+    kind: MessageKind | None
+    """None if they are not read."""
+    system: int
+    component: int
+    number: int
+    every_usec: int
+    newest_usec: int = -STAND_IN_USEC
+    """When one was read last."""
 
 
 @dataclass(slots=True)
@@ -243,8 +261,8 @@ class TelemetryFile:
     _sources: dict[int, _Source] = field(default_factory=dict)
     _speakers: dict[int, Speaker] = field(default_factory=dict)
     """By system."""
-    _newest: dict[int, int] = field(default_factory=dict)
-    """When a message was read last, by its source and id."""
+    _lanes: dict[bytes, _Lane] = field(default_factory=dict)
+    """By system, component and id as the frame has them."""
     _stamp: int = 0
     _rc: dict[int, RcWatch] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
@@ -279,75 +297,78 @@ class TelemetryFile:
             named = ", ".join(str(one) for one in systems[:MOST_NAMED])
             self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
 
-    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912, PLR0915
+    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
         at, size, known, in_garbage, frames = 0, len(buffer), self._stamp, False, 0
         stop = size if last else size - 2 * LONGEST
-        sources, kinds, newest, heard, head = self._sources, KINDS, self._newest, self.heard, _HEAD.unpack_from
+        lanes, heard, head = self._lanes, self.heard, _HEAD.unpack_from
         while at < stop:
-            if at + HEAD_SIZE > size:
+            if at + LEAST > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
                 break
-            stamp, mark, length, flags, _, seq, system, component, low, middle, high = head(buffer, at)
+            stamp, mark, length, flags, _, seq = head(buffer, at)
             if mark == V2:
-                number, payload = low | middle << 8 | high << 16, at + 18
-                end = payload + length + (15 if flags & 1 else 2)
+                key, end = buffer[at + 13 : at + 18], at + 18 + length + (15 if flags & 1 else 2)
             else:  # the fields of the older version stand elsewhere
-                seq, system, component, number = buffer[at + 10 : at + 14]
-                payload, end = at + 14, at + 16 + length
+                key, end, seq, flags = buffer[at + 11 : at + 14], at + 16 + length, flags, 0
             if not (
                 end + STAMP < size
                 and buffer[end + STAMP] in MARKS
                 and mark in MARKS
                 and -STAMP_TOLERANCE_USEC < stamp - (known or stamp) < STAMP_TOLERANCE_USEC
-                and (mark == V1 or flags < 2)
+                and flags < 2
             ) and not self._begins(buffer, at, end, known):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
                 in_garbage = True
                 at += 1
                 continue
-            in_garbage = False
+            in_garbage, known = False, stamp
             frames += 1
-            known = stamp
-            key = system << 8 | component
-            source = sources.get(key)
-            if source is None:
-                sources[key] = source = _Source(seq)
-            elif 0 < (ahead := (seq - source.seq) & 255) < HALF:
+            lane = lanes.get(key) or self._lane(key, seq)
+            source = lane.source
+            if 0 < (ahead := (seq - source.seq) & 255) < HALF:
                 source.missing += ahead - 1  # that its sequence number says are lost
                 source.received += 1
                 source.seq = seq
             if source.vehicle:
-                if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
+                if not 0 <= stamp - heard.get(lane.system, 0) < GAP_USEC:
                     yield stamp, 0, None
-                heard[system] = stamp
-            kind = kinds.get(number)
-            if kind is not None:
-                key = key << 24 | number
-                every = kind.every_usec if number != SYSTEM else self._stands_in_usec(key, stamp, source)
-                if every == 0 or not 0 <= stamp - newest.get(key, -STAND_IN_USEC) < every:
-                    newest[key] = stamp
-                    if not _whole(buffer, at):
-                        self.skipped.bad_checksums += 1
-                    else:
-                        fields = kind.fields(buffer, payload, length)
-                        message = kind.read(*fields)
-                        message = None if message is None else plausible(message)
-                        if message is not None and source.vehicle and not kind.special:
-                            yield stamp, system, message
-                        else:
-                            yield from self._special((stamp, system, component, number), fields, message, source)
+                heard[lane.system] = stamp
+            if lane.kind is not None and not 0 <= stamp - lane.newest_usec < lane.every_usec:
+                yield from self._taken(buffer[at + STAMP : end], stamp, lane)
             at = end
         self._stamp = known
         self.frames += frames
         return at
 
-    def _stands_in_usec(self, key: int, stamp: int, source: _Source) -> int:
-        """Return how often SYS_STATUS is wanted: seldom beside BATTERY_STATUS, if that says the same."""
-        if source.rounds_twice:
-            return SLOW_USEC
-        beside = 0 <= stamp - self._newest.get(key - SYSTEM + BATTERY, -STAND_IN_USEC) < STAND_IN_USEC
-        return STAND_IN_USEC if beside else SLOW_USEC
+    def _lane(self, key: bytes, seq: int) -> _Lane:
+        """Return what is known of a source's messages of one kind, from now on."""
+        system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
+        source = self._sources.setdefault(system << 8 | component, _Source(seq))
+        kind = KINDS.get(number)
+        lane = self._lanes[key] = _Lane(source, kind, system, component, number, 0 if kind is None else kind.every_usec)
+        return lane
+
+    def _taken(self, frame: bytes, stamp: int, lane: _Lane) -> Iterator[Record]:
+        """Yield what a frame says that is wanted now."""
+        kind, source = lane.kind, lane.source
+        lane.newest_usec = stamp
+        if kind is None or not _is_whole(frame, kind):
+            self.skipped.bad_checksums += 1
+            return
+        if lane.number == BATTERY:
+            source.battery_usec = stamp
+        elif lane.number == SYSTEM:
+            # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
+            beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
+            lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
+        fields = kind.fields(frame, 10 if frame[0] == V2 else 6, frame[1])
+        message = kind.read(*fields)
+        message = None if message is None else plausible(message)
+        if message is not None and source.vehicle and not kind.special:
+            yield stamp, lane.system, message
+        else:
+            yield from self._special((stamp, lane.system, lane.component, lane.number), fields, message, source)
 
     def _begins(self, buffer: bytes, at: int, end: int, known: int) -> bool:
         """Return whether a whole record lies here, where what follows it does not show that."""
@@ -362,8 +383,8 @@ class TelemetryFile:
         if far:
             # A clock that is set in flight may leap by years: then the next record must agree.
             following = int.from_bytes(buffer[end : end + 8], "big")
-            return _whole(buffer, at) and abs(following - stamp) < STAMP_TOLERANCE_USEC
-        return end == size or _whole(buffer, at)
+            return _is_known(buffer, at, end) and abs(following - stamp) < STAMP_TOLERANCE_USEC
+        return end == size or _is_known(buffer, at, end)
 
     def _special(
         self, head: tuple[int, int, int, int], fields: tuple[Any, ...], message: FlightMessage | None, source: _Source
@@ -444,14 +465,16 @@ class TelemetryFile:
         return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
 
 
-def _whole(buffer: bytes, at: int) -> bool:
-    """Return whether a frame that is known here has its checksum."""
-    if buffer[at + 8] == V2:
-        number = buffer[at + 15] | buffer[at + 16] << 8 | buffer[at + 17] << 16
-        stop = at + 18 + buffer[at + 9]
-    else:
-        number, stop = buffer[at + 13], at + 14 + buffer[at + 9]
-    kind = KINDS.get(number)
-    if kind is None or stop + 2 > len(buffer):
+def _is_whole(frame: bytes, kind: MessageKind) -> bool:
+    """Return whether a frame has its checksum."""
+    stop = frame[1] + (10 if frame[0] == V2 else 6)
+    if stop + 2 > len(frame):
         return False
-    return checksum(buffer[at + 9 : stop] + bytes((kind.extra,))) == buffer[stop] | buffer[stop + 1] << 8
+    return checksum(frame[1:stop] + bytes((kind.extra,))) == frame[stop] | frame[stop + 1] << 8
+
+
+def _is_known(buffer: bytes, at: int, end: int) -> bool:
+    """Return whether a frame of a kind that is read here begins behind a time, whole."""
+    frame = buffer[at + STAMP : end]
+    kind = KINDS.get(int.from_bytes(frame[7:10], "little") if frame[0] == V2 else frame[5])
+    return kind is not None and _is_whole(frame, kind)
