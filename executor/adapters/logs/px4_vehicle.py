@@ -38,7 +38,7 @@ from executor.core.messages import (
     RcChannels,
     StatusText,
 )
-from executor.core.recording import MODE_COMMANDS, RcWatch
+from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch
 from missions import PX4
 
 QUADROTOR = 2
@@ -100,6 +100,7 @@ class Px4:
     landed: bool | None = None
     item: tuple[int, int] | None = None
     rc: RcWatch = field(default_factory=RcWatch)
+    tilt: TiltWatch = field(default_factory=TiltWatch)
     failing: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Flags that are up in the order in which they rose, with what they are about."""
     failed: OwnFailsafe | None = None
@@ -252,10 +253,11 @@ def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row:
     return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
 
 
-def _tilted(_: Px4, __: int, row: Row) -> Attitude:
+def _tilted(vehicle: Px4, t_usec: int, row: Row) -> Attitude | None:
     w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    return Attitude(math.degrees(roll), math.degrees(math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    return vehicle.tilt.news(t_usec, Attitude(math.degrees(roll), math.degrees(pitch)))
 
 
 def _touched(vehicle: Px4, _: int, row: Row) -> LandedState | None:
