@@ -81,9 +81,9 @@ class UlogWriter:
     said: list[tuple[int, bytes]] = field(default_factory=list)
     began_usec: int = 1
 
-    def say(self, t_usec: int, topic: str, instance: int = 0, **values: float) -> None:
+    def say(self, t_usec: int, topic: str, instance: float = 0, **values: float) -> None:
         """Write a row; fields that are not named are 0."""
-        number = 10 * list(self.topics).index(topic) + instance
+        number = 10 * list(self.topics).index(topic) + int(instance)
         fields = self.topics[topic]
         stored = [values.get(name, 0) for name, _ in fields]
         layout = "<HQ" + "".join(_ULOG_TYPES[kind] for _, kind in fields)

@@ -61,6 +61,14 @@ def open_log(path: Path) -> OpenedLog:
     )
 
 
+def is_log_by_content(path: Path) -> bool:
+    """Return whether a file in a folder is a log by another name than usual: much else is called .log."""
+    if path.suffix.lower() != ".log" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return _kind(file.read(HEAD), "") not in {"", ".raw"}
+
+
 def _kind(head: bytes, suffix: str) -> str:
     if head.startswith(ULOG_MAGIC):
         return ".ulg"

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
+from executor.cli import main
 from executor.errors import LogError
 from executor.replay.logs import replay, rules_of
 from executor.replay.open_log import open_log
@@ -114,6 +115,24 @@ def test_a_log_is_known_by_what_it_holds(tmp_path: Path) -> None:
     (tmp_path / "four.log").write_text("2024-01-01 something else\n" * 50)
     with pytest.raises(LogError, match="expected a telemetry log"):
         open_log(tmp_path / "four.log")
+
+
+def test_of_many_logs_one_that_cannot_be_read_costs_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    telemetry = Writer()
+    flight(telemetry, 3, range(3))
+    telemetry.write(tmp_path / "one.tlog")
+    (tmp_path / "two.BIN").write_bytes(b"\xa3\x95 nothing of the kind")
+    telemetry.write(tmp_path / "three.log")
+    (tmp_path / "four.log").write_text("2024-01-01 something else\n")
+    with pytest.raises(SystemExit) as left:
+        main.main(["replay", str(tmp_path)])
+    assert not left.value.code
+    said = capsys.readouterr().out
+    assert "describes none of its records" in said
+    assert "three.log" in said
+    assert "four.log" not in said
 
 
 def test_a_stamp_alone_is_cut_off(tmp_path: Path) -> None:
