@@ -18,13 +18,14 @@ from executor.core.recording import Skipped
 from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
-from executor.replay.open_log import open_log
+from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.result import LogReplay, RecordedTruth
 from executor.replay.run import Comparison, rerun
 from executor.site.config import read_site
 
 LogsArgument = Annotated[
-    list[Path], typer.Argument(metavar="LOG...", help=".tlog, .BIN or .ulg files, run directories, folders of logs.")
+    list[Path],
+    typer.Argument(metavar="LOG...", help=".tlog, .BIN, .log or .ulg files, run directories, folders of logs."),
 ]
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg"})
 
@@ -65,7 +66,8 @@ def replay_logs(
 
         print_tuning(paths, rules, output, as_json=as_json)
         return
-    done = [_replayed(path, rules) for path in paths]
+    # Of many logs one that cannot be read must not cost the others.
+    done = [_replayed(path, rules) if len(paths) == 1 else _replayed_or_named(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
     if as_json:
@@ -83,10 +85,17 @@ def _logs_in(path: Path) -> list[Path]:
         raise LogError(f"{path}: no such file; expected a log, a run directory or a folder of logs")
     if not path.is_dir() or RunDirectory(path).events.exists():
         return [path]
-    found = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES)
+    found = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES or is_log_by_content(one))
     if not found:
         raise LogError(f"{path}: expected a run directory, or a folder with .tlog, .BIN or .ulg files")
     return found
+
+
+def _replayed_or_named(path: Path, rules: ReplayRules) -> _Done:
+    try:
+        return _replayed(path, rules)
+    except LogError as error:
+        return _Done(LogReplay(path, (), Skipped(), 0, 0.0, (str(error).removeprefix(f"{path}: "),)), None)
 
 
 def _replayed(path: Path, rules: ReplayRules) -> _Done:
