@@ -8,12 +8,10 @@ from executor.core.battery import account
 from executor.core.battery.kalman import Projection, projected
 from executor.core.context import Scene, VehicleSetup
 from executor.core.vehicle import Stage, VehicleState
+from planner import CLIMB_SHARE_PER_M_S
 
 FAR, PLENTY_PCT = 3.0, 10.0
 """With three times the way home and this much left there is no doubt: a factor is known to a third or better."""
-HOME_SPEED_M_S = 8.0
-DESCENT_M_S = 1.0
-"""Both autopilots come home at 5 to 12 m/s and land at 0.5 to 1.5 m/s by their defaults."""
 
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
@@ -72,12 +70,32 @@ def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetu
 
 
 def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:
-    """Return the energy of the straight way home from here and of the descent, by the model; None without a place."""
-    if state.motion.fix is None:
+    """Return the energy of a return of its own from here, by the model; None without a place.
+
+    As its autopilot flies it: up to the height of its return, straight home at that speed, and down. Who is over its
+    pad only has to come down.
+    """
+    fix = state.motion.fix
+    if fix is None:
         return None
-    away_m = math.dist(state.motion.fix.place_m, setup.pad_m)
-    level_s, down_s = away_m / HOME_SPEED_M_S, max(0.0, state.motion.fix.alt_rel_m) / DESCENT_M_S
-    return context.draw_pct_per_s(HOME_SPEED_M_S, 0.0) * level_s + context.draw_pct_per_s(0.0, 0.0) * down_s
+    performance, known = context.model_of(setup)
+    learned = state.assignment.learned
+    pace = known.transit * (1.0 if learned is None else learned.pace.transit)
+    east_m, north_m = setup.pad_m[0] - fix.place_m[0], setup.pad_m[1] - fix.place_m[1]
+    away_m, up_m = math.hypot(east_m, north_m), max(0.0, fix.alt_rel_m)
+    if away_m <= context.limits.pad_m:
+        away_m = 0.0
+    else:
+        up_m = max(up_m, context.return_height_m(setup.name))
+    rise_m = up_m - max(0.0, fix.alt_rel_m)
+    climb_s, level_s, land_s = performance.return_s(away_m, rise_m, up_m)
+    hover_pct_s = context.draw_pct_per_s(0.0, 0.0)
+    climb_pct = (climb_s + CLIMB_SHARE_PER_M_S * rise_m) * hover_pct_s
+    if level_s == 0.0:
+        return climb_pct + land_s * hover_pct_s
+    toward = performance.home_m_s / away_m
+    level_pct = pace * level_s * context.draw_pct_per_s(toward * east_m, toward * north_m)
+    return climb_pct + level_pct + land_s * hover_pct_s
 
 
 def _paced(state: VehicleState, legs: list[float]) -> float:

@@ -152,6 +152,8 @@ ARDUPILOT = Dialect(
         land_below_m=11.6,  # LAND_ALT_LOW 1000 cm, and the way to that speed
         land_fast_m_s=1.5,  # LAND_SPEED_HIGH 0: WPNAV_SPEED_DN
         touch_s=2.7,  # measured: of it 2.4 s from the touch-down until it disarms
+        home_m_s=10.0,  # RTL_SPEED 0: WPNAV_SPEED 1000 cm/s
+        home_wait_s=5.0,  # RTL_LOIT_TIME 5000 ms
     ),
     tunings=(
         Tuning("WPNAV_ACCEL", 250.0, ("level.acceleration_m_s2",)),
@@ -161,6 +163,8 @@ ARDUPILOT = Dialect(
         Tuning("WPNAV_SPEED_DN", 150.0, ("descent_m_s", "land_fast_m_s")),
         Tuning("LAND_SPEED", 50.0, ("land_m_s",)),
         Tuning("LAND_ALT_LOW", 1000.0, ("land_below_m",)),
+        Tuning("WPNAV_SPEED", 1000.0, ("home_m_s",)),
+        Tuning("RTL_SPEED", 1000.0, ("home_m_s",), alone=True),  # 0 is the speed of waypoints
     ),
     oldest_version=(4, 6),
     tested_version="Copter 4.7-dev",
