@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from executor.core.battery import account
 from executor.core.battery.kalman import Projection, projected
 from executor.core.context import Scene, VehicleSetup
+from executor.core.parts import OnBoard
 from executor.core.vehicle import Stage, VehicleState
+from missions import Phase
 from planner import CLIMB_SHARE_PER_M_S
 
 FAR, PLENTY_PCT = 3.0, 10.0
@@ -49,13 +52,17 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
     if state.power.battery.estimate is None:
         return None
     if state.assignment.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
-        modelled_pct: float | None = modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1)
+        last = len(state.assignment.board.legs) - 1
+        modelled_pct: float | None = modelled_to_reach_pct(state, last)
+        unsure_pct = _unsure_of_pace_pct(state, setup, last)
     else:
         modelled_pct = modelled_to_return_pct(context, state, setup)
+        unsure_pct = (state.assignment.learned or setup.start).transit.sd * (modelled_pct or 0.0)
     if modelled_pct is None:
         return None
     ahead = projected(state.power.battery.estimate, modelled_pct)
-    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, account.blindness_pct(state.power.battery)))
+    unsure_pct *= state.power.battery.estimate.factor
+    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, unsure_pct, account.blindness_pct(state.power.battery)))
 
 
 def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetup, floor_pct: float) -> float | None:
@@ -100,14 +107,40 @@ def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSe
 
 def _paced(state: VehicleState, legs: list[float]) -> float:
     """Return the sum of figures of the leg under way, as far as it is left, and of those after it, at its own pace."""
-    board, learned, first = state.assignment.board, state.assignment.learned, state.assignment.waypoint
+    board, learned = state.assignment.board, state.assignment.learned
     if board is None or not legs:
         return 0.0
     legs[0] *= _share_of_leg_left(state)
     if learned is None:
         return sum(legs)
-    pace, points = learned.pace, board.path.waypoints[first : first + len(legs)]
-    return sum(pace.of(point.phase) * leg for point, leg in zip(points, legs, strict=True))
+    pace = learned.pace
+    return sum(
+        pace.of(phase) * leg for phase, leg in zip(_phases(board, state.assignment.waypoint), legs, strict=False)
+    )
+
+
+def _unsure_of_pace_pct(state: VehicleState, setup: VehicleSetup, waypoint: int) -> float:
+    """Return how far off the energy until the end of a waypoint's leg may be, as it is not known how long legs take.
+
+    One standard deviation; what is not known of inspections and of transits is learned from legs of their own.
+    """
+    board, first = state.assignment.board, state.assignment.waypoint
+    if board is None or waypoint < first:
+        return 0.0
+    learned = state.assignment.learned or setup.start
+    inspect_pct = transit_pct = 0.0
+    share = _share_of_leg_left(state)
+    for phase, leg in zip(_phases(board, first), board.legs[first : waypoint + 1], strict=False):
+        if phase is Phase.INSPECT:
+            inspect_pct += share * leg.energy_pct
+        elif phase in (Phase.TRANSIT, Phase.RETURN):
+            transit_pct += share * leg.energy_pct
+        share = 1.0
+    return math.hypot(learned.inspect.sd * inspect_pct, learned.transit.sd * transit_pct)
+
+
+def _phases(board: OnBoard, first: int) -> Iterator[Phase]:
+    return (point.phase for point in board.path.waypoints[first:])
 
 
 def _share_of_leg_left(state: VehicleState) -> float:

@@ -103,6 +103,7 @@ ARDUPILOT = Dialect(
     current_counts_home=True,  # measured: total is count - 1
     ends_in_other_mode=False,  # measured: it lands in AUTO
     rounds_twice=False,
+    percent_middle=0.5,  # AP_BattMonitor.cpp: cut off to an integer
     own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
     set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
     # Measured: a change of mode brings WPNAV_SPEED back.

@@ -97,6 +97,7 @@ PX4 = Dialect(
     current_counts_home=False,  # guide 1.4
     ends_in_other_mode=True,  # measured: AUTO.LAND
     rounds_twice=True,  # recorded flights
+    percent_middle=0.0,  # BATTERY_STATUS.hpp: roundf
     own_streams_hz={231: 0.5},  # WIND_COV; of its fence it says in texts alone
     set_current=SetCurrent.MESSAGE,  # measured: 224 is unsupported
     # Measured: Hold -> Mission resets the speed.
