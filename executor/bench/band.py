@@ -75,8 +75,6 @@ class BandRoute:
     """What its battery really had left."""
     reserve_pct: float
     sights: tuple[Sight, ...]
-    most_chance: float
-    """The greatest probability of a landing below its reserve that was seen on the way."""
     warned_s: float | None
     """When it was first said to be in doubt that it lands above its reserve."""
     faulted_s: float | None
@@ -106,7 +104,6 @@ class _Watched:
     reserve_pct: float
     sights: list[Sight] = field(default_factory=list)
     looked_s: float = -math.inf
-    most_chance: float = 0.0
     failing_since_s: float | None = None
     warned_s: float | None = None
     faulted_s: float | None = None
@@ -165,7 +162,6 @@ def fly_band(case: RouteCase) -> BandFlight:
                 landed[-1],
                 seen.reserve_pct,
                 tuple(seen.sights),
-                seen.most_chance,
                 seen.warned_s,
                 seen.faulted_s,
             )
@@ -208,7 +204,6 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
     # A leg may be longer than a tenth: what was not reached before it counts where it ends.
     while len(seen.sights) < TENTHS and behind_s >= len(seen.sights) / TENTHS * whole_s:
         seen.sights.append(Sight(len(seen.sights), ahead.mean_pct, ahead.sd_pct, ahead.band_pct))
-    seen.most_chance = max(seen.most_chance, ahead.chance_below(seen.reserve_pct))
     view = View(context, setup, state, seen.failing_since_s is not None, now_s)
     if seen.warned_s is None and warnings.reserve_doubtful(view):
         seen.warned_s = now_s

@@ -15,6 +15,8 @@ from planner import CLIMB_SHARE_PER_M_S
 
 FAR, PLENTY_PCT = 3.0, 10.0
 """With three times the way home and this much left there is no doubt: a factor is known to a third or better."""
+UPRIGHT_M = 1.0
+"""A leg that is shorter over the ground leads up or down."""
 
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
@@ -144,11 +146,12 @@ def _phases(board: OnBoard, first: int) -> Iterator[Phase]:
 
 
 def _share_of_leg_left(state: VehicleState) -> float:
-    board = state.assignment.board
-    if board is None or state.motion.fix is None or state.assignment.waypoint == 0:
+    board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
+    if board is None or fix is None or waypoint == 0:
         return 1.0
-    begin, end = board.places_m[state.assignment.waypoint - 1], board.places_m[state.assignment.waypoint]
-    length = math.dist(begin, end)
-    if length < 1.0:
-        return 1.0
-    return min(1.0, math.dist(state.motion.fix.place_m, end) / length)
+    begin, end = board.places_m[waypoint - 1], board.places_m[waypoint]
+    length, left = math.dist(begin, end), math.dist(fix.place_m, end)
+    if length < UPRIGHT_M:  # it lands
+        begin_up_m, end_up_m = (board.path.waypoints[leg].alt_rel_m for leg in (waypoint - 1, waypoint))
+        length, left = abs(begin_up_m - end_up_m), abs(fix.alt_rel_m - end_up_m)
+    return min(1.0, left / length) if length >= UPRIGHT_M else 1.0

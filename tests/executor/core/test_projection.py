@@ -14,7 +14,7 @@ from executor.core.learning import Learned, PaceEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
 from executor.simulator.config import AutopilotKind
-from missions import dialect_for, tuned
+from missions import Phase, dialect_for, tuned
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
 from tests.executor.simulator.harness import PX4_RTL, RTL, Operator, numbered, speed, takeoff, waypoint
@@ -60,6 +60,47 @@ def test_who_is_beside_its_leg_has_no_more_than_the_leg_to_fly() -> None:
     waypoint = LEVEL[0]
     far = flying(waypoint=waypoint, fix=replace(at(), place_m=(9000.0, 9000.0)))
     assert projection.time_to_reach_s(far, waypoint) == BOARD.legs[waypoint].duration_s
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_the_rest_of_a_landing_is_the_rest_of_its_height(share: float) -> None:
+    high_m = BOARD.path.waypoints[LAST - 1].alt_rel_m
+    state = flying(waypoint=LAST, fix=replace(at(up_m=(1.0 - share) * high_m), place_m=BOARD.places_m[LAST]))
+    assert projection.time_to_reach_s(state, LAST) == pytest.approx((1.0 - share) * BOARD.legs[LAST].duration_s)
+
+
+def test_the_band_is_as_wide_as_consumption_and_pace_are_unknown() -> None:
+    sure = PaceEstimate(var=1e-12)
+    state = with_facts(thirsty(1.5), learned=Learned(sure, sure))
+    known = projection.at_landing(CONTEXT, state, SETUP)
+    assert known is not None
+    for phases, learned in (
+        ({Phase.INSPECT}, Learned(PaceEstimate(var=0.04), sure)),
+        ({Phase.TRANSIT, Phase.RETURN}, Learned(sure, PaceEstimate(var=0.04))),
+    ):
+        legs = zip(BOARD.path.waypoints[LEVEL[0] :], BOARD.legs[LEVEL[0] :], strict=True)
+        ahead_pct = [leg.energy_pct for point, leg in legs if point.phase in phases]
+        here = thirsty(1.5)
+        place_m = BOARD.places_m[LEVEL[0] - 1]
+        unsure = projection.at_landing(
+            CONTEXT, with_facts(here, learned=learned, fix=replace(at(), place_m=place_m)), SETUP
+        )
+        there = projection.at_landing(CONTEXT, with_facts(state, fix=replace(at(), place_m=place_m)), SETUP)
+        assert unsure is not None
+        assert there is not None
+        assert unsure.mean_pct == pytest.approx(there.mean_pct)
+        more_pct = math.sqrt(unsure.sd_pct**2 - there.sd_pct**2)
+        assert more_pct == pytest.approx(1.5 * 0.2 * sum(ahead_pct), rel=1e-3)
+
+
+def test_before_any_leg_the_band_is_as_wide_as_the_pace_of_nobody_known() -> None:
+    unknown, known = (
+        projection.at_landing(CONTEXT, thirsty(1.0), replace(SETUP, start=start))
+        for start in (Learned(), Learned(PaceEstimate(var=1e-12), PaceEstimate(var=1e-12)))
+    )
+    assert unknown is not None
+    assert known is not None
+    assert unknown.sd_pct > known.sd_pct
 
 
 def thirsty(factor: float, remaining_pct: float = 60.0) -> VehicleState:
