@@ -85,6 +85,8 @@ def test_a_slow_vehicle_is_foreseen_in_its_flight_and_in_the_next_one(tmp_path: 
     known = replace(ground, learned=document.known)
     second = fly_virtual(known, planned(known), seed=2, craft=slow)
     [before], [after] = first.report.routes, second.report.routes
+    assert before.time_error_pct is not None
+    assert after.time_error_pct is not None
     assert before.time_error_pct > 4.0
     assert abs(after.time_error_pct) < 1.0
 
