@@ -139,15 +139,8 @@ def with_remaining(
 ) -> BatteryState:  # fmt: skip
     """Take a report of what is left.
 
-    Args:
-        state: Before it.
-        remaining_pct: As reported.
-        charge_state: MAV_BATTERY_CHARGE_STATE.
-        now_s: Now.
-        prior: What is believed of the consumption.
-        limits: The thresholds.
-        middle_pct: How far above a reported percent the middle of what it stands for lies: 0 where it is rounded, half
-            a percent where it is cut off.
+    The middle of what a reported percent stands for lies `middle_pct` above it: 0 where it is rounded, half a percent
+    where it is cut off.
     """
     stands_for_pct = min(FULL_PCT, remaining_pct + middle_pct)
     sample = BatterySample(now_s, remaining_pct, state.modelled_pct)
