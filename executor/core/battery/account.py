@@ -176,12 +176,7 @@ def with_remaining(
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
     charge = _with_end(state, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s)
-    fine = _counted_pct(charge, stands_for_pct)
-    if fine is None:
-        charge = replace(charge, first=None, last=None) if charge.capacity_ah is not None else charge
-        estimate = kalman.corrected(ahead, stands_for_pct, elapsed_s, max(roughness, blindness_pct(state)))
-    else:
-        estimate = kalman.refined(ahead, fine)
+    estimate, charge = _taken(state, charge, ahead, stands_for_pct, elapsed_s, roughness)
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
@@ -233,6 +228,20 @@ def swapped(
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
     fresh = BatteryState(least_pct=state.least_pct, earlier_pct=state.given_pct)
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior, middle_pct=middle_pct)
+
+
+def _taken(
+    state: BatteryState, charge: Charge, ahead: BatteryEstimate, stands_for_pct: float, elapsed_s: float,
+    roughness_pct: float,
+) -> tuple[BatteryEstimate, Charge]:  # fmt: skip
+    """Return the estimate with a report, and the counter; one that does not agree begins anew at an end to come."""
+    fine = _counted_pct(charge, stands_for_pct)
+    if fine is not None:
+        return kalman.refined(ahead, fine), charge
+    if charge.capacity_ah is not None:
+        charge = replace(charge, first=None, last=None)
+    rough_pct = max(roughness_pct, blindness_pct(state))
+    return kalman.corrected(ahead, stands_for_pct, elapsed_s, rough_pct), charge
 
 
 def _with_end(state: BatteryState, end_pct: float, used_pct: float, elapsed_s: float) -> Charge:
