@@ -126,6 +126,10 @@ class Performance:
     land_fast_m_s: Above0
     touch_s: From0
     """Of a landing, beyond its descent: its beginning, the touch-down, the motors."""
+    home_m_s: Above0
+    """Over the ground on a return of its own, which no mission's speed is for."""
+    home_wait_s: From0
+    """Over its pad on such a return, before it comes down."""
 
     def legs_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
         """Return the times of straight legs; all arrays broadcast against each other.
@@ -167,6 +171,20 @@ class Performance:
         slow_m = np.minimum(drop_m, self.land_below_m)
         return np.asarray(self.touch_s + slow_m / self.land_m_s + (drop_m - slow_m) / self.land_fast_m_s)
 
+    def return_s(self, length_m: float, rise_m: float, drop_m: float) -> tuple[float, float, float]:
+        """Return the times of the climb, the level way and the landing of a return of its own, from a stand.
+
+        Args:
+            length_m: Over the ground; none is over the pad already.
+            rise_m: Up to the height of the return.
+            drop_m: From there onto the pad.
+        """
+        level_s, wait_s = 0.0, 0.0
+        if length_m > SHORT_M:
+            level_s = float(self.level.rest_s(np.array(length_m), np.array(self.home_m_s)))
+            wait_s = self.home_wait_s
+        return rise_m / self.climb_m_s, level_s, wait_s + float(self.landing_s(np.array(drop_m)))
+
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
@@ -176,10 +194,13 @@ class Tuning:
     default: float
     shapes: tuple[str, ...]
     """Keys of the performance, such as `climb_m_s` and `level.acceleration_m_s2`."""
+    alone: bool = False
+    """Whether it replaces what parameters before it made of these."""
 
 
 def tuned(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
     """Return how a vehicle flies by its own parameters; what it did not say, or what makes no sense, is the default."""
+    usual = performance
     for tuning in tunings:
         value = parameters.get(tuning.parameter)
         if value is None or not (math.isfinite(value) and value > 0):
@@ -188,9 +209,10 @@ def tuned(performance: Performance, tunings: Iterable[Tuning], parameters: Mappi
             axis, _, part = key.rpartition(".")
             factor = value / tuning.default
             if not axis:
-                performance = replace(performance, **{part: factor * getattr(performance, part)})
+                base = usual if tuning.alone else performance
+                performance = replace(performance, **{part: factor * getattr(base, part)})
                 continue
-            ramp: Ramp = getattr(performance, axis)
+            ramp: Ramp = getattr(usual if tuning.alone else performance, axis)
             changes: dict[str, Any] = {axis: replace(ramp, **{part: factor * getattr(ramp, part)})}
             performance = replace(performance, **changes)
     return performance

@@ -114,8 +114,11 @@ class Flown:
     """Why it was not nominal; its routes are not counted then."""
 
 
-def cases(routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None]) -> list[RouteCase]:
-    """Draw so many routes, in flights of 1 to 4 vehicles."""
+def cases(
+    routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None],
+    sizes: tuple[int, int] = (LEAST, MOST),
+) -> list[RouteCase]:  # fmt: skip
+    """Draw so many routes of so many segments, in flights of 1 to 4 vehicles."""
     rng = np.random.default_rng([seed, 17])
     found: list[RouteCase] = []
     left = routes
@@ -124,9 +127,9 @@ def cases(routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[
             return found
         count = min(left, int(rng.integers(1, MOST_VEHICLES + 1)))
         left -= count
-        sizes = tuple(int(size) for size in rng.integers(LEAST, MOST + 1, size=count))
+        drawn = tuple(int(size) for size in rng.integers(sizes[0], sizes[1] + 1, size=count))
         autopilot, network = autopilots[number % len(autopilots)], networks[number % len(networks)]
-        found.append(RouteCase(number, seed, autopilot, network, sizes))
+        found.append(RouteCase(number, seed, autopilot, network, drawn))
     raise AssertionError("counting has no end")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,17 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from executor.bench.band import (
+    CAPACITY_SD,
+    CONSUMPTION_SD,
+    MARGIN_PCT,
+    MOST_SD,
+    SEGMENTS,
+    SLOWER,
+    WIND_SD_M_S,
+    BandFlight,
+    band_held,
+)
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
 from executor.bench.prediction import Flown, FlownRoute, phases, prediction_errors
@@ -22,6 +34,20 @@ INTRODUCTION = (
     " battery really gave. What is planned is the estimate of every leg of the mission on board. An error is the size"
     " of flown / planned - 1. The planner's own figures, which plan files hold, are beside it."
 )
+VARIED = (
+    "`{command}`: {routes} more routes, of {segments} segments, with vehicles that differ from what is known of them,"
+    " each drawn anew by the seed: what it uses is normal about the energy model's figure with {consumption:g} % (cut"
+    " off at {most:g} standard deviations), what its pack holds about the data sheet's with {capacity:g} %; it flies"
+    " up to {slower:g} % slower than it is told, evenly; each component of the wind is normal about what the site says"
+    " with {wind:g} m/s, and the site says 0 to 6 m/s; it starts with 90 to 100 % and says whole percents, rounded by"
+    " PX4 and cut off by ArduPilot. The band is the one shown with the landing percentage, which should hold nine"
+    " flights of ten; what comes in is what the simulated battery really has left when the motors stop. A tenth is"
+    " taken at the first end of a leg in it."
+)
+SAYINGS = (
+    "The reserve lies {low:g} to {high:g} points below the landing that the plan promises, evenly. Said is what the"
+    " ground station says at any time of a flight: its warning, and what would be a fault; nobody acts on it here."
+)
 RECORDED = "`{command}`: whole routes of recorded flights, as their reports have them."
 WORST = 10
 """Routes with the largest errors that are named."""
@@ -29,7 +55,7 @@ WORST = 10
 
 def prediction_document(
     routes: Sequence[FlownRoute], command: str, *, seed: int | None = None, flights: Sequence[Flown] = (),
-    networks: Sequence[str] = (),
+    networks: Sequence[str] = (), varied: Sequence[BandFlight] = (),
 ) -> Json:  # fmt: skip
     """Return the content of prediction.json."""
     flown_s, took_s = sum(one.flown_s for one in flights), sum(one.took_s for one in flights)
@@ -49,6 +75,7 @@ def prediction_document(
         "flown_s": round(flown_s, 1),
         "flown_s_per_s": round(flown_s / took_s, 1) if took_s else None,
         "rows": [_row(one) for one in routes],
+        "band": {"machine": machine(), "command": command, **band_held(varied)} if varied else None,
     }
 
 
@@ -73,17 +100,31 @@ def _row(route: FlownRoute) -> Json:
 
 def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
     """Write prediction.json and prediction.md."""
-    write_result(folder / "prediction.json", content)
+    path = folder / "prediction.json"
+    if path.exists():
+        content = joined(json.loads(path.read_text(encoding="utf-8")), content)
+    write_result(path, content)
     write_text(folder / "prediction.md", prediction_page(content))
+
+
+def joined(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
+    """Return the content of a page with what another run of the command measured, and this one did not."""
+    if content["routes"] == 0 and before["routes"]:
+        return {**before, "band": content["band"]}
+    return {**content, "band": content["band"] or before.get("band")}
 
 
 def prediction_page(content: Mapping[str, Any]) -> str:
     """Return the page."""
+    nominal = _nominal(content) if content["routes"] else ()
+    return markdown_page(TITLE, *nominal, *_band(content["band"]))
+
+
+def _nominal(content: Mapping[str, Any]) -> tuple[str, ...]:
     recorded = content["seed"] is None
     said = RECORDED if recorded else INTRODUCTION
     wrong = content["not_nominal"]
-    return markdown_page(
-        TITLE,
+    return (
         machine_line(content["machine"]),
         said.format(command=content["command"], routes=content["routes"], networks=", ".join(content["networks"])),
         markdown_table(ERRORS, _errors(content)),
@@ -98,8 +139,31 @@ def prediction_page(content: Mapping[str, Any]) -> str:
     )  # fmt: skip
 
 
+def _band(band: Mapping[str, Any] | None) -> tuple[str, ...]:
+    if band is None:
+        return ()
+    wrong = band["not_counted"]
+    return (
+        "## Whether the band of the landing percentage holds",
+        machine_line(band["machine"]),
+        VARIED.format(
+            command=band["command"], routes=band["routes"], segments=f"{SEGMENTS[0]} to {SEGMENTS[1]}",
+            consumption=100 * CONSUMPTION_SD, capacity=100 * CAPACITY_SD, most=MOST_SD, slower=100 * SLOWER,
+            wind=WIND_SD_M_S,
+        ),
+        markdown_table(TENTHS, _tenths(band)),
+        '## "Below its reserve"',
+        SAYINGS.format(low=MARGIN_PCT[0], high=MARGIN_PCT[1]),
+        markdown_table(SAID, _said(band)),
+        f"{len(wrong)} flights did not end as planned, and are not counted: {'; '.join(wrong)}." if wrong else "",
+    )  # fmt: skip
+
+
 ERRORS = ("error of", "median (%)", "largest (%)", "median with its sign (%)")
 PHASES = ("legs", "planned (s)", "flown (s)", "time error (%)", "energy error (%)")
+TENTHS = ("of the route flown", "routes", "band held (%)", "band, median (+- points)", "off, median (points)",
+          "off with its sign, median (points)")  # fmt: skip
+SAID = ("flights that landed", "flights", "warned", "would be a fault", "warned (%)", "fault (%)")
 ROUTES = ("route", "segments", "hills (m)", "wind (m/s)", "planned (s)", "flown (s)", "error (%)", "planned (%)",
           "flown (%)", "error (%)")  # fmt: skip
 Rows = list[tuple[str, ...]]
@@ -127,6 +191,25 @@ def _phases(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
+def _tenths(band: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            f"{row['tenth']}/10", str(row["routes"]), figure(None if row["held"] is None else 100 * row["held"]),
+            figure(row["band_pct"], 2), figure(row["error_pct"], 2), figure(row["bias_pct"], 2),
+        )
+        for row in band["tenths"]
+    ]  # fmt: skip
+
+
+def _said(band: Mapping[str, Any]) -> Rows:
+    rows: Rows = []
+    for name, part in (("above their reserve", band["above"]), ("below it", band["below"])):
+        counts = (part["warned"], part["faults"])
+        shares = (figure(100 * count / part["routes"]) if part["routes"] else "" for count in counts)
+        rows.append((name, str(part["routes"]), *map(str, counts), *shares))
+    return rows
+
+
 def _worst(content: Mapping[str, Any]) -> Rows:
     def size(row: Mapping[str, Any]) -> float:
         return max(abs(float(row[key] or 0.0)) for key in ("time_error_pct", "energy_error_pct"))
@@ -145,6 +228,11 @@ def _worst(content: Mapping[str, Any]) -> Rows:
 def print_prediction(content: Mapping[str, Any]) -> None:
     """Print the tables."""
     console = Console()
+    if content["band"] is not None:
+        print_table(console, "Whether the band of the landing percentage holds", TENTHS, _tenths(content["band"]))
+        print_table(console, '"Below its reserve"', SAID, _said(content["band"]))
+    if not content["routes"]:
+        return
     print_table(console, f"{TITLE}: {content['routes']} routes", ERRORS, _errors(content))
     print_table(console, "By what a leg is for", PHASES, _phases(content))
     print_table(console, "The largest errors", ROUTES, _worst(content))

@@ -19,7 +19,13 @@ def prediction(
     autopilot: Annotated[
         AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
     ] = None,
-    routes: Annotated[int, typer.Option(min=1, help="Random routes, in flights of 1 to 4 vehicles.")] = 100,
+    routes: Annotated[int, typer.Option(min=0, help="Random routes, in flights of 1 to 4 vehicles.")] = 100,
+    varied: Annotated[
+        int,
+        typer.Option(
+            min=0, help="More of them, with vehicles that differ from their models: how often the predicted band held."
+        ),
+    ] = 0,
     seed: SeedOption = 1,
     network: Annotated[
         list[Path] | None,
@@ -38,9 +44,11 @@ def prediction(
     """Measure how well time and energy of routes are predicted: planned against flown.
 
     Random routes of 5 to 40 segments, in wind and over hills, are flown nominally by the executor against simulated
-    vehicles in virtual time. The same seed gives the same figures for any number of processes. Exit 1 if a flight was
-    not nominal: its routes are not counted.
+    vehicles in virtual time. The same seed gives the same figures for any number of processes. What a run does not
+    measure, with 0 routes, is kept in the files of `--out`. Exit 1 if a flight was not nominal: its routes are not
+    counted.
     """
+    from executor.bench.band import measure_band
     from executor.bench.machine import cores
     from executor.bench.prediction import measure_prediction, recorded_routes
     from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
@@ -52,17 +60,20 @@ def prediction(
     else:
         autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
         with ShownProgress() as shown:
+            count = jobs or cores()
             flown = measure_prediction(
-                routes, seed, autopilots, [None, *(network or ())], jobs or cores(), partial(shown.told, "flights")
+                routes, seed, autopilots, [None, *(network or ())], count, partial(shown.told, "flights")
             )
+            beside = measure_band(varied, seed, autopilots, count, partial(shown.told, "varied flights"))
         asked = [] if autopilot is None else ["--autopilot", autopilot.value]
         asked += [part for one in network or () for part in ("--network", one.name)]
         command = shlex.join([
-            "faultline", "bench", "prediction", *asked, "--routes", str(routes), "--seed", str(seed)
+            "faultline", "bench", "prediction", *asked, "--routes", str(routes),
+            *(["--varied", str(varied)] if varied else []), "--seed", str(seed),
         ])  # fmt: skip
         names = ["faultline's own network", *(one.name for one in network or ())]
         found = [route for flight in flown for route in flight.routes]
-        content = prediction_document(found, command, seed=seed, flights=flown, networks=names)
+        content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
     if out is not None:
         keep_prediction(content, out)
     if as_json:

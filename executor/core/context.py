@@ -12,7 +12,8 @@ from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
 from executor.core.learning import UNKNOWN, Learned
 from executor.core.limits import Limits
-from missions import Dialect, FlightSetup, LocalFrame, Pricing
+from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
+from missions.pace import AS_MODELLED
 from planner import Drone, pct_per_s, top_speed_m_s
 
 
@@ -71,6 +72,14 @@ class Scene:
         speed_m_s = math.hypot(east_m_s - self.wind_m_s[0], north_m_s - self.wind_m_s[1])
         return self.draws_pct_s[min(round(10 * speed_m_s), len(self.draws_pct_s) - 1)]
 
+    def model_of(self, setup: VehicleSetup) -> tuple[Performance, Pace]:
+        """Return how a vehicle flies, as far as it is known: as its autopilot's defaults have it."""
+        return setup.dialect.performance, AS_MODELLED
+
+    def return_height_m(self, name: str) -> float:  # noqa: ARG002 - who has a plan knows it
+        """Return the height over its own home that a vehicle climbs to before it comes home by itself; 0 is none."""
+        return 0.0
+
 
 @cache
 def draws_pct_s(drone: Drone) -> tuple[float, ...]:
@@ -110,6 +119,11 @@ class Context(Scene):
     def segment_name(self, segment: int) -> str:
         """Return a segment by the name of the asset, as people call it."""
         return self.setup.network.segment_name(segment)
+
+    def model_of(self, setup: VehicleSetup) -> tuple[Performance, Pace]:
+        """Return how a vehicle flies, by its own parameters and by its flights before."""
+        model = self.pricing.models[setup.name]
+        return model.performance, model.pace
 
     def return_height_m(self, name: str) -> float:
         """Return the height over its own home at which a vehicle must come home by itself, straight and level."""

@@ -38,8 +38,9 @@ class Limits:
     reserve_chance: float = 0.93
     """A landing below the reserve that is this probable is a fault: it is asked all the time, and once is enough."""
     reserve_clear_chance: float = 0.8
-    reserve_warn_chance: float = 0.5
-    """Above this it is worth a warning."""
+    reserve_warn_chance: float = 0.95
+    """From this on it is worth a warning. A probability that is right reaches c in vain in at most (1 - c) / c of what
+    it began with: of flights that begin with one of 0.15, in a hundredth of those that land above it."""
     reserve_slack_pct: float = 1.0
     """How far below the reserve a projected landing may lie: the reports are whole percents."""
     voltage_step: float = 0.05

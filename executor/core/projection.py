@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from executor.core.battery import account
 from executor.core.battery.kalman import Projection, projected
 from executor.core.context import Scene, VehicleSetup
+from executor.core.parts import OnBoard
 from executor.core.vehicle import Stage, VehicleState
+from missions import Phase
+from planner import CLIMB_SHARE_PER_M_S
 
 FAR, PLENTY_PCT = 3.0, 10.0
 """With three times the way home and this much left there is no doubt: a factor is known to a third or better."""
-HOME_SPEED_M_S = 8.0
-DESCENT_M_S = 1.0
-"""Both autopilots come home at 5 to 12 m/s and land at 0.5 to 1.5 m/s by their defaults."""
+UPRIGHT_M = 1.0
+"""A leg that is shorter over the ground leads up or down."""
 
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
@@ -51,13 +54,17 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
     if state.power.battery.estimate is None:
         return None
     if state.assignment.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
-        modelled_pct: float | None = modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1)
+        last = len(state.assignment.board.legs) - 1
+        modelled_pct: float | None = modelled_to_reach_pct(state, last)
+        unsure_pct = _unsure_of_pace_pct(state, setup, last)
     else:
         modelled_pct = modelled_to_return_pct(context, state, setup)
+        unsure_pct = (state.assignment.learned or setup.start).transit.sd * (modelled_pct or 0.0)
     if modelled_pct is None:
         return None
     ahead = projected(state.power.battery.estimate, modelled_pct)
-    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, account.blindness_pct(state.power.battery)))
+    unsure_pct *= state.power.battery.estimate.factor
+    return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, unsure_pct, account.blindness_pct(state.power.battery)))
 
 
 def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetup, floor_pct: float) -> float | None:
@@ -72,32 +79,79 @@ def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetu
 
 
 def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:
-    """Return the energy of the straight way home from here and of the descent, by the model; None without a place."""
-    if state.motion.fix is None:
+    """Return the energy of a return of its own from here, by the model; None without a place.
+
+    As its autopilot flies it: up to the height of its return, straight home at that speed, and down. Who is over its
+    pad only has to come down.
+    """
+    fix = state.motion.fix
+    if fix is None:
         return None
-    away_m = math.dist(state.motion.fix.place_m, setup.pad_m)
-    level_s, down_s = away_m / HOME_SPEED_M_S, max(0.0, state.motion.fix.alt_rel_m) / DESCENT_M_S
-    return context.draw_pct_per_s(HOME_SPEED_M_S, 0.0) * level_s + context.draw_pct_per_s(0.0, 0.0) * down_s
+    performance, known = context.model_of(setup)
+    learned = state.assignment.learned
+    pace = known.transit * (1.0 if learned is None else learned.pace.transit)
+    east_m, north_m = setup.pad_m[0] - fix.place_m[0], setup.pad_m[1] - fix.place_m[1]
+    away_m, up_m = math.hypot(east_m, north_m), max(0.0, fix.alt_rel_m)
+    if away_m <= context.limits.pad_m:
+        away_m = 0.0
+    else:
+        up_m = max(up_m, context.return_height_m(setup.name))
+    rise_m = up_m - max(0.0, fix.alt_rel_m)
+    climb_s, level_s, land_s = performance.return_s(away_m, rise_m, up_m)
+    hover_pct_s = context.draw_pct_per_s(0.0, 0.0)
+    climb_pct = (climb_s + CLIMB_SHARE_PER_M_S * rise_m) * hover_pct_s
+    if level_s == 0.0:
+        return climb_pct + land_s * hover_pct_s
+    toward = performance.home_m_s / away_m
+    level_pct = pace * level_s * context.draw_pct_per_s(toward * east_m, toward * north_m)
+    return climb_pct + level_pct + land_s * hover_pct_s
 
 
 def _paced(state: VehicleState, legs: list[float]) -> float:
     """Return the sum of figures of the leg under way, as far as it is left, and of those after it, at its own pace."""
-    board, learned, first = state.assignment.board, state.assignment.learned, state.assignment.waypoint
+    board, learned = state.assignment.board, state.assignment.learned
     if board is None or not legs:
         return 0.0
     legs[0] *= _share_of_leg_left(state)
     if learned is None:
         return sum(legs)
-    pace, points = learned.pace, board.path.waypoints[first : first + len(legs)]
-    return sum(pace.of(point.phase) * leg for point, leg in zip(points, legs, strict=True))
+    pace = learned.pace
+    return sum(
+        pace.of(phase) * leg for phase, leg in zip(_phases(board, state.assignment.waypoint), legs, strict=False)
+    )
+
+
+def _unsure_of_pace_pct(state: VehicleState, setup: VehicleSetup, waypoint: int) -> float:
+    """Return how far off the energy until the end of a waypoint's leg may be, as it is not known how long legs take.
+
+    One standard deviation; what is not known of inspections and of transits is learned from legs of their own.
+    """
+    board, first = state.assignment.board, state.assignment.waypoint
+    if board is None or waypoint < first:
+        return 0.0
+    learned = state.assignment.learned or setup.start
+    inspect_pct = transit_pct = 0.0
+    share = _share_of_leg_left(state)
+    for phase, leg in zip(_phases(board, first), board.legs[first : waypoint + 1], strict=False):
+        if phase is Phase.INSPECT:
+            inspect_pct += share * leg.energy_pct
+        elif phase in (Phase.TRANSIT, Phase.RETURN):
+            transit_pct += share * leg.energy_pct
+        share = 1.0
+    return math.hypot(learned.inspect.sd * inspect_pct, learned.transit.sd * transit_pct)
+
+
+def _phases(board: OnBoard, first: int) -> Iterator[Phase]:
+    return (point.phase for point in board.path.waypoints[first:])
 
 
 def _share_of_leg_left(state: VehicleState) -> float:
-    board = state.assignment.board
-    if board is None or state.motion.fix is None or state.assignment.waypoint == 0:
+    board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
+    if board is None or fix is None or waypoint == 0:
         return 1.0
-    begin, end = board.places_m[state.assignment.waypoint - 1], board.places_m[state.assignment.waypoint]
-    length = math.dist(begin, end)
-    if length < 1.0:
-        return 1.0
-    return min(1.0, math.dist(state.motion.fix.place_m, end) / length)
+    begin, end = board.places_m[waypoint - 1], board.places_m[waypoint]
+    length, left = math.dist(begin, end), math.dist(fix.place_m, end)
+    if length < UPRIGHT_M:  # it lands
+        begin_up_m, end_up_m = (board.path.waypoints[leg].alt_rel_m for leg in (waypoint - 1, waypoint))
+        length, left = abs(begin_up_m - end_up_m), abs(fix.alt_rel_m - end_up_m)
+    return min(1.0, left / length) if length >= UPRIGHT_M else 1.0

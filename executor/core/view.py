@@ -10,6 +10,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 from executor.core import projection
+from executor.core.battery.kalman import BAND_SD
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.replan.replanning import left_over
@@ -42,7 +43,7 @@ class PositionView:
 
 @dataclass(frozen=True, slots=True)
 class BatteryView:
-    """A battery, in percent of a full one. A band is one standard deviation."""
+    """A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten."""
 
     measured_pct: float | None
     predicted_pct: float | None
@@ -356,14 +357,14 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
             vehicle, len(vehicle.assignment.board.legs) - 1
         )
         predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
-        band_pct = round(math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
+        band_pct = round(BAND_SD * math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
     return BatteryView(
         measured_pct=vehicle.power.battery.remaining_pct,
         predicted_pct=predicted_pct,
         predicted_band_pct=band_pct,
         to_finish_pct=round(_to_finish_pct(context, vehicle), 1),
         landing_pct=None if ahead is None else round(ahead.mean_pct, 1),
-        landing_band_pct=None if ahead is None else round(ahead.sd_pct, 1),
+        landing_band_pct=None if ahead is None else round(ahead.band_pct, 1),
         reserve_pct=setup.reserve_pct,
     )
 

@@ -61,6 +61,7 @@ class Airframe:
             vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
         )
         self._wind_m_s = vehicle.wind_m_s
+        self._reaches = vehicle.speed_reached
         self.armed = False
         self.crashed_s: float | None = None
         """When it was destroyed."""
@@ -94,6 +95,10 @@ class Airframe:
             return 0.0
         east, north = self._wind_m_s
         return math.hypot(self.body.v_east_m_s - east, self.body.v_north_m_s - north)
+
+    def reached_m_s(self, asked_m_s: float) -> float:
+        """Return the speed over ground that it flies at when it is asked for one."""
+        return self._reaches * asked_m_s
 
     @property
     def landed_state(self) -> LandedState:
@@ -200,7 +205,7 @@ class Airframe:
             if above.up_m > here.up_m + AIRBORNE_M:
                 yield Climb(above, self._manners.limits.climb_m_s)
             over = Place(0.0, 0.0, above.up_m)
-            yield Leg(above, over, speed_m_s, accept_m=0.0)
+            yield Leg(above, over, self.reached_m_s(speed_m_s), accept_m=0.0)
             yield Hover(over, linger_s)
         yield land
 

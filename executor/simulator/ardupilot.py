@@ -195,8 +195,8 @@ class ArduPilot(Autopilot):
     def _change_speed(self, command: Command) -> Result:
         if command.params[1] <= 0:
             return Result.FAILED
-        self.mission.speed_m_s = command.params[1]
-        self.frame.pilot.change_speed(command.params[1])
+        self.mission.asked_m_s = command.params[1]
+        self.frame.pilot.change_speed(self.mission.speed_m_s)
         return Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:

@@ -88,6 +88,8 @@ class SimVehicle:
     """Capacity relative to a new pack; a worn one also has more internal resistance."""
     consumption: float = 1.0
     """Power relative to the energy model."""
+    speed_reached: float = 1.0
+    """Share of any speed asked of it over ground that it flies at."""
     wind_m_s: tuple[float, float] = (0.0, 0.0)
     """Where the air moves to, east and north, in the air: what it uses follows from its air speed."""
     current_sensor: bool = True
@@ -118,6 +120,7 @@ class SimVehicle:
             "charge_pct": (0 < self.charge_pct <= 100, "above 0, up to 100"),
             "health": (0 < self.health <= 1.5, "above 0, up to 1.5"),
             "consumption": (0 < self.consumption < math.inf, "above 0"),
+            "speed_reached": (0 < self.speed_reached <= 1, "above 0, up to 1"),
             "transfer_patience_s": (0 <= self.transfer_patience_s < math.inf, "0 or more"),
             "ready_after_s": (0 <= self.ready_after_s < math.inf, "0 or more"),
         }

@@ -54,7 +54,7 @@ class ArduPilotMission:
         """What MISSION_CURRENT says."""
         self.nav: MissionItem | None = None
         """The item being flown: a copy, that outlives its own deletion."""
-        self.speed_m_s = params["WPNAV_SPEED"] * CM
+        self.asked_m_s = params["WPNAV_SPEED"] * CM
         self._state = MissionState.NOT_STARTED
         self._origin: Place | None = None
         """Where the next leg's line begins, when the last one ended in passing or at a stop; None: where it is."""
@@ -86,9 +86,14 @@ class ArduPilotMission:
             seq += 1
         return item is not None and item.command == Command.NAV_TAKEOFF
 
+    @property
+    def speed_m_s(self) -> float:
+        """What it flies at where it can."""
+        return self._frame.reached_m_s(self.asked_m_s)
+
     def enter(self) -> None:
         """Start or resume. The speed of the mission's DO_CHANGE_SPEED is lost at every mode change."""
-        self.speed_m_s = self._params["WPNAV_SPEED"] * CM
+        self.asked_m_s = self._params["WPNAV_SPEED"] * CM
         self._origin = self._passed_m_s = self._turning = None
         self._start(self._resume_seq())
 
@@ -220,7 +225,7 @@ class ArduPilotMission:
             if item.command != Command.DO_CHANGE_SPEED:
                 break
             if item.param2 > 0:
-                self.speed_m_s = item.param2
+                self.asked_m_s = item.param2
             self._reached = seq
             seq += 1
         return seq

@@ -45,7 +45,7 @@ class Px4Mission:
     def __init__(self, frame: Airframe, store: Px4Store, home: Home, params: ParamTable, voice: Voice) -> None:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
         self.index = 0
-        self.speed_m_s = params["MPC_XY_CRUISE"]
+        self.asked_m_s = params["MPC_XY_CRUISE"]
         self.running = False
         """Whether items are being flown."""
         self._nav: MissionItem | None = None
@@ -94,9 +94,14 @@ class Px4Mission:
         items = self._store.items
         return bool(items) and all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in items)
 
+    @property
+    def speed_m_s(self) -> float:
+        """What it flies at where it can."""
+        return self._frame.reached_m_s(self.asked_m_s)
+
     def enter(self) -> MissionEnd | None:
         """Start or resume at the index; the cruise speed is the default again."""
-        self.speed_m_s = self._params["MPC_XY_CRUISE"]
+        self.asked_m_s = self._params["MPC_XY_CRUISE"]
         if not self.feasible:
             return self.give_up()
         if self._finished:
@@ -181,7 +186,7 @@ class Px4Mission:
         items = self._store.items
         while seq < len(items) and items[seq].command == Command.DO_CHANGE_SPEED:
             if items[seq].param2 > 0:
-                self.speed_m_s = items[seq].param2
+                self.asked_m_s = items[seq].param2
             if self._reached is not None and self._reached[0] == seq - 1:
                 # A DO item takes the place of the item before it in the report.
                 self._reached = (seq, self._reached[1], self._reached[2])

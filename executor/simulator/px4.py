@@ -225,8 +225,8 @@ class Px4(Autopilot):
     def _change_speed(self, command: Command) -> Result:
         if command.params[1] <= 0:
             return Result.DENIED
-        self.mission.speed_m_s = command.params[1]
-        self.frame.pilot.change_speed(command.params[1])
+        self.mission.asked_m_s = command.params[1]
+        self.frame.pilot.change_speed(self.mission.speed_m_s)
         return Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:

@@ -103,6 +103,7 @@ ARDUPILOT = Dialect(
     current_counts_home=True,  # measured: total is count - 1
     ends_in_other_mode=False,  # measured: it lands in AUTO
     rounds_twice=False,
+    percent_middle=0.5,  # AP_BattMonitor.cpp: cut off to an integer
     own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
     set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
     # Measured: a change of mode brings WPNAV_SPEED back.
@@ -152,6 +153,8 @@ ARDUPILOT = Dialect(
         land_below_m=11.6,  # LAND_ALT_LOW 1000 cm, and the way to that speed
         land_fast_m_s=1.5,  # LAND_SPEED_HIGH 0: WPNAV_SPEED_DN
         touch_s=2.7,  # measured: of it 2.4 s from the touch-down until it disarms
+        home_m_s=10.0,  # RTL_SPEED 0: WPNAV_SPEED 1000 cm/s
+        home_wait_s=5.0,  # RTL_LOIT_TIME 5000 ms
     ),
     tunings=(
         Tuning("WPNAV_ACCEL", 250.0, ("level.acceleration_m_s2",)),
@@ -161,6 +164,8 @@ ARDUPILOT = Dialect(
         Tuning("WPNAV_SPEED_DN", 150.0, ("descent_m_s", "land_fast_m_s")),
         Tuning("LAND_SPEED", 50.0, ("land_m_s",)),
         Tuning("LAND_ALT_LOW", 1000.0, ("land_below_m",)),
+        Tuning("WPNAV_SPEED", 1000.0, ("home_m_s",)),
+        Tuning("RTL_SPEED", 1000.0, ("home_m_s",), alone=True),  # 0 is the speed of waypoints
     ),
     oldest_version=(4, 6),
     tested_version="Copter 4.7-dev",

@@ -134,6 +134,8 @@ class Dialect:
     """Whether the landing at a mission's end is flown in a mode of its own."""
     rounds_twice: bool
     """Whether BATTERY_STATUS rounds the percentage, and SYS_STATUS rounds it up."""
+    percent_middle: float
+    """How far above a reported whole percent the middle of what it stands for lies: 0 rounded, 0.5 cut off."""
     own_streams_hz: Mapping[int, float]
     """Messages that only this autopilot has, and how often they are asked for."""
     set_current: SetCurrent

@@ -97,6 +97,7 @@ PX4 = Dialect(
     current_counts_home=False,  # guide 1.4
     ends_in_other_mode=True,  # measured: AUTO.LAND
     rounds_twice=True,  # recorded flights
+    percent_middle=0.0,  # BATTERY_STATUS.hpp: roundf
     own_streams_hz={231: 0.5},  # WIND_COV; of its fence it says in texts alone
     set_current=SetCurrent.MESSAGE,  # measured: 224 is unsupported
     # Measured: Hold -> Mission resets the speed.
@@ -145,6 +146,8 @@ PX4 = Dialect(
         land_below_m=0.0,
         land_fast_m_s=1.25,
         touch_s=8.4,  # the last 10 m are slower, down to MPC_LAND_SPEED 0.7; 2 s and more until it disarms
+        home_m_s=5.0,  # MPC_XY_CRUISE
+        home_wait_s=0.0,  # RTL_LAND_DELAY
     ),
     tunings=(
         Tuning("MPC_ACC_HOR", 3.0, ("level.acceleration_m_s2",)),
@@ -152,6 +155,7 @@ PX4 = Dialect(
         Tuning("MPC_Z_V_AUTO_DN", 1.5, ("descent_m_s",)),
         Tuning("MPC_Z_VEL_MAX_DN", 1.5, ("land_m_s", "land_fast_m_s")),
         Tuning("MPC_TKO_SPEED", 1.5, ("take_off_m_s",)),
+        Tuning("MPC_XY_CRUISE", 5.0, ("home_m_s",)),
     ),
     oldest_version=(1, 15),
     tested_version="PX4 1.17.0",

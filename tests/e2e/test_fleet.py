@@ -11,8 +11,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
+from executor.adapters.run_directory import RunDirectory
+from executor.analysis.learned import document_of, read_learned
+from executor.core.battery.kalman import Prior
+from executor.core.learning import Known, PaceEstimate
 from executor.replay.run import rerun
 from executor.simulator.truth import read_truths
+from planner import PRESETS
 from tests.e2e.flights import (
     PATIENCE_S,
     Flown,
@@ -63,7 +68,9 @@ async def test_a_silent_link(tmp_path: Path) -> None:
     assert min(one["min_reserve_pct"] for one in flown.report["vehicles"]) >= 15.0
     written = {path.name for path in flown.run.iterdir()}
     assert {"site.toml", "events.jsonl", "plan-000.json", "plan-001.json", "report.json", "uav1.tlog"} <= written
-    for name, files in {"plan": "plan-*.json", "report": "report.json", "vehicles": "vehicles.json"}.items():
+    documents = {"plan": "plan-*.json", "report": "report.json", "vehicles": "vehicles.json", "learned": "learned.json"}
+    for name, files in documents.items():
+        assert list(flown.run.glob(files))
         for path in flown.run.glob(files):
             validator(name).validate(json.loads(path.read_text(encoding="utf-8")))
     again = rerun(flown.run)
@@ -217,6 +224,31 @@ async def test_ctrl_c_once_leaves_the_vehicles_on_their_missions(tmp_path: Path)
             assert beat.custom_mode == ARDUPILOT_AUTO
         assert simulation.returncode is None
     assert "landed" not in {one.what for one in read_truths(truth)}
+
+
+async def test_what_one_flight_taught_is_where_the_next_one_begins(tmp_path: Path) -> None:
+    simulate, fly, _, _ = await started(tmp_path, speedup=20.0)
+    before, factor = tmp_path / "before", PaceEstimate(1.1, 0.02**2, 30)
+    before.mkdir()
+    known = {"uav1": Known(factor, factor, Prior(1.1, 0.04), 20.0, "ardupilot", PRESETS["mavic3"].name)}
+    document_of(known, "2026-01-02").write(RunDirectory(before).learned)
+    words = "uav1: inspections take 110 ± 2 % of the model's time"
+    async with called(*simulate):
+        async with called("preflight", fly[1], "--learned", str(before)) as check:
+            out, err = await ended(check)
+            assert check.returncode == 0, err
+            assert words in out + err
+        async with called(*fly, "--learned", str(before)) as flight:
+            out, err = await ended(flight)
+            assert flight.returncode == 0, err
+            assert words in out + err
+    run = RunDirectory(tmp_path / "run")
+    assert read_learned(run.learned_before).known["uav1"].consumption == known["uav1"].consumption
+    rows = {row.name: row for row in read_learned(run.learned).vehicles}
+    assert rows["uav1"].inspect.legs > 30
+    assert rows["uav2"].inspect.legs > 0
+    # It is not thirsty today.
+    assert rows["uav1"].consumption.mean < 1.1
 
 
 async def test_ctrl_c_twice_sends_them_home(tmp_path: Path) -> None:

@@ -16,6 +16,13 @@ def test_what_is_set_on_board_shapes_the_flight() -> None:
     assert own.climb_m_s == ARDUPILOT.performance.climb_m_s
 
 
+def test_the_speed_of_its_return_is_that_of_waypoints_unless_it_has_one_of_its_own() -> None:
+    given = {"WPNAV_SPEED": 600.0, "RTL_SPEED": 0.0}
+    assert tuned(ARDUPILOT.performance, ARDUPILOT.tunings, given).home_m_s == pytest.approx(6.0)
+    given["RTL_SPEED"] = 400.0
+    assert tuned(ARDUPILOT.performance, ARDUPILOT.tunings, given).home_m_s == pytest.approx(4.0)
+
+
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_what_makes_no_sense_is_taken_as_the_default(value: float) -> None:
     assert tuned(PX4.performance, PX4.tunings, {"MPC_ACC_HOR": value, "SOMETHING": 3.0}) == PX4.performance

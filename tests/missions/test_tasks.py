@@ -17,6 +17,7 @@ MODEL = FlightModel(
         QUICK, QUICK, climb_m_s=2.0, descent_m_s=2.0, turn_s=0.0, turn_power=1.0, corner_s=0.0, corner_power=1.0,
         settle_s=0.5, accept_m=0.0, hold_s=1.0, spool_s=3.0,
         take_off_m_s=2.0, take_off_below_m=10.0, land_m_s=0.5, land_below_m=5.0, land_fast_m_s=2.0, touch_s=2.0,
+        home_m_s=5.0, home_wait_s=0.0,
     ),
     SteadyWind(0.0, 0.0, (0.0, 100.0), (0.1, 0.1)), 10.0, 2.0,
 )  # fmt: skip

@@ -86,6 +86,9 @@ class VirtualFlight:
     """Of real time."""
 
 
+Applied = Callable[[Context, Event, FleetState, float], None]
+
+
 class Nowhere:
     """`ports.EventSink` that keeps nothing."""
 
@@ -104,6 +107,7 @@ def fly_virtual(
     seed: int = 0,
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
     sink: EventSink | None = None,
+    applied: Applied = lambda *_: None,
     limit_s: float = LIMIT_S,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
@@ -118,6 +122,7 @@ def fly_virtual(
         seed: Of the links' chance.
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
         sink: Where events are written; without it nowhere.
+        applied: Called after every event with what does not change, the state and the flight's time.
         limit_s: Of the flight's time after the launch.
 
     Raises:
@@ -128,7 +133,7 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    flown = run_virtual(lambda: _Sky(ground, plan, faults, seed, craft, sink or Nowhere()).fly(limit_s))
+    flown = run_virtual(lambda: _Sky(ground, plan, faults, seed, craft, sink or Nowhere(), applied).fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
 
@@ -161,10 +166,10 @@ class _Sky:
 
     def __init__(
         self, ground: Ground, plan: PlanFile, faults: Sequence[str], seed: int,
-        craft: Callable[[SimVehicle], SimVehicle], sink: EventSink,
+        craft: Callable[[SimVehicle], SimVehicle], sink: EventSink, applied: Applied,
     ) -> None:  # fmt: skip
         self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: ())
-        self._sink = sink
+        self._sink, self._applied = sink, applied
         self._solver = SolverHere(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
         setup = assembly.setup_of(ground)
@@ -197,7 +202,10 @@ class _Sky:
                 raise BenchError(f"a flight in virtual time: {stops[0].subject}: {stops[0].text}")
             await load_all(context, links, clock, boards, console)
             launched_s = clock.now_s()
-            observer = Observer(lambda line, at_s: self._said.append((at_s, line)), lambda *_: None)
+            observer = Observer(
+                lambda line, at_s: self._said.append((at_s, line)),
+                lambda event, state, now_s: self._applied(context, event, state, now_s),
+            )
             flight = Flight(context, fleet.initial(boards), links, clock, self._sink, self._solver, observer)
             ended = await _to_the_end(flight, launched_s + limit_s)
             ended_s = clock.now_s()

@@ -33,8 +33,13 @@ GAP_S = 10.0
 """After a longer silence nobody knows how it flew."""
 BLIND_PCT = 1.5
 """PX4 without a current sensor: its percentage is off by some percent, and slowly so."""
-CAPACITY_PCT = 4.0
-"""As much must be used before charge can be set against percent: whole percents err by one."""
+CAPACITY_PCT = 3.0
+"""So far apart two ends of percents must be before charge can be set against them: each is known to a report."""
+END_S = 5.0
+"""Between two reports of which the second is one percent less: later nobody knows when the percent ended."""
+
+WHOLE_PCT = 1.0
+FULL_PCT = 100.0
 
 NO_PRIOR = Prior()
 DEFAULT_LIMITS = Limits()
@@ -51,6 +56,14 @@ class BatterySample:
 
 
 @dataclass(frozen=True, slots=True)
+class PercentEnd:
+    """The moment at which a whole percent went over into the next: then it is known exactly what remains."""
+
+    remaining_pct: float
+    consumed_ah: float
+
+
+@dataclass(frozen=True, slots=True)
 class Charge:
     """The counter of consumed charge, where there is one."""
 
@@ -58,8 +71,10 @@ class Charge:
     at_s: float = 0.0
     modelled_pct: float = 0.0
     began_ah: float = 0.0
-    began_pct: float = 0.0
-    """What the percentage was when the counter was first heard."""
+    """What it said when it was first heard."""
+    first: PercentEnd | None = None
+    """The first end of a percent that fits the counter."""
+    last: PercentEnd | None = None
     capacity_ah: float | None = None
     """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
     drift: Drift = field(default_factory=Drift)
@@ -120,9 +135,14 @@ def drawn(state: BatteryState, pct: float) -> BatteryState:
 
 def with_remaining(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
-    limits: Limits = DEFAULT_LIMITS,
+    limits: Limits = DEFAULT_LIMITS, middle_pct: float = 0.0,
 ) -> BatteryState:  # fmt: skip
-    """Take a report of what is left."""
+    """Take a report of what is left.
+
+    The middle of what a reported percent stands for lies `middle_pct` above it: 0 where it is rounded, half a percent
+    where it is cut off.
+    """
+    stands_for_pct = min(FULL_PCT, remaining_pct + middle_pct)
     sample = BatterySample(now_s, remaining_pct, state.modelled_pct)
     if state.estimate is None or state.remaining_pct is None:
         return replace(
@@ -134,7 +154,7 @@ def with_remaining(
             reported_s=now_s,
             charge_state=charge_state,
             history=(sample,),
-            estimate=kalman.first_estimate(remaining_pct, prior),
+            estimate=kalman.first_estimate(stands_for_pct, prior),
             usual=prior.factor,
             usual_long=prior.factor,
         )
@@ -155,11 +175,8 @@ def with_remaining(
         state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
-    fine = _counted_pct(state, remaining_pct)
-    if fine is None:
-        estimate = kalman.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
-    else:
-        estimate = kalman.refined(ahead, fine)
+    charge = _with_end(state, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s)
+    estimate, charge = _taken(state, charge, ahead, stands_for_pct, elapsed_s, roughness)
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
@@ -178,6 +195,7 @@ def with_remaining(
         drift=drift,
         usual_long=_followed_long(state, estimate, elapsed_s, now_s),
         slow=slow,
+        charge=charge,
     )
 
 
@@ -189,8 +207,7 @@ def with_consumed(
     if state.remaining_pct is None:
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
-        began = Charge(consumed_ah, now_s, state.modelled_pct, consumed_ah, state.remaining_pct)
-        return replace(state, charge=began)
+        return replace(state, charge=Charge(consumed_ah, now_s, state.modelled_pct, consumed_ah))
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
@@ -200,33 +217,58 @@ def with_consumed(
             drift, used, expected, slack_pct=_slack(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
             now_s=now_s, memory_s=limits.battery_window_s,
         )  # fmt: skip
-    capacity = charge.capacity_ah
-    given_pct = charge.began_pct - state.remaining_pct
-    if given_pct >= CAPACITY_PCT and drift.excess_pct <= CALM_PCT and state.remaining_pct > 0:
-        capacity = 100.0 * (consumed_ah - charge.began_ah) / given_pct
-        if capacity <= 0.0:
-            capacity = None  # a counter that stands still while the percentage falls counts nothing
-    taken = replace(
-        charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, capacity_ah=capacity, drift=drift
-    )
+    taken = replace(charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, drift=drift)
     return replace(state, charge=taken)
 
 
 def swapped(
-    state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR
-) -> BatteryState:
+    state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
+    middle_pct: float = 0.0,
+) -> BatteryState:  # fmt: skip
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
     fresh = BatteryState(least_pct=state.least_pct, earlier_pct=state.given_pct)
-    return with_remaining(fresh, remaining_pct, charge_state, now_s, prior)
+    return with_remaining(fresh, remaining_pct, charge_state, now_s, prior, middle_pct=middle_pct)
 
 
-def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
-    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
+def _taken(
+    state: BatteryState, charge: Charge, ahead: BatteryEstimate, stands_for_pct: float, elapsed_s: float,
+    roughness_pct: float,
+) -> tuple[BatteryEstimate, Charge]:  # fmt: skip
+    """Return the estimate with a report, and the counter; one that does not agree begins anew at an end to come."""
+    fine = _counted_pct(charge, stands_for_pct)
+    if fine is not None:
+        return kalman.refined(ahead, fine), charge
+    if charge.capacity_ah is not None:
+        charge = replace(charge, first=None, last=None)
+    rough_pct = max(roughness_pct, blindness_pct(state))
+    return kalman.corrected(ahead, stands_for_pct, elapsed_s, rough_pct), charge
+
+
+def _with_end(state: BatteryState, end_pct: float, used_pct: float, elapsed_s: float) -> Charge:
+    """Return the counter after a report; one that is a percent less than the one before tells where the percent ended.
+
+    Whole percents err by one, but the moment in which one becomes the next is known to the time between two reports.
+    """
     charge = state.charge
-    if charge.capacity_ah is None or charge.consumed_ah is None:
+    if charge.consumed_ah is None or used_pct != WHOLE_PCT or elapsed_s > END_S:
+        return charge
+    last = PercentEnd(end_pct, charge.consumed_ah)
+    first, capacity_ah = charge.first or last, charge.capacity_ah
+    given_pct = first.remaining_pct - last.remaining_pct
+    # What drains the charge, and not what is said of it, must not become the capacity.
+    if given_pct >= CAPACITY_PCT and charge.drift.excess_pct <= CALM_PCT:
+        capacity_ah = 100.0 * (last.consumed_ah - first.consumed_ah) / given_pct
+        if capacity_ah <= 0.0:
+            capacity_ah = None  # a counter that stands still while the percentage falls counts nothing
+    return replace(charge, first=first, last=last, capacity_ah=capacity_ah)
+
+
+def _counted_pct(charge: Charge, stands_for_pct: float) -> float | None:
+    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
+    if charge.capacity_ah is None or charge.consumed_ah is None or charge.last is None:
         return None
-    left = charge.began_pct - 100.0 * (charge.consumed_ah - charge.began_ah) / charge.capacity_ah
-    return left if abs(left - reported_pct) <= AGREES_PCT else None
+    left = charge.last.remaining_pct - 100.0 * (charge.consumed_ah - charge.last.consumed_ah) / charge.capacity_ah
+    return left if abs(left - stands_for_pct) <= AGREES_PCT else None
 
 
 def is_blind(state: BatteryState) -> bool:

@@ -68,8 +68,10 @@ def _rounds_twice(context: Scene, name: str, charge: BatteryState) -> bool:
 def _charged(
     context: Scene, name: str, known: BatteryState, remaining_pct: float, charge_state: int, now_s: float
 ) -> BatteryState:
-    prior = context.vehicles[name].prior if name in context.vehicles else account.NO_PRIOR
+    setup = context.vehicles.get(name)
+    prior = account.NO_PRIOR if setup is None else setup.prior
+    middle_pct = 0.0 if setup is None else setup.dialect.percent_middle
     # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
-        return account.swapped(known, remaining_pct, charge_state, now_s, prior)
-    return account.with_remaining(known, remaining_pct, charge_state, now_s, prior, context.limits)
+        return account.swapped(known, remaining_pct, charge_state, now_s, prior, middle_pct)
+    return account.with_remaining(known, remaining_pct, charge_state, now_s, prior, context.limits, middle_pct)

@@ -35,6 +35,7 @@ from executor.core.parts import Assignment, Fix, LinkState, MotionState
 from executor.core.vehicle import Stage, VehicleState, before_of
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
+from planner import CLIMB_SHARE_PER_M_S
 
 _ALARM = re.compile(
     r"failsafe|fence|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
@@ -256,7 +257,8 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
     elapsed_s = 0.0 if last is None else message.boot_s - last.boot_s
     if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
-        drawn_pct = context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
+        climb = 1.0 + CLIMB_SHARE_PER_M_S * max(0.0, -message.down_m_s)
+        drawn_pct = climb * context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
         power = replace(power, battery=account.drawn(power.battery, drawn_pct))
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:

@@ -19,13 +19,14 @@ from executor.core.context import Context
 from executor.core.coverage import NOISE_M, SPEED_FACTOR, Run, Sample, run_joined
 from executor.core.parts import Before, Cause, Fix, OnBoard
 from executor.core.vehicle import VehicleState
-from missions import Phase
+from missions import Pace, Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
 from missions.geometry import locate
+from missions.pace import AS_MODELLED
 from planner import segment_of
 
-LEAST_TOLERANCE_S = 2.0
-"""The hold of a second at either end of the time, and a second between two reports of the index."""
+INDEX_S = 1.0
+"""Between two reports of the index."""
 ENERGY_TOLERANCE = 0.15
 """How far a landed vehicle's use may be from what its mission should have cost: take-off and descent are estimates."""
 ENERGY_TOLERANCE_PCT = 2.0
@@ -72,10 +73,12 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         return _landed(context, state, before, fix, board)
     if why_not := _elsewhere(context, state, before, fix, board, waypoint):
         return Inferred(why_not=why_not)
-    return _in_time(context, before, fix, board, waypoint)
+    return _in_time(context, before, fix, board, waypoint, _pace(state))
 
 
-def _in_time(context: Context, before: Before, fix: Fix, board: OnBoard, waypoint: int) -> Inferred:
+def _in_time(
+    context: Context, before: Before, fix: Fix, board: OnBoard, waypoint: int, pace: Pace
+) -> Inferred:  # fmt: skip
     """Look at a vehicle in the air that is where its mission leads: whether it took the time for it."""
     elapsed_s = fix.boot_s - before.fix.boot_s
     visits = _passed(before, board, waypoint)
@@ -86,8 +89,8 @@ def _in_time(context: Context, before: Before, fix: Fix, board: OnBoard, waypoin
         joins = None
     if not visits and joins is None:
         return NOTHING
-    expected_s = _left_s(board, before.waypoint, before.fix) - _left_s(board, waypoint, fix)
-    expected_s += sum(leg.duration_s for leg in board.legs[before.waypoint + 1 : waypoint + 1])
+    expected_s = _left_s(board, before.waypoint, before.fix, pace) - _left_s(board, waypoint, fix, pace)
+    expected_s += sum(_leg_s(board, leg, pace) for leg in range(before.waypoint + 1, waypoint + 1))
     tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))
     early_s = tolerance_s
     if waypoint == before.waypoint:
@@ -139,16 +142,16 @@ def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, boa
     elapsed_s = fix.boot_s - before.fix.boot_s
     if why_not := _otherwise(context, state, before, fix):
         return Inferred(why_not=why_not)
-    rest = board.legs[before.waypoint + 1 :]
-    left = _share_left(board, before.waypoint, before.fix)
-    first = board.legs[before.waypoint]
-    expected_s = left * first.duration_s + sum(leg.duration_s for leg in rest)
+    pace, rest = _pace(state), range(before.waypoint + 1, len(board.legs))
+    expected_s = _left_s(board, before.waypoint, before.fix, pace) + sum(_leg_s(board, leg, pace) for leg in rest)
     visits = _passed(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
         return Inferred(why_not=f"{elapsed_s:.0f} s are too short for its way of {expected_s:.0f} s")
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return Inferred(why_not="its consumption is not known")
-    expected_pct = account.factor(state.power.battery) * (left * first.energy_pct + sum(leg.energy_pct for leg in rest))
+    modelled_pct = _share_left(board, before.waypoint, before.fix) * _leg_pct(board, before.waypoint, pace)
+    modelled_pct += sum(_leg_pct(board, leg, pace) for leg in rest)
+    expected_pct = account.factor(state.power.battery) * modelled_pct
     used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
         return Inferred(why_not=f"it used {used_pct:.0f} % where its way costs {expected_pct:.0f} %")
@@ -192,12 +195,26 @@ def _tolerance_s(context: Context, board: OnBoard, visits: tuple[int, ...]) -> f
     usual_s, fast_s = performance.level.rest_s(
         np.full(2, shortest_m), context.inspection_speed_m_s * np.array((1.0, SPEED_FACTOR))
     )
-    return max(LEAST_TOLERANCE_S, float(usual_s - fast_s))
+    # A stop at either end of the time has no place that tells how much of it is over.
+    return max(performance.settle_s + performance.hold_s + INDEX_S, float(usual_s - fast_s))
 
 
-def _left_s(board: OnBoard, waypoint: int, fix: Fix) -> float:
+def _pace(state: VehicleState) -> Pace:
+    """Return the factors on the times of legs that were seen of it in this flight."""
+    return AS_MODELLED if state.assignment.learned is None else state.assignment.learned.pace
+
+
+def _leg_s(board: OnBoard, leg: int, pace: Pace) -> float:
+    return pace.of(board.path.waypoints[leg].phase) * board.legs[leg].duration_s
+
+
+def _leg_pct(board: OnBoard, leg: int, pace: Pace) -> float:
+    return pace.of(board.path.waypoints[leg].phase) * board.legs[leg].energy_pct
+
+
+def _left_s(board: OnBoard, waypoint: int, fix: Fix, pace: Pace) -> float:
     """Return how long the rest of a leg takes from a place on it."""
-    return _share_left(board, waypoint, fix) * board.legs[waypoint].duration_s
+    return _share_left(board, waypoint, fix) * _leg_s(board, waypoint, pace)
 
 
 def _share_left(board: OnBoard, waypoint: int, fix: Fix) -> float:

@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -19,7 +20,8 @@ from executor.adapters.solver import SolverProcess, SolverSetup, solve_for_survi
 from executor.core.commands import Solve, Survivor
 from executor.core.events import SolveEnded
 from executor.site import assembly
-from missions import Pricing
+from missions import Pace, Pricing
+from missions.pace import AS_MODELLED
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import line_east
 
@@ -73,6 +75,25 @@ def test_what_two_carry_is_flown_once() -> None:
         SETUP, problem(4, survivor("uav1", tail=(2, 4)), survivor("uav3", tail=(4, 6))), PRICING, lambda: False
     )
     assert segments(answer) == [1, 2, 3, 4, 5]
+
+
+def test_a_slow_survivor_is_given_less() -> None:
+    """Both stand at the same place with the same energy; one takes twice as long for all it flies."""
+    even, slow = (
+        solve_for_survivors(SETUP, problem(5, survivor("uav1"), replace(survivor("uav3"), pace=pace)), PRICING, never)
+        for pace in (AS_MODELLED, Pace(2.0, 2.0))
+    )
+
+    def shares(answer: SolveEnded) -> list[int]:
+        assert answer.routes is not None
+        return [len(route.visits) for route in answer.routes]
+
+    assert segments(slow) == [1, 2, 3, 4, 5]
+    assert shares(slow)[1] < min(shares(even))
+
+
+def never() -> bool:
+    return False
 
 
 def test_a_cancellation_is_seen_while_it_works() -> None:

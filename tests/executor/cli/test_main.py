@@ -12,11 +12,15 @@ from typing import Any
 
 import pytest
 
-from executor.adapters.run_directory import locked
+from executor.adapters.run_directory import RunDirectory, locked
+from executor.analysis.learned import document_of
 from executor.cli.main import main
+from executor.core.battery.kalman import Prior
+from executor.core.learning import Known, PaceEstimate
 from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.flight.changed_parameters import write_kept
-from missions import parse_qgc_plan, read_plan
+from missions import Pace, parse_qgc_plan, read_plan
+from planner import PRESETS
 from tests.executor.flights import short_report
 
 DEPOT = (49.6, 15.6)
@@ -369,6 +373,26 @@ def test_a_fault_that_cannot_be_simulated(place: Place, spec: str, expected: str
 def test_a_demo_refuses_its_faults_before_anything_is_started(place: Place) -> None:
     reason = place.refused("demo", "--fault", "uav9:silent@40%", "--run", place.path("run"))
     assert reason.endswith("no vehicle 'uav9', expected one of all, uav1, uav2, uav3, uav4")
+
+
+def test_a_plan_starts_from_what_a_flight_taught(place: Place) -> None:
+    run, factor = place.folder / "before", PaceEstimate(1.2, 0.02**2, 30)
+    run.mkdir()
+    known = {"uav1": Known(factor, factor, Prior(1.1, 0.04), 20.0, "ardupilot", PRESETS["mavic3"].name)}
+    document_of(known, "2026-01-02").write(RunDirectory(run).learned)
+    usual = read_plan(Path(place.planned()))
+    plan = place.path("learned-plan.json")
+    code, _, said = place.run(
+        "plan", place.path("site.toml"), "--seconds", "0.2", "--all-vehicles", "--learned", str(run), "-o", plan
+    )
+    assert code == 0
+    assert "uav1: inspections take 120 ± 2 % of the model's time, transits 120 ± 2 %, consumption 110 ± 4 %" in said
+    assert f"uav2: nothing is learned of it in {run / 'learned.json'}; it starts from the defaults" in said
+    found = read_plan(Path(plan))
+    assert [vehicle.consumption for vehicle in usual.vehicles] == [1.0, 1.0]
+    assert [vehicle.consumption for vehicle in found.vehicles] == [1.1, 1.0]
+    assert found.pricing is not None
+    assert found.pricing.models["uav1"].pace == Pace(1.2, 1.2)
 
 
 def test_a_vehicle_that_does_not_answer(place: Place) -> None:

@@ -10,10 +10,14 @@ import pytest
 from executor.core import projection
 from executor.core.battery import account
 from executor.core.battery.kalman import BatteryEstimate
+from executor.core.learning import Learned, PaceEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.builders import with_facts
+from executor.simulator.config import AutopilotKind
+from missions import Phase, dialect_for, tuned
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
+from tests.executor.simulator.harness import PX4_RTL, RTL, Operator, numbered, speed, takeoff, waypoint
 
 BOARD = mission()
 LAST = len(BOARD.legs) - 1
@@ -58,6 +62,47 @@ def test_who_is_beside_its_leg_has_no_more_than_the_leg_to_fly() -> None:
     assert projection.time_to_reach_s(far, waypoint) == BOARD.legs[waypoint].duration_s
 
 
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_the_rest_of_a_landing_is_the_rest_of_its_height(share: float) -> None:
+    high_m = BOARD.path.waypoints[LAST - 1].alt_rel_m
+    state = flying(waypoint=LAST, fix=replace(at(up_m=(1.0 - share) * high_m), place_m=BOARD.places_m[LAST]))
+    assert projection.time_to_reach_s(state, LAST) == pytest.approx((1.0 - share) * BOARD.legs[LAST].duration_s)
+
+
+def test_the_band_is_as_wide_as_consumption_and_pace_are_unknown() -> None:
+    sure = PaceEstimate(var=1e-12)
+    state = with_facts(thirsty(1.5), learned=Learned(sure, sure))
+    known = projection.at_landing(CONTEXT, state, SETUP)
+    assert known is not None
+    for phases, learned in (
+        ({Phase.INSPECT}, Learned(PaceEstimate(var=0.04), sure)),
+        ({Phase.TRANSIT, Phase.RETURN}, Learned(sure, PaceEstimate(var=0.04))),
+    ):
+        legs = zip(BOARD.path.waypoints[LEVEL[0] :], BOARD.legs[LEVEL[0] :], strict=True)
+        ahead_pct = [leg.energy_pct for point, leg in legs if point.phase in phases]
+        here = thirsty(1.5)
+        place_m = BOARD.places_m[LEVEL[0] - 1]
+        unsure = projection.at_landing(
+            CONTEXT, with_facts(here, learned=learned, fix=replace(at(), place_m=place_m)), SETUP
+        )
+        there = projection.at_landing(CONTEXT, with_facts(state, fix=replace(at(), place_m=place_m)), SETUP)
+        assert unsure is not None
+        assert there is not None
+        assert unsure.mean_pct == pytest.approx(there.mean_pct)
+        more_pct = math.sqrt(unsure.sd_pct**2 - there.sd_pct**2)
+        assert more_pct == pytest.approx(1.5 * 0.2 * sum(ahead_pct), rel=1e-3)
+
+
+def test_before_any_leg_the_band_is_as_wide_as_the_pace_of_nobody_known() -> None:
+    unknown, known = (
+        projection.at_landing(CONTEXT, thirsty(1.0), replace(SETUP, start=start))
+        for start in (Learned(), Learned(PaceEstimate(var=1e-12), PaceEstimate(var=1e-12)))
+    )
+    assert unknown is not None
+    assert known is not None
+    assert unknown.sd_pct > known.sd_pct
+
+
 def thirsty(factor: float, remaining_pct: float = 60.0) -> VehicleState:
     known = replace(pack(remaining_pct, remaining_pct), estimate=BatteryEstimate(remaining_pct, factor, 0.1, 0.0, 0.01))
     return flying(battery=known, waypoint=LEVEL[0])
@@ -73,12 +118,69 @@ def test_what_is_learned_of_the_consumption_counts() -> None:
     assert ahead.mean_pct == pytest.approx(60.0 - 1.5 * modelled_pct)
 
 
-def test_the_way_home_is_straight_at_eight_metres_a_second_and_down_at_one() -> None:
-    for east_m, up_m in [(80.0, 0.0), (80.0, 30.0), (0.0, 30.0), (80.0, -5.0)]:
-        state = flying(fix=at(east_m=east_m, up_m=up_m))
-        expected = CONTEXT.draw_pct_per_s(8.0, 0.0) * east_m / 8.0 + CONTEXT.draw_pct_per_s(0.0, 0.0) * max(0.0, up_m)
-        assert projection.modelled_to_return_pct(CONTEXT, state, SETUP) == pytest.approx(expected)
+HOVER, HOME = CONTEXT.draw_pct_per_s(0.0, 0.0), CONTEXT.draw_pct_per_s(-10.0, 0.0)
+HIGH_M = CONTEXT.return_height_m("uav1")
+COMES_DOWN = HOVER * (2.7 + 11.6 / 0.5 - 11.6 / 1.5)  # slower below 11.6 m
+FIFTH = HOVER * 5.0  # it waits over its pad
+RAMP_S = 10.0 / 2.5 + 0.3 + 2.5 / 1.0
+
+
+@pytest.mark.parametrize(
+    ("east_m", "up_m", "expected"),
+    [
+        (80.0, HIGH_M, HOME * (8.0 + RAMP_S) + FIFTH + COMES_DOWN + HOVER * HIGH_M / 1.5),
+        (80.0, HIGH_M + 9.0, HOME * (8.0 + RAMP_S) + FIFTH + COMES_DOWN + HOVER * (HIGH_M + 9.0) / 1.5),
+        (
+            80.0, HIGH_M - 5.0,
+            HOVER * (2.0 + 5.0 * 0.04) + HOME * (8.0 + RAMP_S) + FIFTH + COMES_DOWN + HOVER * HIGH_M / 1.5,
+        ),
+        (3.0, 15.0, COMES_DOWN + HOVER * 15.0 / 1.5),
+        (3.0, -5.0, HOVER * 2.7),
+    ],
+    ids=["level", "from above", "climbs first", "over its pad", "on it"],
+)  # fmt: skip
+def test_the_way_home_is_flown_as_its_autopilot_does(east_m: float, up_m: float, expected: float) -> None:
+    state = flying(fix=at(east_m=east_m, up_m=up_m))
+    assert projection.modelled_to_return_pct(CONTEXT, state, SETUP) == pytest.approx(expected, rel=1e-3)
+
+
+def test_no_place_no_way_home() -> None:
     assert projection.modelled_to_return_pct(CONTEXT, flying(fix=None), SETUP) is None
+
+
+def test_who_is_slow_or_has_the_wind_against_it_takes_more_to_come_home() -> None:
+    state = flying(fix=at(east_m=800.0, up_m=HIGH_M))
+    slow = with_facts(state, learned=Learned(transit=PaceEstimate(1.2)))
+    usual_pct, slow_pct = (projection.modelled_to_return_pct(CONTEXT, one, SETUP) for one in (state, slow))
+    assert usual_pct is not None
+    assert slow_pct is not None
+    assert slow_pct - usual_pct == pytest.approx(0.2 * HOME * (80.0 + RAMP_S))
+    windy = replace(CONTEXT, wind_m_s=(5.0, 0.0))
+    against_pct = projection.modelled_to_return_pct(windy, state, SETUP)
+    assert against_pct is not None
+    assert against_pct > usual_pct + (windy.draw_pct_per_s(-10.0, 0.0) - HOME) * 79.0
+
+
+@pytest.mark.parametrize("kind", list(AutopilotKind))
+@pytest.mark.parametrize("home_m_s", [3.0, 10.0])
+def test_a_return_in_simulation_uses_what_was_said(kind: AutopilotKind, home_m_s: float) -> None:
+    context, dialect = fleet_of(autopilot=kind.value).context, dialect_for(kind.value)
+    rule, high_m = dialect.return_parameters, context.return_height_m("uav1")
+    own = {rule.height: high_m / rule.unit_m, rule.cone: rule.cone_off}
+    own |= {"RTL_SPEED": 100.0 * home_m_s} if kind is AutopilotKind.ARDUPILOT else {"MPC_XY_CRUISE": home_m_s}
+    performance = tuned(dialect.performance, dialect.tunings, own)
+    model = replace(context.pricing.models["uav1"], performance=performance)
+    context = replace(context, pricing=replace(context.pricing, models={"uav1": model}))
+    op = Operator(kind, {"parameters": own, "drone": context.drone})
+    first = takeoff() if kind is AutopilotKind.PX4 else replace(takeoff(), z=0.0)
+    op.fly(numbered([first, takeoff(), speed(5.0), waypoint(0, 300, hold_s=60.0), waypoint(0, 400)]))
+    frame = op.vehicle.frame
+    op.run_until(lambda: frame.body.east_m > 297.0 and frame.body.ground_speed_m_s < 0.05)
+    began_pct, here = frame.battery.charge_pct, at(east_m=frame.body.east_m, up_m=frame.body.up_m)
+    assert op.mode(PX4_RTL if kind is AutopilotKind.PX4 else RTL) == 0
+    op.run_until(lambda: not frame.armed)
+    said_pct = projection.modelled_to_return_pct(context, flying(fix=here), context.vehicles["uav1"])
+    assert said_pct == pytest.approx(began_pct - frame.battery.charge_pct, rel=0.03)
 
 
 def test_where_no_mission_is_known_it_is_the_way_home_that_counts() -> None:

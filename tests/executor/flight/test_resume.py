@@ -17,17 +17,21 @@ from pymavlink.dialects.v20 import common
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
-from executor.adapters.run_directory import keep_site, locked, write_json
+from executor.adapters.run_directory import RunDirectory, keep_site, locked, write_json
+from executor.analysis.learned import document_of, learned_of, read_learned
 from executor.cli.main import main
+from executor.core.battery.kalman import Prior
 from executor.core.commands import Level, Say, Start
 from executor.core.context import Context
 from executor.core.events import Event
+from executor.core.learning import Known, PaceEstimate
 from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.errors import LogError
 from executor.flight import resume
 from executor.flight.run_start import beginning
+from executor.replay.run import rerun
 from executor.site import assembly
 from executor.site.config import read_site
 from missions import Solved, make_plan_file, write_plan
@@ -115,6 +119,41 @@ def test_the_state_from_the_log_is_the_state_that_was(tmp_path: Path) -> None:
     assert found.last_s == flight.now_s
     assert (found.notes, found.undone) == ((), ())
     assert "with 1 of 5 segments inspected: uav1 flying, uav2 flying" in resume.how_it_was_left(found)[-1]
+
+
+def test_what_was_learned_in_flight_is_learned_again_from_its_log(tmp_path: Path) -> None:
+    run = prepared(tmp_path)
+    flight, diary = launched(run)
+    flight.run(lambda: flight.state.progress.finished)
+    diary.note()
+    diary.log.close()
+    learned = {name: one.assignment.learned for name, one in flight.state.vehicles.items()}
+    assert all(one is not None and one.inspect.legs > 0 and one.transit.legs > 0 for one in learned.values())
+    again = rerun(run)
+    assert {name: one.assignment.learned for name, one in again.state.vehicles.items()} == learned
+    documents = [learned_of(flight.context, state, {}, "2026-01-02") for state in (flight.state, again.state)]
+    assert documents[0] == documents[1]
+    assert [row.name for row in documents[0].vehicles] == ["uav1", "uav2"]
+
+
+@pytest.mark.asyncio
+async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -> None:
+    """Against what it began with: the flight before said that uav1 is slow and thirsty."""
+    run = prepared(tmp_path)
+    slow, unsure = PaceEstimate(1.2, 0.02**2, 40), Prior(1.1, 0.05)
+    known = Known(slow, slow, unsure, 30.0, "ardupilot", "Mavic 3")
+    document_of({"uav1": known}, "2026-01-02").write(RunDirectory(run).learned_before)
+    finished(run)
+    assert not RunDirectory(run).learned.exists()
+    assert (await resume.take_up(run, Watchful())).report.finished
+    kept = read_learned(RunDirectory(run).learned)
+    before = left(run)
+    assert kept.vehicles == learned_of(before.begun.context, before.state, {"uav1": known}, kept.date).vehicles
+    rows = {row.name: row for row in kept.vehicles}
+    # The legs of both flights; today it was not slow, which is believed as far as another day may be another one.
+    assert rows["uav1"].inspect.legs == 40 + 2
+    assert 1.02 < rows["uav1"].inspect.mean < 1.15
+    assert rows["uav2"].inspect.mean == pytest.approx(1.0, rel=0.05)
 
 
 def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:

@@ -11,6 +11,10 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.learned import learned_of, read_learned
 from executor.bench.prediction import plan_with
 from executor.bench.virtual.flight import VirtualFlight, fly_virtual
+from executor.core import projection
+from executor.core.context import Context
+from executor.core.events import Event
+from executor.core.state import FleetState
 from executor.errors import LogError
 from executor.simulator.config import SimVehicle
 from executor.site.assembly import Ground
@@ -51,6 +55,40 @@ def test_the_next_flight_is_predicted_better(tmp_path: Path) -> None:
     assert again.pricing is not None
     assert again.pricing.models["uav1"].pace == known.learned["uav1"].pace
     assert check_plan(again, search_window=False) == []
+
+
+def slow(vehicle: SimVehicle) -> SimVehicle:
+    return replace(vehicle, speed_reached=0.9)
+
+
+def test_a_slow_vehicle_is_foreseen_in_its_flight_and_in_the_next_one(tmp_path: Path) -> None:
+    ground, half = short_ground(tmp_path, 1, "ardupilot"), dict[str, float]()
+
+    def halfway(_context: Context, _event: Event, state: FleetState, now_s: float) -> None:
+        vehicle = state.vehicles["uav1"]
+        board, learned = vehicle.assignment.board, vehicle.assignment.learned
+        if half or board is None or learned is None or learned.inspect.legs < 5:
+            return
+        waypoint = vehicle.assignment.waypoint
+        half["at"], half["left"] = now_s, projection.time_to_reach_s(vehicle, len(board.legs) - 1)
+        half["planned"] = sum(leg.duration_s for leg in board.legs[waypoint:])
+
+    first = fly_virtual(ground, planned(ground), seed=1, craft=slow, applied=halfway)
+    [disarmed_s] = [truth.t_s for truth in first.truths if truth.what == "disarmed"]
+    took_s = disarmed_s - half["at"]
+    assert took_s > 1.04 * half["planned"], "by the plan it would have been faster"
+    assert half["left"] == pytest.approx(took_s, rel=0.03)
+    learned_of(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
+    document = read_learned(RunDirectory(tmp_path).learned)
+    # A tenth slower, but for its stops.
+    assert 1.06 < document.vehicles[0].inspect.mean < 1.11
+    known = replace(ground, learned=document.known)
+    second = fly_virtual(known, planned(known), seed=2, craft=slow)
+    [before], [after] = first.report.routes, second.report.routes
+    assert before.time_error_pct is not None
+    assert after.time_error_pct is not None
+    assert before.time_error_pct > 4.0
+    assert abs(after.time_error_pct) < 1.0
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.core.battery import account
-from executor.core.battery.account import FACTOR_RANGE, BatteryState
+from executor.core.battery.account import FACTOR_RANGE, BatteryState, PercentEnd
 from executor.core.battery.roundings import Roundings
 from executor.core.faults import watchpoints
 from executor.core.faults.watching import Verdict, View
@@ -134,6 +134,56 @@ def charged(*percents: float | None) -> BatteryState:
     for index, percent in enumerate(percents):
         state = fold(FLEET.context, state, Battery(0, percent, None, None, None, 1, 0), float(index)).state
     return state.power.battery
+
+
+def counted(minutes: float, *, cut_off: bool, factor: float = 1.0) -> Iterator[tuple[float, BatteryState]]:
+    """Yield what is really left and a battery, after each report of whole percents beside a counter of charge."""
+    state, left_pct, middle_pct = BatteryState(), 97.3, 0.5 if cut_off else 0.0
+    for number in range(round(minutes * 30)):
+        left_pct -= 2.0 * RATE_PCT_S * factor
+        state = account.drawn(state, 2.0 * RATE_PCT_S)
+        state = account.with_consumed(state, round(5.0 * (100.0 - left_pct) / 100.0, 3), 2.0 * number)
+        said = float(math.floor(left_pct) if cut_off else math.floor(left_pct + 0.5))
+        state = account.with_remaining(state, said, 1, 2.0 * number, middle_pct=middle_pct)
+        yield left_pct, state
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.0, 1.2])
+@pytest.mark.parametrize("cut_off", [False, True])
+def test_a_counter_of_charge_tells_what_remains_within_a_percent(*, cut_off: bool, factor: float) -> None:
+    history = list(counted(12.0, cut_off=cut_off, factor=factor))
+    offs = [abs(left_pct - state.estimate.remaining_pct) for left_pct, state in history[-200:] if state.estimate]
+    assert len(offs) == 200
+    assert max(offs) < 0.2
+    known = history[-1][1]
+    assert known.charge.capacity_ah == pytest.approx(5.0, rel=0.02)
+    assert account.factor(known) == pytest.approx(factor, abs=0.02)
+
+
+def test_a_percentage_that_leaves_its_counter_is_believed_again_at_its_next_end() -> None:
+    *_, (_, state) = counted(10.0, cut_off=False)
+    assert state.remaining_pct is not None
+    assert state.estimate is not None
+    below_pct, consumed_ah = state.remaining_pct - 6.0, state.charge.consumed_ah
+    jumped = account.with_remaining(state, below_pct, 1, 602.0)
+    assert jumped.estimate is not None
+    assert jumped.estimate.remaining_pct == below_pct
+    assert (jumped.charge.last, jumped.charge.capacity_ah) == (None, state.charge.capacity_ah)
+    ended = account.with_remaining(jumped, below_pct - 1.0, 1, 604.0)
+    assert ended.charge.last == PercentEnd(below_pct - 0.5, consumed_ah or 0.0)
+
+
+def test_what_is_cut_off_stands_for_half_a_percent_more_but_never_for_more_than_all() -> None:
+    for reported_pct, middle_pct, expected_pct in ((60.0, 0.0, 60.0), (60.0, 0.5, 60.5), (100.0, 0.5, 100.0)):
+        first = account.with_remaining(BatteryState(), reported_pct, 1, 0.0, middle_pct=middle_pct)
+        assert first.estimate is not None
+        assert (first.remaining_pct, first.estimate.remaining_pct) == (reported_pct, expected_pct)
+    for autopilot, expected_pct in (("ardupilot", 60.5), ("px4", 60.0)):
+        fleet = fleet_of(autopilot=autopilot)
+        report = Battery(0, 60.0, None, None, None, 1, 0)
+        known = fold(fleet.context, vehicle(fleet), report, 0.0).state.power.battery.estimate
+        assert known is not None
+        assert known.remaining_pct == expected_pct
 
 
 def test_px4_rounds_twice() -> None:

@@ -12,6 +12,7 @@ from executor.core.battery import account
 from executor.core.battery.account import (
     BatteryState,
     Charge,
+    PercentEnd,
 )
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
@@ -35,6 +36,8 @@ def used(
 STEADY = [(5.0, 0.5, 99.5 - 0.5 * step) for step in range(12)]
 EAGER = [(5.0, 0.5, 99.5 - 0.8 * step) for step in range(12)]
 SLOW = [(40.0, 4.0, 96.0 - 4.4 * step) for step in range(8)]
+WHOLE = [(5.0, 0.5, 99.0 - (step + 1) // 2) for step in range(12)]
+"""Whole percents: one ends with every other report."""
 AH = {step: 0.1 * (step + 1) for step in range(12)}
 
 
@@ -70,7 +73,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             0.0,
             BatteryEstimate(
-                remaining_pct=94.0, factor=1.0, var_remaining=0.267089, covariance=-0.0438361, var_factor=0.0137346
+                remaining_pct=94.0, factor=1.0, var_remaining=0.206215, covariance=-0.0342008, var_factor=0.00798981
             ),
             Drift(),
             Drift(),
@@ -85,18 +88,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             90.7,
             90.7,
-            1.21819,
-            1.15121,
+            1.1736,
+            1.11767,
             0.0,
             BatteryEstimate(
-                remaining_pct=91.7283,
-                factor=1.32142,
-                var_remaining=0.271931,
-                covariance=-0.0440487,
-                var_factor=0.0146755,
+                remaining_pct=92.1195,
+                factor=1.26953,
+                var_remaining=0.206639,
+                covariance=-0.0341813,
+                var_factor=0.00800513,
             ),
             Drift(),
-            Drift(excess_pct=1.73519, used_pct=8.8, expected_pct=5.78586, since_s=105.0, reports=11, biggest_pct=0.3),
+            Drift(excess_pct=1.82737, used_pct=8.8, expected_pct=5.70651, since_s=105.0, reports=11, biggest_pct=0.3),
             Charge(),
             7,
             110.0,
@@ -108,11 +111,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             65.2,
             65.2,
-            1.09871,
-            1.0912,
+            1.09314,
+            1.08497,
             0.0,
             BatteryEstimate(
-                remaining_pct=65.2069, factor=1.10161, var_remaining=0.37119, covariance=-0.030965, var_factor=0.0106981
+                remaining_pct=65.2619,
+                factor=1.09676,
+                var_remaining=0.24173,
+                covariance=-0.0100503,
+                var_factor=0.000747019,
             ),
             Drift(),
             Drift(),
@@ -123,88 +130,144 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a battery with a counter of its charge",
-        lambda: brief(used(*STEADY, charges=AH)),
+        lambda: brief(used(*WHOLE, charges=AH)),
         (
-            94.0,
-            94.0,
-            0.949079,
-            0.971402,
+            93.0,
+            93.0,
+            0.991,
+            1.00185,
             0.0,
             BatteryEstimate(
-                remaining_pct=94.5129,
-                factor=0.904744,
-                var_remaining=0.0123503,
-                covariance=-0.00301072,
-                var_factor=0.00630909,
+                remaining_pct=93.5089,
+                factor=0.980117,
+                var_remaining=0.00837164,
+                covariance=-0.00261847,
+                var_factor=0.0021487,
             ),
-            Drift(),
-            Drift(),
-            Charge(consumed_ah=1.2, at_s=160.0, modelled_pct=6.0, began_ah=0.2, began_pct=99.5, capacity_ah=20.0),
+            Drift(
+                excess_pct=0.327665, used_pct=1.0, expected_pct=0.49686, since_s=155.0, reports=1, biggest_pct=0.50314
+            ),
+            Drift(
+                excess_pct=0.39744, used_pct=1.0, expected_pct=0.502133, since_s=155.0, reports=1, biggest_pct=0.497867
+            ),
+            Charge(
+                consumed_ah=1.2,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.2,
+                first=PercentEnd(remaining_pct=98.5, consumed_ah=0.2),
+                last=PercentEnd(remaining_pct=93.5, consumed_ah=1.2),
+                capacity_ah=20.0,
+            ),
             7,
             110.0,
         ),
     ),
     (
         "a battery whose counter shows more than its percentage",
-        lambda: brief(used(*STEADY, charges={**AH, 9: 1.5, 10: 1.6, 11: 1.7})),
+        lambda: brief(used(*WHOLE, charges={**AH, 9: 1.5, 10: 1.6, 11: 1.7})),
         (
-            94.0,
-            94.0,
-            0.949079,
-            0.971402,
+            93.0,
+            93.0,
+            1.00233,
+            1.00185,
             0.0,
             BatteryEstimate(
-                remaining_pct=94.5129,
-                factor=0.904744,
-                var_remaining=0.0123503,
-                covariance=-0.00301072,
-                var_factor=0.00630909,
+                remaining_pct=93.5089,
+                factor=0.980117,
+                var_remaining=0.00837164,
+                covariance=-0.00261847,
+                var_factor=0.0021487,
             ),
-            Drift(),
-            Drift(),
-            Charge(consumed_ah=1.7, at_s=160.0, modelled_pct=6.0, began_ah=0.2, began_pct=99.5, capacity_ah=30.0),
+            Drift(
+                excess_pct=0.321803, used_pct=1.0, expected_pct=0.50155, since_s=155.0, reports=1, biggest_pct=0.49845
+            ),
+            Drift(
+                excess_pct=0.39744, used_pct=1.0, expected_pct=0.502133, since_s=155.0, reports=1, biggest_pct=0.497867
+            ),
+            Charge(
+                consumed_ah=1.7,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.2,
+                first=PercentEnd(remaining_pct=98.5, consumed_ah=0.2),
+                last=PercentEnd(remaining_pct=93.5, consumed_ah=1.7),
+                capacity_ah=20.0,
+                drift=Drift(
+                    excess_pct=1.84321,
+                    used_pct=4.0,
+                    expected_pct=1.50595,
+                    since_s=145.0,
+                    reports=3,
+                    biggest_pct=2.49757,
+                ),
+            ),
             7,
             110.0,
         ),
     ),
     (
         "a battery whose counter stands still",
-        lambda: brief(used(*STEADY, charges=dict.fromkeys(range(12), 0.4))),
+        lambda: brief(used(*WHOLE, charges=dict.fromkeys(range(12), 0.4))),
         (
-            94.0,
-            94.0,
-            1.0,
-            1.0,
+            93.0,
+            93.0,
+            1.02085,
+            1.01589,
             0.0,
             BatteryEstimate(
-                remaining_pct=94.0, factor=1.0, var_remaining=0.267089, covariance=-0.0438361, var_factor=0.0137346
+                remaining_pct=93.2716,
+                factor=1.02831,
+                var_remaining=0.206268,
+                covariance=-0.0341981,
+                var_factor=0.00799201,
             ),
             Drift(),
-            Drift(),
-            Charge(consumed_ah=0.4, at_s=160.0, modelled_pct=6.0, began_ah=0.4, began_pct=99.5),
+            Drift(
+                excess_pct=0.391292, used_pct=1.0, expected_pct=0.507256, since_s=155.0, reports=1, biggest_pct=0.492744
+            ),
+            Charge(
+                consumed_ah=0.4,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.4,
+                first=PercentEnd(remaining_pct=98.5, consumed_ah=0.4),
+                last=PercentEnd(remaining_pct=93.5, consumed_ah=0.4),
+            ),
             7,
             110.0,
         ),
     ),
     (
         "a battery whose counter began anew",
-        lambda: brief(used(*STEADY, charges={**AH, 10: 0.01, 11: 0.02})),
+        lambda: brief(used(*WHOLE, charges={**AH, 10: 0.01, 11: 0.02})),
         (
-            94.0,
-            94.0,
-            0.956524,
-            0.975233,
+            93.0,
+            93.0,
+            0.993339,
+            1.00301,
             0.0,
             BatteryEstimate(
-                remaining_pct=94.3844,
-                factor=0.933348,
-                var_remaining=0.04094,
-                covariance=-0.00940401,
-                var_factor=0.0077579,
+                remaining_pct=93.4679,
+                factor=0.992432,
+                var_remaining=0.018895,
+                covariance=-0.00567404,
+                var_factor=0.00303927,
             ),
-            Drift(),
-            Drift(),
-            Charge(consumed_ah=0.02, at_s=160.0, modelled_pct=6.0, began_ah=0.01, began_pct=95.0),
+            Drift(
+                excess_pct=0.322359, used_pct=1.0, expected_pct=0.496783, since_s=155.0, reports=1, biggest_pct=0.503217
+            ),
+            Drift(
+                excess_pct=0.397486, used_pct=1.0, expected_pct=0.502095, since_s=155.0, reports=1, biggest_pct=0.497905
+            ),
+            Charge(
+                consumed_ah=0.02,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.01,
+                first=PercentEnd(remaining_pct=93.5, consumed_ah=0.02),
+                last=PercentEnd(remaining_pct=93.5, consumed_ah=0.02),
+            ),
             7,
             110.0,
         ),
@@ -215,15 +278,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             95.5,
             95.5,
-            0.967775,
-            0.96912,
+            0.973564,
+            0.974844,
             0.0491667,
             BatteryEstimate(
-                remaining_pct=95.6934,
-                factor=0.967775,
-                var_remaining=0.200646,
-                covariance=-0.0388153,
-                var_factor=0.0349997,
+                remaining_pct=95.6576,
+                factor=0.973564,
+                var_remaining=0.153622,
+                covariance=-0.0300889,
+                var_factor=0.0100687,
             ),
             Drift(),
             Drift(),
@@ -242,7 +305,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             0.0,
             BatteryEstimate(
-                remaining_pct=88.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0137346
+                remaining_pct=88.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.00798981
             ),
             Drift(),
             Drift(),
@@ -257,17 +320,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             93.0,
             93.0,
-            1.0104,
-            1.0052,
+            1.00874,
+            1.00437,
             0.0,
             BatteryEstimate(
-                remaining_pct=93.6906,
-                factor=1.0341,
-                var_remaining=0.182181,
-                covariance=-0.0296633,
-                var_factor=0.0119547,
+                remaining_pct=93.7255,
+                factor=1.02865,
+                var_remaining=0.151798,
+                covariance=-0.0249221,
+                var_factor=0.00635269,
             ),
-            Drift(excess_pct=0.258481, used_pct=1.0, expected_pct=0.1, since_s=165.0, reports=1, biggest_pct=0.9),
+            Drift(excess_pct=0.263884, used_pct=1.0, expected_pct=0.1, since_s=165.0, reports=1, biggest_pct=0.9),
             Drift(excess_pct=0.88, used_pct=1.0, expected_pct=0.1, since_s=165.0, reports=1, biggest_pct=0.9),
             Charge(),
             6,
@@ -280,15 +343,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             92.0,
             92.0,
-            1.02804,
-            1.01402,
+            1.02324,
+            1.01162,
             0.0,
             BatteryEstimate(
-                remaining_pct=93.4874,
-                factor=1.08413,
-                var_remaining=0.198634,
-                covariance=-0.0326008,
-                var_factor=0.0118906,
+                remaining_pct=93.5797,
+                factor=1.06971,
+                var_remaining=0.162877,
+                covariance=-0.027013,
+                var_factor=0.00679772,
             ),
             Drift(),
             Drift(excess_pct=0.8, used_pct=2.0, expected_pct=1.0, since_s=160.0, reports=1, biggest_pct=1.0),
@@ -306,7 +369,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             1.0,
             0.0,
-            BatteryEstimate(remaining_pct=95.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.027),
+            BatteryEstimate(
+                remaining_pct=95.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.01448
+            ),
             Drift(),
             Drift(excess_pct=3.4, used_pct=4.0, expected_pct=0.5, since_s=105.0, reports=1, biggest_pct=3.5),
             Charge(),
@@ -324,7 +389,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             0.0,
             BatteryEstimate(
-                remaining_pct=94.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0211053
+                remaining_pct=94.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0134685
             ),
             Drift(),
             Drift(),
@@ -342,7 +407,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             1.0,
             0.0,
-            BatteryEstimate(remaining_pct=99.0, factor=1.0, var_remaining=0.0790825, covariance=0.0, var_factor=0.0225),
+            BatteryEstimate(remaining_pct=99.0, factor=1.0, var_remaining=0.0790825, covariance=0.0, var_factor=0.0144),
             Drift(),
             Drift(),
             Charge(),
@@ -360,7 +425,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             0.0,
             BatteryEstimate(
-                remaining_pct=83.5, factor=1.0, var_remaining=0.0911647, covariance=-0.00663987, var_factor=0.0144544
+                remaining_pct=83.5, factor=1.0, var_remaining=0.0817785, covariance=-0.00378729, var_factor=0.00799337
             ),
             Drift(jumped_s=165.0, jumped_pct=9.5),
             Drift(jumped_s=165.0, jumped_pct=9.5),
@@ -389,7 +454,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.0,
             0.0,
             BatteryEstimate(
-                remaining_pct=100.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0225
+                remaining_pct=100.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0144
             ),
             Drift(),
             Drift(),
@@ -414,7 +479,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what is used beyond the usual",
         lambda: [account.excess_pct(used(*EAGER), window_s) for window_s in (4.0, 5.0, 12.0, 60.0)],
-        [(0.0, 0.0), (0.190906, 0.609094), (0.381813, 1.21819), (1.14544, 3.65456)],
+        [(0.0, 0.0), (0.213201, 0.586799), (0.426403, 1.1736), (1.27921, 3.52079)],
     ),
     ("of one report nothing is said", lambda: account.excess_pct(used(STEADY[0]), 60.0), (0.0, 0.0)),
     (
@@ -440,8 +505,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a counter that agrees is finer than the percentage",
-        lambda: [account._counted_pct(used(*STEADY, charges=AH), percent) for percent in (94.0, 95.0, 92.5, 96.0)],
-        [94.5, 94.5, None, 94.5],
+        lambda: [
+            account._counted_pct(used(*WHOLE, charges=AH).charge, percent) for percent in (93.0, 95.0, 92.0, 95.1)
+        ],
+        [93.5, 93.5, 93.5, None],
     ),
 ]
 

@@ -26,9 +26,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for modelled_pct, elapsed_s in ((0.0, 10.0), (2.0, 30.0), (2.0, -1.0))
         ],
         [
-            replace(ESTIMATE, var_remaining=0.300001),
-            BatteryEstimate(remaining_pct=77.6, factor=1.2, var_remaining=0.308001, covariance=0.0, var_factor=0.01324),
-            replace(ESTIMATE, remaining_pct=77.6, var_remaining=0.308001, covariance=0.0),
+            BatteryEstimate(remaining_pct=80.0, factor=1.2, var_remaining=0.300001, covariance=0.02, var_factor=0.01),
+            BatteryEstimate(
+                remaining_pct=77.6, factor=1.2, var_remaining=0.264801, covariance=0.0, var_factor=0.0100576
+            ),
+            BatteryEstimate(remaining_pct=77.6, factor=1.2, var_remaining=0.264801, covariance=0.0, var_factor=0.01),
         ],
     ),
     (
@@ -107,7 +109,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             replace(ESTIMATE, remaining_pct=77.9, var_remaining=0.0833333, covariance=0.0),
         ],
     ),
-    ("an estimate projected", lambda: kalman.projected(ESTIMATE, 20.0), Projection(mean_pct=56.0, sd_pct=1.99499)),
+    ("an estimate projected", lambda: kalman.projected(ESTIMATE, 20.0), Projection(mean_pct=56.0, sd_pct=1.88361)),
     (
         "how likely less is left",
         lambda: [Projection(20.0, 2.0).chance_below(floor_pct) for floor_pct in (16.0, 20.0, 22.0)],

@@ -117,14 +117,14 @@ ROWS = [
     Row(
         "battery-drain",
         flying(battery=falling_pack(14)),
-        "used 13.0 % in 130 s where 5.2 % is usual over minutes",
+        "used 13.0 % in 130 s where 4.9 % is usual over minutes",
         unknown=flying(battery=falling_pack(14, age_s=7.5)),
         hangs=flying(battery=falling_pack(11)),
     ),
     Row(
         "reserve",
         flying(battery=pack(14.0, 14.0)),
-        "would land with 9 % of its battery, give or take 1.7, reserve 15 %: below it by 100 % probability",
+        "would land with 9 % of its battery, give or take 2.7, reserve 15 %: below it by 100 % probability",
         unknown=flying(battery=pack(14.0, age_s=7.5)),
         hangs=flying(battery=pack(17.3, 17.3)),
     ),

@@ -259,6 +259,14 @@ def test_what_the_model_says_was_used_between_two_positions(elapsed_s: float, *,
     assert drawn == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(("climbs_m_s", "more"), [(2.5, 0.1), (0.0, 0.0), (-1.5, 0.0)])
+def test_a_climb_uses_more_and_a_descent_no_less(climbs_m_s: float, more: float) -> None:
+    before = flying(fix=replace(at(), boot_s=NOW_S - 1.0), heartbeat=ARMED)
+    drawn = after(before, replace(position(), down_m_s=-climbs_m_s)).power.battery.modelled_pct
+    expected = (1.0 + more) * CONTEXT.draw_pct_per_s(0.0, 3.0)
+    assert drawn - before.power.battery.modelled_pct == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(("moved_m", "anew"), [(2.9, False), (3.1, True)])
 def test_the_anchor_is_where_it_last_moved_on(moved_m: float, *, anew: bool) -> None:
     before = flying(fix=replace(at(), boot_s=NOW_S - 1.0), anchor=replace(at(), boot_s=NOW_S - 50.0))

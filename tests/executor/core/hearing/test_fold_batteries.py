@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.battery.account import BatterySample, Charge
+from executor.core.battery.account import BatterySample, Charge, PercentEnd
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from executor.core.battery.roundings import Roundings
@@ -47,11 +47,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "lowest_pct": 89.0,
                     "estimate": BatteryEstimate(
-                        remaining_pct=89.9634,
-                        factor=1.00001,
-                        var_remaining=0.0830928,
-                        covariance=-0.000800447,
-                        var_factor=0.0225749,
+                        remaining_pct=89.9639,
+                        factor=1.0,
+                        var_remaining=0.0824497,
+                        covariance=-0.000512333,
+                        var_factor=0.0144013,
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
@@ -77,15 +77,22 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "lowest_pct": 89.0,
                     "estimate": BatteryEstimate(
-                        remaining_pct=89.9634,
-                        factor=1.00001,
-                        var_remaining=0.0830928,
-                        covariance=-0.000800447,
-                        var_factor=0.0225749,
+                        remaining_pct=89.9639,
+                        factor=1.0,
+                        var_remaining=0.0824497,
+                        covariance=-0.000512333,
+                        var_factor=0.0144013,
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
-                    "charge": Charge(consumed_ah=1.5, at_s=NOW_S, modelled_pct=0.072, began_ah=1.5, began_pct=90.0),
+                    "charge": Charge(
+                        consumed_ah=1.5,
+                        at_s=NOW_S,
+                        modelled_pct=0.072,
+                        began_ah=1.5,
+                        first=PercentEnd(remaining_pct=90.0, consumed_ah=1.5),
+                        last=PercentEnd(remaining_pct=90.0, consumed_ah=1.5),
+                    ),
                 },
                 "packs": ((0, 89.0),),
                 "volts": {"began_s": NOW_S},
@@ -108,11 +115,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "lowest_pct": 89.0,
                     "estimate": BatteryEstimate(
-                        remaining_pct=89.9634,
-                        factor=1.00001,
-                        var_remaining=0.0830928,
-                        covariance=-0.000800447,
-                        var_factor=0.0225749,
+                        remaining_pct=89.9639,
+                        factor=1.0,
+                        var_remaining=0.0824497,
+                        covariance=-0.000512333,
+                        var_factor=0.0144013,
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
@@ -142,14 +149,20 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "lowest_pct": 80.0,
                     "estimate": BatteryEstimate(
-                        remaining_pct=80.0,
-                        factor=0.999996,
+                        remaining_pct=80.5,
+                        factor=0.999998,
                         var_remaining=0.0833333,
                         covariance=0.0,
-                        var_factor=0.0225749,
+                        var_factor=0.0144013,
                     ),
-                    "drift": Drift(jumped_s=NOW_S, jumped_pct=10.0),
-                    "slow": Drift(jumped_s=NOW_S, jumped_pct=10.0),
+                    "drift": Drift(
+                        jumped_s=NOW_S,
+                        jumped_pct=10.0,
+                    ),
+                    "slow": Drift(
+                        jumped_s=NOW_S,
+                        jumped_pct=10.0,
+                    ),
                 },
                 "packs": ((0, 80.0), (1, 89.0)),
             },
@@ -196,9 +209,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "estimate": BatteryEstimate(
                         remaining_pct=89.9636,
                         factor=1.0,
-                        var_remaining=0.0830928,
-                        covariance=-0.000800447,
-                        var_factor=0.0225749,
+                        var_remaining=0.0824497,
+                        covariance=-0.000512333,
+                        var_factor=0.0144013,
                     ),
                     "drift": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
                     "slow": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
@@ -229,9 +242,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "estimate": BatteryEstimate(
                         remaining_pct=89.9636,
                         factor=1.0,
-                        var_remaining=0.0830928,
-                        covariance=-0.000800447,
-                        var_factor=0.0225749,
+                        var_remaining=0.0824497,
+                        covariance=-0.000512333,
+                        var_factor=0.0144013,
                     ),
                     "drift": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
                     "slow": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
@@ -259,25 +272,25 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ({"unhealthy": 32},),
             (
                 {
+                    "unhealthy": 32,
                     "battery": {
                         "remaining_pct": 85.0,
                         "least_pct": 85.0,
                         "reported_s": NOW_S,
                         "charge_state": 0,
                         "history": (
-                            BatterySample(at_s=NOW_S - 7.1, remaining_pct=90.0, modelled_pct=0.036),
+                            BatterySample(at_s=992.9, remaining_pct=90.0, modelled_pct=0.036),
                             BatterySample(at_s=NOW_S, remaining_pct=85.0, modelled_pct=0.036),
                         ),
                         "lowest_pct": 85.0,
                         "estimate": BatteryEstimate(
-                            remaining_pct=85.0, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0225
+                            remaining_pct=85.5, factor=1.0, var_remaining=0.0833333, covariance=0.0, var_factor=0.0144
                         ),
                         "began_s": NOW_S,
-                        "drift": Drift(excess_pct=4.574, used_pct=5.0, since_s=NOW_S - 7.1, reports=1, biggest_pct=5.0),
-                        "slow": Drift(excess_pct=5.0, used_pct=5.0, since_s=NOW_S - 7.1, reports=1, biggest_pct=5.0),
+                        "drift": Drift(excess_pct=4.574, used_pct=5.0, since_s=992.9, reports=1, biggest_pct=5.0),
+                        "slow": Drift(excess_pct=5.0, used_pct=5.0, since_s=992.9, reports=1, biggest_pct=5.0),
                     },
                     "volts": {"reported_s": NOW_S, "voltage_v": 14.0, "began_s": NOW_S, "known_load": False},
-                    "unhealthy": 32,
                 },
             ),
         ],

@@ -126,6 +126,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "WPNAV_SPEED_DN",
                 "LAND_SPEED",
                 "LAND_ALT_LOW",
+                "WPNAV_SPEED",
+                "RTL_SPEED",
             ),
             (
                 "NAV_DLL_ACT",
@@ -143,6 +145,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "MPC_Z_V_AUTO_DN",
                 "MPC_Z_VEL_MAX_DN",
                 "MPC_TKO_SPEED",
+                "MPC_XY_CRUISE",
             ),
         ],
     ),

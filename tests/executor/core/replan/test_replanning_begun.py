@@ -34,7 +34,7 @@ CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}
 ON_ITS_WAY = flying()
 ITS_OFFER = Survivor(
-    "uav1", (200.0, -5.0), 73.1078, 0.999996, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
+    "uav1", (200.0, -5.0), 73.1078, 0.999998, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
 )
 PROVEN = dict.fromkeys(range(6), "uav3")
 UNSOLVED = plan_of(solve_s=None, solved_s=0.0)
@@ -178,7 +178,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             vehicle="uav1",
                             start_m=(261.5, 15.4),
                             budget_pct=74.0,
-                            consumption=0.999996,
+                            consumption=0.999998,
                             airborne=True,
                             tail=(),
                             kept=4,
@@ -215,7 +215,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             vehicle="uav1",
                             start_m=(261.5, 15.4),
                             budget_pct=74.0,
-                            consumption=0.999996,
+                            consumption=0.999998,
                             airborne=True,
                             tail=(),
                             kept=4,
@@ -267,7 +267,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             vehicle="uav1",
                             start_m=(261.5, 15.4),
                             budget_pct=74.0,
-                            consumption=0.999996,
+                            consumption=0.999998,
                             airborne=True,
                             tail=(),
                             kept=4,

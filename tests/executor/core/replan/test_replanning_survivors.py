@@ -12,9 +12,12 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.commands import Survivor
 from executor.core.context import Context
+from executor.core.learning import Learned, PaceEstimate
 from executor.core.parts import Fix
 from executor.core.replan import replanning, wording
 from executor.core.vehicle import Stage, VehicleState
+from missions import Pace
+from missions.pace import AS_MODELLED
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
     BATTERY_FAULT,
@@ -33,7 +36,7 @@ from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
 
 CONTEXT = FLEET.context
 ITS_OFFER = Survivor(
-    "uav1", (200.0, -5.0), 73.1078, 0.999996, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
+    "uav1", (200.0, -5.0), 73.1078, 0.999998, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
 )
 STANDS = landed(stage=Stage.LANDED, fix=LOW)
 ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
@@ -48,6 +51,16 @@ def far(seconds: float) -> Fix:
     return replace(at(), place_m=(200.0 - 3.0 * seconds, -5.0))
 
 
+def test_what_a_vehicle_has_shown_of_its_pace_is_a_part_of_its_offer() -> None:
+    slow = Learned(PaceEstimate(1.1), PaceEstimate(1.05))
+    unknown, known = offered(flying()), offered(flying(learned=slow))
+    assert unknown is not None
+    assert known is not None
+    assert (unknown.pace, known.pace) == (AS_MODELLED, Pace(1.1, 1.05))
+    # Its way to where the new mission takes over is flown at its own pace too.
+    assert known.budget_pct < unknown.budget_pct
+
+
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who stands on its pad offers all",
@@ -56,7 +69,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(0.0, 0.0),
             budget_pct=74.0,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=False,
             tail=(),
             kept=0,
@@ -70,7 +83,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(0.0, 0.0),
             budget_pct=74.0,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=False,
             tail=(),
             kept=0,
@@ -84,7 +97,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(0.0, 0.0),
             budget_pct=74.0,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=False,
             tail=(),
             kept=0,
@@ -99,7 +112,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(0.0, 0.0),
             budget_pct=74.0,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=False,
             tail=(),
             kept=0,
@@ -158,7 +171,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(300.0, -5.0),
             budget_pct=73.3116,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=True,
             tail=(),
             kept=4,
@@ -173,7 +186,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(300.0, -5.0),
             budget_pct=73.9862,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=True,
             tail=(),
             kept=4,
@@ -188,7 +201,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle="uav1",
             start_m=(261.5, 15.4),
             budget_pct=74.0,
-            consumption=0.999996,
+            consumption=0.999998,
             airborne=True,
             tail=(),
             kept=4,

@@ -11,11 +11,13 @@ import pytest
 from executor.core.battery import account
 from executor.core.carried import Carried
 from executor.core.coverage import NOISE_M, Run, Sample, Track, follow, run_joined
+from executor.core.learning import Learned, PaceEstimate
 from executor.core.messages import Heartbeat
 from executor.core.parts import Before, Cause, Fix, TakenOver
 from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
-from executor.core.vehicle import VehicleState
-from missions import Phase
+from executor.core.vehicle import Stage, VehicleState
+from missions import Pace, Phase, dialect_for
+from tests.executor.builders import fleet_of, vehicle
 from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, SETUP, at, flying, mission, pack
 
 BOARD = mission()
@@ -105,6 +107,49 @@ def test_a_time_may_be_off_by_less_than_what_flying_a_segment_too_fast_wins(sign
     off = found(TRANSIT, HOME, sign * (WON_S + 0.1))
     way = way_s(*TRANSIT, *HOME)
     assert off == Inferred(why_not=f"it took {way + sign * (WON_S + 0.1):.0f} s where its way takes {way:.0f} s")
+
+
+def test_who_is_known_to_be_slow_may_take_its_own_time() -> None:
+    pace = Pace(inspect=1.2, transit=1.1)
+    slow = Learned(PaceEstimate(pace.inspect), PaceEstimate(pace.transit))
+    ends = {TRANSIT[0]: 0.5, HOME[0]: 0.5}
+    more_s = sum(
+        ends.get(index, 1.0) * (pace.of(WAYPOINTS[index].phase) - 1.0) * LEGS[index].duration_s
+        for index in range(TRANSIT[0], HOME[0] + 1)
+    )
+    assert more_s > WON_S + 1.0
+    assert found(TRANSIT, HOME, more_s, learned=slow).segments == (0, 1)
+    assert found(TRANSIT, HOME, more_s).why_not
+    assert found(TRANSIT, HOME, learned=slow).why_not
+
+
+@pytest.mark.parametrize(("autopilot", "stop_s"), [("ardupilot", 1.0), ("px4", 3.25)])
+def test_what_of_a_stop_is_over_no_place_tells(autopilot: str, stop_s: float) -> None:
+    fleet = fleet_of(autopilot=autopilot)
+    board = fleet.boards["uav1"]
+    assert board is not None
+    # No segment is long enough for its speed to tell.
+    tracks = [replace(one, end_m=(one.begin_m[0] + 1.0, one.begin_m[1])) for one in board.tracks]
+    board = replace(board, tracks=tuple(tracks))
+    begins, legs = FIRST, board.legs
+    before = Before(
+        Fix(NOW_S, BEGAN_S, board.places_m[begins], WAYPOINTS[begins].alt_rel_m, 0.0, (0.0, 0.0, 0.0)),
+        begins, RUN, WAYPOINTS[begins].visit, 90.0,
+    )  # fmt: skip
+    # It has reached the end of its leg, and the whole stop is still to come.
+    took_s = stop_s + sum(leg.duration_s for leg in legs[begins + 1 : HOME[0]]) + 0.5 * legs[HOME[0]].duration_s
+
+    def counted(late_s: float) -> Inferred:
+        fix = on_leg(*HOME, BEGAN_S + took_s + late_s)
+        heartbeat = Heartbeat(3, dialect_for(autopilot).modes.mission.custom_mode, True, 4)
+        state = vehicle(
+            fleet, stage=Stage.FLYING, before=before, fix=fix, waypoint=HOME[0], heartbeat=heartbeat, armed_once=True
+        )
+        return flown_meanwhile(fleet.context, state, board, HOME[0])
+
+    assert counted(0.0).segments == (0, 1)
+    assert counted(0.9).segments == (0, 1)
+    assert counted(1.1).why_not
 
 
 def test_a_clock_that_began_anew_proves_nothing() -> None:
