@@ -19,7 +19,16 @@ from executor.core.faults import passive
 from executor.core.faults.link_loss import SLEPT_S
 from executor.core.faults.passive import Declared, Degraded, Finding, Moded
 from executor.core.limits import Limits
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, OwnFailsafe, Position, StatusText, SystemStatus
+from executor.core.messages import (
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    MissionCurrent,
+    OwnFailsafe,
+    Position,
+    StatusText,
+    SystemStatus,
+)
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
 from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
