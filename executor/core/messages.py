@@ -278,7 +278,7 @@ class Setting:
 class OwnFailsafe:
     """The autopilot's own record of a failsafe: ERR of DataFlash, failsafe flags of PX4."""
 
-    kind: str
+    what: str
     """battery, crash, ekf, gps, compass, motor, rc, ground station, fence, terrain, vibration, attitude or other."""
     active: bool
     words: str

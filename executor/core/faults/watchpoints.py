@@ -131,7 +131,7 @@ def _left_unplanned(view: View, mode: int) -> Finding:
     if who.by is Actor.FAILSAFE and who.failed is not None:
         # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
         words = f"went to mode {name} by its own failsafe: {who.failed.words}"
-        return OK if who.failed.kind == "battery" else Finding(Verdict.FAIL, words)
+        return OK if who.failed.what == "battery" else Finding(Verdict.FAIL, words)
     if not state.sortie.flew_mission:
         return OK  # it never was on a mission, or a person had it before
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
@@ -176,7 +176,7 @@ def battery_said(view: View) -> str:
 
 def _said_failed(view: View, kind: str) -> str | None:
     for failed, said_s in view.state.evidence.failed:
-        if failed.kind == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
+        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
             return failed.words
     return None
 

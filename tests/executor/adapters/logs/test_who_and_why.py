@@ -49,13 +49,13 @@ def test_a_mode_and_its_reason(reason: int, by: Actor, tmp_path: Path) -> None:
 def test_an_old_mode_without_a_reason(tmp_path: Path) -> None:
     file = dataflash(tmp_path, ("MODE", "QMh", "TimeUS,Mode,ThrCrs", SECOND, 6, 500))
     assert told(file, ModeChange) == []
-    assert [beat.custom_mode for beat in told(DataFlashFile(file.path), Heartbeat)] == [6, 6]
+    assert [beat.custom_mode for beat in told(DataFlashFile(file.path), Heartbeat)] == [6]
 
 
 def test_what_failed_and_is_well_again(tmp_path: Path) -> None:
     errors = [(6, 1), (16, 2), (16, 0), (12, 2), (10, 5)]
     file = dataflash(tmp_path, (*MODE, SECOND, 3, 3, 1), *((*ERR, 2 * SECOND, *error) for error in errors))
-    failed = [(one.kind, one.active, one.words) for one in told(file, OwnFailsafe)]
+    failed = [(one.what, one.active, one.words) for one in told(file, OwnFailsafe)]
     assert failed == [
         ("battery", True, "battery failsafe"), ("ekf", True, "EKF variance"), ("ekf", False, "EKF variance"),
         ("crash", True, "loss of control"),
@@ -67,7 +67,7 @@ def test_what_disarmed_it(tmp_path: Path) -> None:
     file = dataflash(
         tmp_path, (*MODE, SECOND, 3, 3, 1), *((*ARM, 2 * SECOND, state, 0, 0, method) for state, method in arms)
     )
-    assert [(one.kind, one.words) for one in told(file, OwnFailsafe)] == [("crash", "Crash: Disarming")]
+    assert [(one.what, one.words) for one in told(file, OwnFailsafe)] == [("crash", "Crash: Disarming")]
 
 
 def test_settings_that_matter(tmp_path: Path) -> None:

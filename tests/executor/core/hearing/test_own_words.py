@@ -58,7 +58,7 @@ SILENT = (
 def test_what_failed(text: str, kind: str) -> None:
     found = failure_said(text, low_acts=True)
     assert found is not None
-    assert (found.kind, found.words, found.active) == (kind, text, True)
+    assert (found.what, found.words, found.active) == (kind, text, True)
 
 
 @pytest.mark.parametrize("text", SILENT)
