@@ -33,6 +33,7 @@ from executor.core.messages import (
 )
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
+from executor.replay.flights import FlightBook
 from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
 from executor.site.config import Site
@@ -122,6 +123,7 @@ class _Player:
         self._findings: list[Finding] = []
         self._traces: dict[str, Trace] = {}
         self._flown: dict[str, float] = {}
+        self._flights: dict[str, FlightBook] = {}
         self._framed = False
         self._beats: dict[str, float] = {}
         """Heartbeats without news since the last tick."""
@@ -202,6 +204,7 @@ class _Player:
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
             calm = calm and _is_calm(vehicle, at_s)
+            self._flights[name].look(vehicle)
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
                 trace.add(sampled(self._scene, vehicle, at_s))
@@ -230,6 +233,7 @@ class _Player:
             if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
+                self._flights[name].armed(now_s)
                 self._takes_off(self._state.fleet.vehicles[name])
 
     def _says_nothing_new(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
@@ -289,6 +293,7 @@ class _Player:
         self._state = passive.with_vehicle(self._state, setup.name)
         self._names[system] = setup.name
         self._traces[setup.name] = Trace()
+        self._flights[setup.name] = FlightBook()
         return setup.name
 
     def result(self, path: Path) -> LogReplay:
@@ -301,6 +306,7 @@ class _Player:
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
+        notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
         return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))

@@ -232,6 +232,8 @@ class Codec:
 
     def _order(self, frame: Any) -> OrderSeen | None:  # noqa: ANN401
         """Return what another station orders, if that changes a mode."""
+        if (frame.get_srcSystem(), frame.get_srcComponent()) == GROUND_STATION:
+            return None  # a router's echo of our own
         target, mode = frame.target_system, None
         if frame.get_type() == "SET_MODE":
             return OrderSeen(mav.MAV_CMD_DO_SET_MODE, frame.custom_mode, frame.get_srcSystem(), target)
