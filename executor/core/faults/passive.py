@@ -266,7 +266,7 @@ _DOWN_REASONS = frozenset({"off-pad", "falling", "terminated", "crash"})
 def _group(point: Watchpoint) -> str:
     """Return of what the first reason stands: a battery, a mission that was left, a fall."""
     if point.kind is not FaultKind.INTERRUPTION:
-        return point.kind.value
+        return str(point.kind.value)
     return "down" if point.name in _DOWN_REASONS else "left"
 
 
