@@ -21,6 +21,8 @@ class DataFlashWriter:
 
     parts: list[bytes] = field(default_factory=list)
     kinds: dict[str, tuple[int, str]] = field(default_factory=dict)
+    described: dict[str, tuple[int, str, str]] = field(default_factory=dict)
+    told: list[tuple[str, tuple[Value, ...]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._declare("FMT", 128, "BBnNZ", "Type,Length,Name,Format,Columns")
@@ -28,6 +30,7 @@ class DataFlashWriter:
     def _declare(self, name: str, number: int, layout: str, columns: str) -> None:
         size = struct.calcsize("<" + "".join(_FORMATS[one] for one in layout)) + 3
         self.kinds[name] = (number, layout)
+        self.described[name] = (number, layout, columns)
         fmt = struct.pack("<BB4s16s64s", number, size, name.encode(), layout.encode(), columns.encode())
         self.parts.append(b"\xa3\x95\x80" + fmt)
 
@@ -35,6 +38,7 @@ class DataFlashWriter:
         """Write a record; the format is written with the first of its kind."""
         if name not in self.kinds:
             self._declare(name, 128 + len(self.kinds), layout, columns)
+        self.told.append((name, values))
         number, layout = self.kinds[name]
         stored = [
             value.encode() if isinstance(value, str) else round(value * _SCALES[one]) if one in _SCALES else value
@@ -50,8 +54,20 @@ class DataFlashWriter:
         path.write_bytes(self.data())
         return path
 
+    def write_text(self, path: Path) -> Path:
+        """Write what was said the way ground stations do, a line a record."""
+        lines = []
+        for name, (number, layout, columns) in self.described.items():
+            lines.append(f"FMT, {number}, 0, {name}, {layout}, {columns}")
+        lines += [", ".join([name, *(str(value) for value in values)]) for name, values in self.told]
+        path.write_text("\n".join(lines) + "\n")
+        return path
 
-_ULOG_TYPES = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int32_t": "i", "float": "f"}
+
+_ULOG_TYPES = {
+    "uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int32_t": "i", "float": "f",
+    "double": "d",
+}  # fmt: skip
 Topic = Sequence[tuple[str, str]]
 """Names and types of a topic's fields, after its time."""
 
@@ -63,6 +79,7 @@ class UlogWriter:
     topics: Mapping[str, Topic]
     parameters: Mapping[str, float] = field(default_factory=dict)
     said: list[tuple[int, bytes]] = field(default_factory=list)
+    began_usec: int = 1
 
     def say(self, t_usec: int, topic: str, instance: int = 0, **values: float) -> None:
         """Write a row; fields that are not named are 0."""
@@ -76,7 +93,7 @@ class UlogWriter:
         self.said.append((t_usec, _message("L", struct.pack("<BQ", 48 + level, t_usec) + words.encode())))
 
     def data(self) -> bytes:
-        head = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1)
+        head = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", self.began_usec)
         parts = [head, _message("B", bytes(40))]
         for topic, fields in self.topics.items():
             described = "".join(f"{kind} {name};" for name, kind in (("timestamp", "uint64_t"), *fields))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from executor.core.messages import FlightMessage, RcChannels
+from executor.core.messages import Attitude, FlightMessage, RcChannels
 
 Record = tuple[int, int, FlightMessage | None]
 """Microseconds on the log's own clock, the system that speaks (0 for the link as a whole), and what it says; None is
@@ -101,3 +101,24 @@ class RcWatch:
                 return None
         self.told, self.at_usec = values_us, t_usec
         return RcChannels(values_us)
+
+
+STEEP_DEG = 45.0
+"""No flight along a line tilts so far."""
+LEVEL_USEC = 4_900_000
+
+
+@dataclass(slots=True)
+class TiltWatch:
+    """One vehicle's attitude: steep is told at once, level seldom, and once after it was steep."""
+
+    at_usec: int = -LEVEL_USEC
+    steep: bool = False
+
+    def news(self, t_usec: int, said: Attitude) -> Attitude | None:
+        """Return an attitude, unless it is as level as the last one."""
+        steep = max(abs(said.roll_deg), abs(said.pitch_deg)) >= STEEP_DEG
+        if not steep and not self.steep and 0 <= t_usec - self.at_usec < LEVEL_USEC:
+            return None
+        self.at_usec, self.steep = t_usec, steep
+        return said

@@ -128,6 +128,7 @@ class _Player:
         self._beats: dict[str, float] = {}
         """Heartbeats without news since the last tick."""
         self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
+        self._statuses: dict[str, tuple[float, SystemStatus]] = {}
         self._ticked_s = 0.0
         self._early: dict[int, dict[str, Setting]] = {}
         """Parameters of systems of which no HEARTBEAT came yet."""
@@ -250,6 +251,8 @@ class _Player:
                 return same and known.telemetry.item == (seq, total)
             case Battery():
                 return self._battery_repeats(known.name, message, now_s)
+            case SystemStatus():
+                return self._status_repeats(known.name, message, now_s)
             case _:
                 return False
 
@@ -266,6 +269,17 @@ class _Player:
             ):
                 return True
         self._batteries[name, message.battery] = (now_s, message)
+        return False
+
+    def _status_repeats(self, name: str, message: SystemStatus, now_s: float) -> bool:
+        at_s, known = self._statuses.get(name, (-REPEATS_S, message))
+        same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
+            known.remaining_pct, known.unhealthy, known.prearm_ok,
+        )  # fmt: skip
+        alike = abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
+        if same and alike and now_s - at_s < REPEATS_S:
+            return True
+        self._statuses[name] = (now_s, message)
         return False
 
     def _takes_off(self, vehicle: VehicleState) -> None:
@@ -346,7 +360,7 @@ class _Player:
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
     """Return whether nothing is to be expected of a vehicle in the next moments."""
-    if vehicle.stage is Stage.LOST:
+    if vehicle.stage in {Stage.LOST, Stage.GROUND, Stage.LANDED}:
         return True
     silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S
     return not (silent or vehicle.watches or _drains(vehicle))

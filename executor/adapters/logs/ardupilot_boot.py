@@ -27,7 +27,7 @@ from executor.core.messages import (
     Setting,
     StatusText,
 )
-from executor.core.recording import MODE_COMMANDS, RcWatch, is_wanted_setting
+from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch, is_wanted_setting
 from missions import ARDUPILOT
 from missions.autopilots.modes import mode_name
 
@@ -46,8 +46,7 @@ THRUST_ROWS = 3
 """So many seconds of thrust without a word of arming: the log begins in the air."""
 STALE_USEC = 3_000_000
 """After so long without it, the second best source of a place or a speed is taken."""
-STEEP_DEG = 45.0
-ATTITUDE_USEC, GPS_USEC = 950_000, 5_000_000
+GPS_USEC = 5_000_000
 FIXED = 3
 """GPS_FIX_TYPE: three-dimensional."""
 CHANNELS = 14
@@ -105,7 +104,7 @@ class Boot:
     """Above home, by CTUN."""
     begun_msl_m: float | None = None
     thrust_rows: int = 0
-    attitude_usec: int = -ATTITUDE_USEC
+    tilt: TiltWatch = field(default_factory=TiltWatch)
     fix: tuple[int, int] = (-GPS_USEC, -1)
     """When it was told last, and which one."""
 
@@ -230,11 +229,7 @@ def _moved(boot: Boot, t_usec: int, fields: Fields) -> Told:
 
 
 def _tilted(boot: Boot, t_usec: int, fields: Fields) -> Told:
-    roll, pitch = fields["Roll"], fields["Pitch"]
-    if max(abs(roll), abs(pitch)) < STEEP_DEG and t_usec - boot.attitude_usec < ATTITUDE_USEC:
-        return None
-    boot.attitude_usec = t_usec
-    return Attitude(roll, pitch)
+    return boot.tilt.news(t_usec, Attitude(fields["Roll"], fields["Pitch"]))
 
 
 def _controlled(boot: Boot, _: int, fields: Fields) -> Told:

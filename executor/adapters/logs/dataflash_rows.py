@@ -18,7 +18,7 @@ from executor.core.recording import Skipped
 HEAD = b"\xa3\x95"
 FMT, FMT_SIZE = 128, 89
 CHUNK = 1 << 18
-PADDING = frozenset({0x00, 0xFF})
+PADDING, PADDED = frozenset({0x00, 0xFF}), 16
 """What fills the end of a block of the flash, or of a file that was cut off when the battery was pulled."""
 HIGHEST = 256
 LETTERS: Mapping[str, tuple[str, float | None]] = {
@@ -157,7 +157,7 @@ class BinaryRows:
                 self.skipped.truncated = 1
                 at = self._behind_garbage(buffer, at, last=last, told=True)
                 continue
-            if end < size and buffer[end] != HEAD[0] and buffer[end] not in PADDING:
+            if end < size and buffer[end] != HEAD[0] and not _is_padding(buffer[end : end + PADDED]):
                 # Bytes are missing in it, or it is none.
                 at = self._behind_garbage(buffer, at, last=last)
                 continue
@@ -269,6 +269,10 @@ class TextRows:
         made.time_at = -1 if index is None else index
         made.instance_at = next((columns.index(one) for one in ("Inst", "Instance", "I", "C") if one in columns), -1)
         self.formats[name] = made
+
+
+def _is_padding(behind: bytes) -> bool:
+    return behind[0] in PADDING and behind.count(behind[0]) == len(behind)
 
 
 def _value(text: str, letter: str) -> str | float:

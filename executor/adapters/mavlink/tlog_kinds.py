@@ -1,0 +1,185 @@
+"""The messages that are read of a telemetry log: their checksums, their fields, and how often one is wanted.
+
+What some watchpoint needs is unpacked field by field; `codec` stays the definition (a test holds the two together).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from binascii import crc_hqx
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from executor.core.messages import (
+    Attitude,
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    LandedState,
+    MissionCurrent,
+    MissionReached,
+    Position,
+    Radio,
+    RcChannels,
+    SystemStatus,
+)
+
+EVERY_USEC = 450_000
+"""Of a battery's reports no watchpoint needs more than two a second."""
+SLOW_USEC = 950_000
+"""Of everything else one a second is enough."""
+POSITION_USEC = 1_900_000
+"""Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
+STEADY_USEC = 2_900_000
+"""Of what is repeated until it changes, one in three seconds."""
+RC_USEC = 190_000
+"""A switch is seen at once."""
+GCS_TYPE, NO_AUTOPILOT = 6, 8
+PREARM_CHECK = 0x10000000
+_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+
+
+def checksum(data: bytes) -> int:
+    """Return MAVLink's checksum (CRC-16/MCRF4XX): the standard library's runs the other way round.
+
+    >>> checksum(b"123456789") == 0x6F91
+    True
+    """
+    turned = crc_hqx(data.translate(_REVERSED), 0xFFFF)
+    return _REVERSED[turned >> 8] | _REVERSED[turned & 255] << 8
+
+
+@dataclass(frozen=True, slots=True)
+class MessageKind:
+    """One message that is read."""
+
+    extra: int
+    """CRC_EXTRA: part of its checksum."""
+    layout: struct.Struct
+    """All fields in the order on the wire; what a sender left out at the end is zero."""
+    read: Callable[..., FlightMessage | None]
+    every_usec: int = 0
+    """One that follows another sooner than this is passed over."""
+    special: bool = False
+    """Whether it is not simply a vehicle's word about itself."""
+
+    def fields(self, buffer: bytes, payload: int, length: int) -> tuple[Any, ...]:
+        """Return all fields of a message; what its sender left out at the end is zero."""
+        need = self.layout.size
+        raw = buffer[payload : payload + min(need, length)]
+        return self.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
+
+
+def _heartbeat(mode: int, kind: int, autopilot: int, base: int, status: int, _: int) -> Heartbeat | None:
+    if kind == GCS_TYPE or autopilot == NO_AUTOPILOT:
+        return None
+    return Heartbeat(autopilot, mode, bool(base & 128), status, kind)
+
+
+def _percent(value: int) -> float | None:
+    return float(value) if 0 <= value <= 100 else None
+
+
+def _system_status(*fields: int) -> SystemStatus:
+    present, enabled, healthy, _, voltage = fields[:5]
+    return SystemStatus(
+        remaining_pct=_percent(fields[12]),
+        voltage_v=None if voltage in {0, 65535} else voltage / 1e3,
+        unhealthy=enabled & ~healthy,
+        prearm_ok=bool(healthy & PREARM_CHECK) if present & PREARM_CHECK else None,
+    )
+
+
+def _position(boot: int, lat: int, lon: int, alt: int, rel: int, *rest: int) -> Position:
+    north, east, down, heading = rest
+    return Position(
+        boot / 1e3, lat / 1e7, lon / 1e7, alt / 1e3, rel / 1e3, north / 100, east / 100, down / 100,
+        None if heading == 65535 else heading / 100,
+    )  # fmt: skip
+
+
+def _battery(*fields: int) -> Battery:
+    consumed, cells, current = fields[0], fields[3:13], fields[13]
+    number, remaining, charge_state, extra, faults = fields[14], fields[17], fields[19], fields[20:24], fields[25]
+    known = [cell for cell in cells if cell != 65535]
+    known += [cell for cell in extra if cell not in {0, 65535}]
+    return Battery(
+        battery=number,
+        remaining_pct=_percent(remaining),
+        voltage_v=sum(known) / 1e3 if known else None,
+        current_a=None if current < 0 else current / 100,
+        consumed_ah=None if consumed < 0 else consumed / 1e3,
+        charge_state=charge_state,
+        faults=faults,
+        cells_v=tuple(cell / 1e3 for cell in known) if len(known) > 1 else (),
+    )
+
+
+def _radio(_: int, __: int, rssi: int, remote: int, buffer: int, noise: int, remote_noise: int) -> Radio:
+    return Radio(
+        rssi=None if rssi == 255 else rssi,
+        remote_rssi=None if remote == 255 else remote,
+        noise=None if noise == 255 else noise,
+        remote_noise=None if remote_noise == 255 else remote_noise,
+        free_buffer_pct=buffer if buffer <= 100 else None,
+    )
+
+
+def _mission_current(seq: int, total: int, _: int, __: int, number: int) -> MissionCurrent:
+    return MissionCurrent(seq, total or None, number or None)
+
+
+def _landed(_: int, state: int) -> LandedState:
+    return LandedState({1: True, 2: False, 3: False, 4: False}.get(state))
+
+
+def _attitude(_: int, roll: float, pitch: float, *__: float) -> Attitude:
+    return Attitude(math.degrees(roll), math.degrees(pitch))
+
+
+NO_CHANNEL = 65535
+"""Of RC_CHANNELS and RC_CHANNELS_RAW."""
+
+
+def _channels_raw(_: int, *fields: int) -> RcChannels:
+    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in fields[:8]))
+
+
+def _channels(_: int, *fields: int) -> RcChannels:
+    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in fields[: min(18, fields[18])]))
+
+
+STAND_IN_USEC = 4_000_000
+"""SYS_STATUS stands in for BATTERY_STATUS; beside it one in five seconds is enough."""
+
+
+def _never(*_: object) -> None:
+    """Say nothing: it is not the message alone that tells."""
+
+
+HEARTBEAT, SYSTEM, POSITION, BATTERY, STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET_MODE = 0, 1, 33, 147, 253, 76, 75, 11
+COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE = 77, 22, 35, 65, 30
+KINDS: dict[int, MessageKind] = {
+    HEARTBEAT: MessageKind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
+    SYSTEM: MessageKind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
+    POSITION: MessageKind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
+    ATTITUDE: MessageKind(39, struct.Struct("<I6f"), _attitude, EVERY_USEC, special=True),
+    42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
+    46: MessageKind(11, struct.Struct("<H"), MissionReached),
+    109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, POSITION_USEC, special=True),
+    BATTERY: MessageKind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
+    245: MessageKind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
+    STATUSTEXT: MessageKind(83, struct.Struct("<B50sHB"), _never, special=True),
+    COMMAND_LONG: MessageKind(152, struct.Struct("<7fHBB"), _never, special=True),
+    COMMAND_INT: MessageKind(158, struct.Struct("<4fiifHBB"), _never, special=True),
+    SET_MODE: MessageKind(89, struct.Struct("<IBB"), _never, special=True),
+    COMMAND_ACK: MessageKind(143, struct.Struct("<HB"), _never, special=True),
+    PARAM_VALUE: MessageKind(220, struct.Struct("<fHH16sB"), _never, special=True),
+    RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, RC_USEC, special=True),
+    RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, RC_USEC, special=True),
+}
+"""By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
+ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
+TOLD_BY_VEHICLES = frozenset({COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE})
