@@ -17,13 +17,24 @@ from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.link_loss import SLEPT_S
-from executor.core.faults.passive import Declared, Degraded, Finding
+from executor.core.faults.passive import Declared, Degraded, Finding, Moded
 from executor.core.hearing.firmware import autopilot_words, vehicle_words
 from executor.core.limits import Limits
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, Setting, SystemStatus
+from executor.core.messages import (
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    MissionCurrent,
+    OwnFailsafe,
+    Position,
+    Setting,
+    StatusText,
+    SystemStatus,
+)
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
-from executor.replay.result import Declaration, Impaired, LogReplay, ReplaySample, Trace, VehicleReplay
+from executor.replay.flights import FlightBook
+from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
 from executor.site.config import Site
 from missions import AUTOPILOTS, Dialect, LocalFrame, dialect_of
@@ -112,6 +123,7 @@ class _Player:
         self._findings: list[Finding] = []
         self._traces: dict[str, Trace] = {}
         self._flown: dict[str, float] = {}
+        self._flights: dict[str, FlightBook] = {}
         self._framed = False
         self._beats: dict[str, float] = {}
         """Heartbeats without news since the last tick."""
@@ -193,6 +205,7 @@ class _Player:
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
             calm = calm and _is_calm(vehicle, at_s)
+            self._flights[name].look(vehicle)
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
                 trace.add(sampled(self._scene, vehicle, at_s))
@@ -207,6 +220,8 @@ class _Player:
             volts = before.power.volts.voltage_v
             if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
                 self._next_s = now_s
+        elif isinstance(message, StatusText | OwnFailsafe):
+            self._next_s = now_s  # what is said of a crash is looked at before anything that follows it
         elif isinstance(message, Position) and not self._framed:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
@@ -219,6 +234,7 @@ class _Player:
             if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
+                self._flights[name].armed(now_s)
                 self._takes_off(self._state.fleet.vehicles[name])
 
     def _says_nothing_new(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
@@ -291,6 +307,7 @@ class _Player:
         self._state = passive.with_vehicle(self._state, setup.name)
         self._names[system] = setup.name
         self._traces[setup.name] = Trace()
+        self._flights[setup.name] = FlightBook()
         return setup.name
 
     def result(self, path: Path) -> LogReplay:
@@ -299,10 +316,11 @@ class _Player:
             self._pass(self._now_s)
         found = [*self._findings, *passive.closed(self._state, self._now_s)]
         if self._on_board:
-            found = [one for one in found if one.kind is not FaultKind.LINK]
+            found = [one for one in found if isinstance(one, Moded) or one.kind is not FaultKind.LINK]
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
+        notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
         return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
@@ -329,6 +347,9 @@ class _Player:
             degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
             flown_s=self._flown.get(name, 0.0),
             samples=tuple(self._traces[name].samples),
+            modes=tuple(
+                ModeSeen(self._usec(one.at_s), one.mode, one.by, one.why) for one in mine if isinstance(one, Moded)
+            ),
         )
 
     def _usec(self, at_s: float) -> int:

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executor.core import projection
-from executor.core.faults import streams
-from executor.core.faults.watching import View
+from executor.core.faults import streams, watchpoints
+from executor.core.faults.watching import Verdict, View
 from executor.core.faults.watchpoints import BATTERY_SENSOR, LOW
 from executor.core.places import where
 from executor.core.state import Told
@@ -86,6 +86,15 @@ def battery_low(view: View) -> str:
     return "the autopilot reports its battery not healthy" if view.state.sensors.unhealthy & BATTERY_SENSOR else ""
 
 
+def battery_besides(view: View) -> str:
+    """Its battery fails too, on its way home from another fault: the first reason stands, and this is said."""
+    fault = view.state.fault
+    if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
+        return ""
+    looks = (watchpoints.battery_failsafe, watchpoints.battery_critical, watchpoints.cells_weak)
+    return next((f"besides, {found.evidence}" for look in looks if (found := look(view)).verdict is Verdict.FAIL), "")
+
+
 def reserve_doubtful(view: View) -> str:
     """It may well land below the reserve."""
     leg = view.state.leg
@@ -129,6 +138,7 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("radio", FaultKind.LINK, radio_weak),
     Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
+    Doubt("battery-besides", FaultKind.BATTERY, battery_besides),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
     Doubt("stands", FaultKind.INTERRUPTION, hangs),

@@ -7,30 +7,24 @@ time, so that a silent vehicle's last battery report raises nothing by itself. O
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from executor.core import projection
 from executor.core.battery import account, cusum
 from executor.core.context import Scene, VehicleSetup
+from executor.core.custody.actors import changed_by, settled
 from executor.core.faults import streams
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint
 from executor.core.limits import Limits
-from executor.core.messages import CRITICAL, NO_ITEM
+from executor.core.messages import CRITICAL, Actor
+from executor.core.own_words import acts
 from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_home_mode, is_mission_mode, mode_name
+from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
 
-_BATTERY_ALARM = re.compile(
-    r"^(?!prearm).*(battery failsafe|battery \d* ?is (low|critical|missing)|(critical|emergency) battery|"
-    r"battery (level )?(critical|emergency|unhealthy|fail)|dangerously low battery)",
-    re.IGNORECASE,
-)
-"""ArduPilot: "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe"; PX4: "Critical battery", "Emergency battery
-level", "Battery unhealthy". PX4's "Low battery" only warns."""
 _BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
                    "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
 """MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
@@ -108,6 +102,8 @@ def falling(view: View) -> Finding:
     fix = view.state.motion.fix
     if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
         return STALE
+    if not view.setup.planned and not _comes_down(view):
+        return OK
     if fix.velocity_m_s[2] < -view.context.limits.fall_m_s:
         return Finding(Verdict.FAIL, f"falls at {-fix.velocity_m_s[2]:.1f} m/s")
     return OK
@@ -126,14 +122,90 @@ def left_mission(view: View) -> Finding:
         return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
     if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
         return OK
-    if view.now_s - state.orders.ordered_mode_s < view.context.limits.mode_grace_s:
+    return _left_unplanned(view, state.telemetry.heartbeat.custom_mode)
+
+
+def _left_unplanned(view: View, mode: int) -> Finding:
+    """Look at who changed the mode of a vehicle that somebody else flies."""
+    state, who, name = view.state, changed_by(view.setup, view.state), mode_name(view.setup.dialect, mode)
+    if who.by is Actor.FAILSAFE and who.failed is not None:
+        # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
+        words = f"went to mode {name} by its own failsafe: {who.failed.words}"
+        return OK if who.failed.what == "battery" else Finding(Verdict.FAIL, words)
+    if not state.sortie.flew_mission:
+        return OK  # it never was on a mission, or a person had it before
+    if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
+        words = f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
+        return Finding(Verdict.FAIL, words)
+    if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and settled(state, view.now_s):
+        return Finding(Verdict.FAIL, f"went to mode {name}, and nothing says who chose it")
+    return OK
+
+
+UNNAMED_S = 1.0
+"""A failsafe's text may come so much later than the HEARTBEAT that shows its mode."""
+
+
+def crashed(view: View) -> Finding:
+    """Its autopilot says that it has crashed, or it lies as none flies."""
+    if view.setup.planned and view.state.armed:
+        return OK  # a text is the one thing that anybody can send
+    if said := crash_said(view):
+        return Finding(Verdict.FAIL, said)
+    since_s, attitude = view.state.sensors.tilted_since_s, view.state.sensors.attitude
+    if view.setup.planned or since_s is None or attitude is None or not view.state.sortie.took_off:
         return OK
-    if not state.sortie.flew_mission or _by_order(view):
-        return OK  # it never was on a mission, or somebody else ordered this
-    if is_home_mode(dialect, state.telemetry.heartbeat.custom_mode) and _at_its_end(view):
-        return OK  # and ends a mission whose last item is a return in the mode for it
-    mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
-    return Finding(Verdict.FAIL, f"went to mode {mode} by itself{_alarm(view)}")
+    disarmed = not view.state.armed and view.now_s - since_s >= 0.0
+    if disarmed or view.now_s - since_s >= view.context.limits.tilt_s:
+        tilt_deg = max(abs(attitude.roll_deg), abs(attitude.pitch_deg))
+        return Finding(Verdict.FAIL, f"lies or hangs tilted by {tilt_deg:.0f} degrees")
+    return OK
+
+
+def crash_said(view: View) -> str:
+    """Return in words what an autopilot said of a crash in this flight; nothing if it did not."""
+    found = _said_failed(view, "crash")
+    return "" if found is None else f"it says: {found}"
+
+
+def battery_said(view: View) -> str:
+    """Return in words what an autopilot said of a battery that it acts on; nothing if it did not."""
+    found = _said_failed(view, "battery")
+    return "" if found is None else f"it says: {found}"
+
+
+def _said_failed(view: View, kind: str) -> str | None:
+    for failed, said_s in view.state.evidence.failed:
+        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
+            return failed.words
+    return None
+
+
+def _comes_down(view: View) -> bool:
+    """Return whether its heights say what its velocity says, in a mode in which the autopilot holds its rate of sink.
+
+    On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
+    """
+    beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
+    if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
+        return False
+    if fix is None or before is None or fix.boot_s <= before.boot_s or _loses_itself(view):
+        return False
+    lost_m = before.alt_rel_m - fix.alt_rel_m
+    # It may have begun to fall at any time since the fix before.
+    return lost_m > FALLEN * view.context.limits.fall_m_s * min(fix.boot_s - before.boot_s, 1.0)
+
+
+def _loses_itself(view: View) -> bool:
+    """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
+    return any(
+        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
+        for failed, said_s in view.state.evidence.failed
+    )
+
+
+LOST_ITSELF_S = 30.0
+FALLEN = 0.3
 
 
 def battery_stepped(view: View) -> Finding:
@@ -239,11 +311,11 @@ def reserve_broken(view: View) -> Finding:
 
 def battery_failsafe(view: View) -> Finding:
     """The autopilot itself says that it acts on its battery."""
-    text, said_s = view.state.telemetry.alarm
-    if view.now_s - said_s > view.context.limits.alarm_s or not _BATTERY_ALARM.search(text):
+    said = battery_said(view)
+    if not said:
         return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
-    return Finding(Verdict.FAIL, f"it says: {text}") if not view.setup.planned or _shows(view) else OK
+    return Finding(Verdict.FAIL, said) if not view.setup.planned or _shows(view) else OK
 
 
 def _shows(view: View) -> bool:
@@ -283,6 +355,8 @@ def position_jumped(view: View) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
+    if not view.setup.planned and (not _on_mission(view) or _loses_itself(view)):
+        return OK  # it is not flown by its position; or knows itself that it is elsewhere
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
     return OK
@@ -311,19 +385,6 @@ def stalled(view: View) -> Finding:
 def _on_mission(view: View) -> bool:
     heartbeat = view.state.telemetry.heartbeat
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
-
-
-def _by_order(view: View) -> bool:
-    return abs(view.state.telemetry.mode_since_s - view.state.orders.ordered_mode_s) < view.context.limits.mode_grace_s
-
-
-def _at_its_end(view: View) -> bool:
-    """Return whether the item that it flies to is the last of its mission but one."""
-    seq, total = view.state.telemetry.item or (0, None)
-    if not total or total == NO_ITEM:
-        return False
-    last = total if view.setup.dialect.current_counts_home else total - 1
-    return seq >= last - 1
 
 
 def _climbs(view: View) -> bool:
@@ -356,9 +417,11 @@ _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})
 
+CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, crashed, 0.0, _IN_THE_AIR, FaultCode.CRASHED)
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR, FaultCode.FALLING),
+    CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
     Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION, FaultCode.HEARTBEAT_LOST),
