@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from executor.core import projection
 from executor.core.faults import streams
+from executor.core.faults.batteries import BATTERY_SENSOR, LOW
 from executor.core.faults.watching import View
-from executor.core.faults.watchpoints import BATTERY_SENSOR, LOW
 from executor.core.places import where
 from executor.core.state import Told
 from executor.core.vehicle import FaultKind, Stage

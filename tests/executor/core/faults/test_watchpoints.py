@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.faults import watchpoints
+from executor.core.faults import batteries, watchpoints
 from executor.core.faults.watching import Finding, Verdict, View, Watchpoint
 from executor.core.faults.watchpoints import TABLE, judge
 from executor.core.messages import Heartbeat
@@ -362,7 +362,7 @@ def test_a_drain_by_the_counter_of_charge() -> None:
         state = account.with_consumed(state, used_ah, at_s)
         state = account.with_remaining(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
         known = flying(battery=state)
-        finding = watchpoints.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
+        finding = batteries.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
         if finding.verdict is Verdict.FAIL:
             break
     assert 300 < second < 340
