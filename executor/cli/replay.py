@@ -14,6 +14,7 @@ from executor.adapters.extras import Extra, need
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
 from executor.cli.planning import writable
+from executor.core.messages import Actor
 from executor.core.recording import Skipped
 from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
@@ -148,10 +149,24 @@ def _vehicles(found: LogReplay) -> list[dict[str, object]]:
                 }
                 for one in vehicle.degraded
             ],
+            "modes": [
+                {"t_usec": one.t_usec, "mode": one.mode, "by": one.by.value, "why": one.why} for one in vehicle.modes
+            ],
             "skipped": found.skipped.counts(),
         }
         for vehicle in found.vehicles
     ]  # fmt: skip
+
+
+def _by(actor: Actor) -> str:
+    """Return who changed a mode, for people."""
+    return {
+        Actor.PILOT: "its pilot",
+        Actor.GROUND_STATION: "another ground station",
+        Actor.FAILSAFE: "its own failsafe",
+        Actor.MISSION: "its mission",
+        Actor.UNKNOWN: "nobody says whom",
+    }[actor]
 
 
 def _print(done: _Done) -> None:
@@ -169,6 +184,9 @@ def _print(done: _Done) -> None:
         print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
         for one in vehicle.declarations:
             print(f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}")
+        for mode in vehicle.modes:
+            why = f": {mode.why}" if mode.why else ""
+            print(f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  by {_by(mode.by)}{why}")
         for two in vehicle.degraded:
             span = f"{at(two.from_usec)} to {at(two.to_usec)}"
             print(f"    not well  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")

@@ -12,7 +12,17 @@ from executor.core.carried import Carried
 from executor.core.coverage import Run, Track
 from executor.core.learning import Learned
 from executor.core.link_quality import LinkQuality
-from executor.core.messages import Attitude, DoubleHeard, Gps, Heartbeat, StationHeard, Wind
+from executor.core.messages import (
+    Attitude,
+    DoubleHeard,
+    Gps,
+    Heartbeat,
+    ModeChange,
+    OrderSeen,
+    OwnFailsafe,
+    StationHeard,
+    Wind,
+)
 from missions import FlightPath, LegEstimate, Phase
 
 
@@ -226,6 +236,8 @@ class MotionState:
     """Where it is, and how it moves."""
 
     fix: Fix | None = None
+    before: Fix | None = None
+    """The one before."""
     anchor: Fix | None = None
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
     jump: tuple[float, float] = (0.0, float("-inf"))
@@ -327,6 +339,43 @@ class Sortie:
     """When it left its mission to come home."""
     place_told: bool = False
     """Whether it was said where it is down."""
+
+
+LONG_AGO_S = float("-inf")
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchMoved:
+    """A switch of the pilot's transmitter was moved: some time between two reports of its channel."""
+
+    channel: int
+    was_us: int
+    now_us: int
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What was heard that may say who changed a mode, and what its autopilot says has failed."""
+
+    orders: tuple[tuple[OrderSeen, float], ...] = ()
+    """What other stations ordered lately, or the vehicle accepted, and when."""
+    channels_us: tuple[int, ...] = ()
+    channels_s: float = LONG_AGO_S
+    """When its transmitter's channels came last."""
+    switched: tuple[SwitchMoved, ...] = ()
+    """The last switches that were moved."""
+    mode_channel: int | None = None
+    """Counted from 1, as its settings say; 0 if it has none."""
+    throttle_lost_us: float | None = None
+    """Below this the throttle's channel says that the receiver hears no transmitter, as its settings say."""
+    recorded: tuple[ModeChange | None, float] = (None, LONG_AGO_S)
+    """The autopilot's own record of the last change of mode."""
+    critical_s: float = LONG_AGO_S
+    """When its HEARTBEAT became critical last."""
+    failed: tuple[tuple[OwnFailsafe, float], ...] = ()
+    """What it says has failed, the last of each kind, and when."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from executor.core.parts import (
     Assignment,
     Before,
     Custody,
+    Evidence,
     LinkState,
     MotionState,
     OnBoard,
@@ -111,6 +112,8 @@ class FaultCode(StrEnum):
     """It would land below its reserve."""
     DISARMED = "disarmed"
     """It disarmed where, or when, it should not have."""
+    CRASHED = "crashed"
+    """Its autopilot says that it has crashed, or it lies as none flies."""
     FALLING = "falling"
     """It falls."""
     TERMINATED = "terminated"
@@ -165,6 +168,7 @@ class VehicleState:
     orders: Orders = field(default_factory=Orders)
     sortie: Sortie = field(default_factory=Sortie)
     custody: Custody = field(default_factory=Custody)
+    evidence: Evidence = field(default_factory=Evidence)
 
     @property
     def airborne(self) -> bool:
@@ -185,13 +189,13 @@ class VehicleState:
     def after(
         self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
         motion: MotionState | None = None, power: Power | None = None, assignment: Assignment | None = None,
-        sortie: Sortie | None = None, custody: Custody | None = None,
+        sortie: Sortie | None = None, custody: Custody | None = None, evidence: Evidence | None = None,
     ) -> VehicleState:  # fmt: skip
         """Return it after a message: as `replace`, in half its time, as every message comes here."""
         return VehicleState(
             self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
             motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody,
+            sortie or self.sortie, custody or self.custody, evidence or self.evidence,
         )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:

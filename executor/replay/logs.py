@@ -17,12 +17,21 @@ from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.link_loss import SLEPT_S
-from executor.core.faults.passive import Declared, Degraded, Finding
+from executor.core.faults.passive import Declared, Degraded, Finding, Moded
 from executor.core.limits import Limits
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, SystemStatus
+from executor.core.messages import (
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    MissionCurrent,
+    OwnFailsafe,
+    Position,
+    StatusText,
+    SystemStatus,
+)
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
-from executor.replay.result import Declaration, Impaired, LogReplay, ReplaySample, Trace, VehicleReplay
+from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
 from executor.site.config import Site
 from missions import AUTOPILOTS, Dialect, LocalFrame, dialect_of
@@ -182,6 +191,8 @@ class _Player:
             volts = before.power.volts.voltage_v
             if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
                 self._next_s = now_s
+        elif isinstance(message, StatusText | OwnFailsafe):
+            self._next_s = now_s  # what is said of a crash is looked at before anything that follows it
         elif isinstance(message, Position) and not self._framed:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
@@ -258,7 +269,7 @@ class _Player:
             self._pass(self._now_s)
         found = [*self._findings, *passive.closed(self._state, self._now_s)]
         if self._on_board:
-            found = [one for one in found if one.kind is not FaultKind.LINK]
+            found = [one for one in found if isinstance(one, Moded) or one.kind is not FaultKind.LINK]
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = list(self._others.values())
         if not vehicles:
@@ -287,6 +298,9 @@ class _Player:
             degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
             flown_s=self._flown.get(name, 0.0),
             samples=tuple(self._traces[name].samples),
+            modes=tuple(
+                ModeSeen(self._usec(one.at_s), one.mode, one.by, one.why) for one in mine if isinstance(one, Moded)
+            ),
         )
 
     def _usec(self, at_s: float) -> int:

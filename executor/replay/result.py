@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from executor.core.messages import Actor
 from executor.core.recording import Skipped
 from executor.core.vehicle import FaultKind
 
@@ -68,6 +69,17 @@ class Impaired:
 
 
 @dataclass(frozen=True, slots=True)
+class ModeSeen:
+    """An armed vehicle's mode became another, in the log's own time."""
+
+    t_usec: int
+    mode: str
+    by: Actor
+    why: str
+    """What in the log says who changed it; empty where nothing does."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleReplay:
     """One vehicle of a log."""
 
@@ -79,6 +91,7 @@ class VehicleReplay:
     flown_s: float
     """Armed."""
     samples: tuple[ReplaySample, ...]
+    modes: tuple[ModeSeen, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

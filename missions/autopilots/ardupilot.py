@@ -102,6 +102,7 @@ ARDUPILOT = Dialect(
     # Measured: each stored item restarts the leg, the same one too; the old index is kept.
     current_counts_home=True,  # measured: total is count - 1
     ends_in_other_mode=False,  # measured: it lands in AUTO
+    low_battery_acts=True,  # events.cpp up to 3.5: the text of the failsafe itself
     rounds_twice=False,
     own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
     set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
@@ -116,6 +117,7 @@ ARDUPILOT = Dialect(
         land=_ardupilot(9),
         other_ways_home=frozenset({21, 27}),  # SMART_RTL, and AUTO_RTL, which is reported in a landing sequence
         manual=frozenset({0, 1, 2, 5, 7, 11, 13, 14, 15, 16, 18, 22, 23, 24, 28}),
+        blind=frozenset({2}),  # FS_EKF_ACTION 2
         other_names=OTHER_MODES,
     ),
     return_parameters=ReturnParameters(

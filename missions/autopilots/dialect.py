@@ -57,6 +57,8 @@ class Modes:
     """Modes besides those two in which it comes home, or lands, by itself."""
     manual: frozenset[int]
     """Modes of sticks, and those that follow somebody or something else than a mission."""
+    blind: frozenset[int]
+    """Modes of sticks in which a failsafe leaves it that does not know any more where it is."""
     other_names: Mapping[int, str]
     """As the autopilot calls the modes that are none of ours."""
 
@@ -132,6 +134,8 @@ class Dialect:
     """Whether MISSION_CURRENT.total leaves home out, so that the last seq equals it."""
     ends_in_other_mode: bool
     """Whether the landing at a mission's end is flown in a mode of its own."""
+    low_battery_acts: bool
+    """Whether "Low battery" is the text of a failsafe; else it says that it is time to come home."""
     rounds_twice: bool
     """Whether BATTERY_STATUS rounds the percentage, and SYS_STATUS rounds it up."""
     own_streams_hz: Mapping[int, float]

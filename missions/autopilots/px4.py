@@ -96,6 +96,7 @@ PX4 = Dialect(
     # Measured: an item with `current` set is flown next when it is uploaded in flight.
     current_counts_home=False,  # guide 1.4
     ends_in_other_mode=True,  # measured: AUTO.LAND
+    low_battery_acts=False,  # batteryCheck.cpp: the low level only warns
     rounds_twice=True,  # recorded flights
     own_streams_hz={231: 0.5},  # WIND_COV; of its fence it says in texts alone
     set_current=SetCurrent.MESSAGE,  # measured: 224 is unsupported
@@ -110,6 +111,7 @@ PX4 = Dialect(
         land=_px4(4, 6),
         other_ways_home=frozenset({9 << 24 | 4 << 16}),
         manual=frozenset({1 << 16, 2 << 16, 3 << 16, 5 << 16, 6 << 16, 7 << 16, 8 << 24 | 4 << 16}),
+        blind=frozenset({2 << 16, 7 << 16}),  # failsafe.cpp: fallbacks without a position, without a height
         other_names=OTHER_MODES,
     ),
     return_parameters=ReturnParameters(

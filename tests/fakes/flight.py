@@ -77,6 +77,8 @@ class Craft:
     up_m: float = 0.0
     armed: bool = False
     mode: int = 0
+    failsafe: bool = False
+    """One of its own acts: its heartbeats are critical."""
     leg: int = 0
     """The waypoint that it flies to."""
     wait_s: float = 0.0
@@ -200,7 +202,9 @@ class Craft:
 
     def heartbeat(self) -> Heartbeat:
         """What it says of itself."""
-        return Heartbeat(self.context.vehicles[self.name].dialect.number, self.mode, self.armed, 4)
+        return Heartbeat(
+            self.context.vehicles[self.name].dialect.number, self.mode, self.armed, 5 if self.failsafe else 4
+        )
 
     def battery(self) -> Battery:
         """What it says of its battery, in whole percents as autopilots do."""

@@ -506,6 +506,8 @@ class Judge:
                     continue
                 if any(wreck.t_s < one.t_s for wreck in self.happened(name, "wreck")):
                     continue  # its motors are off now; where it lies was told
+                if one.what == "wreck" and not self.armed(name, one.t_s):
+                    continue  # knocked over where it stands; where that is was told when it disarmed
                 known_s = self._known_s(name, one.t_s)
                 if known_s + ANNOUNCED_S > self.end_s or self._silent(name, known_s + 2.0, 0.0):
                     continue

@@ -56,5 +56,6 @@ def done(order: int | tuple[Plot, Finding]) -> Judged | Shrunk:
 
 
 def quiet() -> None:
-    """Leave Ctrl-C to the process that everybody works for."""
+    """Leave Ctrl-C to the process that everybody works for; what is imported is no garbage of a story's."""
+    gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)

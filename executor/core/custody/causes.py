@@ -75,7 +75,9 @@ def judged(
 
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
-    if vehicle.custody.cause is Cause.FAILSAFE and held_unseen(context, vehicle):
+    if vehicle.custody.cause is Cause.FAILSAFE and (
+        held_unseen(context, vehicle) or _holds_calmly(context, vehicle, now_s)
+    ):
         return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.PERSON, certain=True))
     if vehicle.custody.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
         # In its landing a failsafe holds it as anywhere else, and says so.
@@ -91,6 +93,29 @@ def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: Vehicl
     if not _explained(context, absences, vehicle, now_s):
         return vehicle
     return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.FAILSAFE))
+
+
+CALM_S = 2.5
+"""Two heartbeats, and some of their way."""
+
+
+def _holds_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it holds and its heartbeats know of nothing: a failsafe that acts makes them critical.
+
+    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody can
+    send, or a silence explains a hold for a moment only.
+    """
+    beat, beat_s = vehicle.telemetry.heartbeat, vehicle.link.heartbeat_s
+    if (
+        beat is None
+        or beat_s is None
+        or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    ):
+        return False
+    if beat.system_status >= CRITICAL or vehicle.sensors.fence_breached or not beat.armed:
+        return False
+    # Of a heartbeat that came late enough: the one that first shows the mode may be older than its failsafe's flag.
+    return beat_s - vehicle.telemetry.mode_since_s >= CALM_S and now_s >= beat_s
 
 
 HOVERS_S = 2.5

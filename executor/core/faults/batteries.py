@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 from executor.core import projection
 from executor.core.battery import account, cusum
 from executor.core.faults import streams
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, said_failed
 from executor.core.limits import Limits
 from executor.core.messages import CRITICAL
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 
-_BATTERY_ALARM = re.compile(
-    r"^(?!prearm).*(battery failsafe|battery \d* ?is (low|critical|missing)|(critical|emergency) battery|"
-    r"battery (level )?(critical|emergency|unhealthy|fail)|dangerously low battery)",
-    re.IGNORECASE,
-)
-"""ArduPilot: "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe"; PX4: "Critical battery", "Emergency battery
-level", "Battery unhealthy". PX4's "Low battery" only warns."""
 _BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
                    "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
 """MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
@@ -137,11 +129,11 @@ def reserve_broken(view: View) -> Finding:
 
 def battery_failsafe(view: View) -> Finding:
     """The autopilot itself says that it acts on its battery."""
-    text, said_s = view.state.telemetry.alarm
-    if view.now_s - said_s > view.context.limits.alarm_s or not _BATTERY_ALARM.search(text):
+    said = battery_said(view)
+    if not said:
         return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
-    return Finding(Verdict.FAIL, f"it says: {text}") if not view.setup.planned or _shows(view) else OK
+    return Finding(Verdict.FAIL, said) if not view.setup.planned or _shows(view) else OK
 
 
 def _shows(view: View) -> bool:
@@ -175,6 +167,12 @@ def battery_critical(view: View) -> Finding:
     if bits:
         return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
     return OK
+
+
+def battery_said(view: View) -> str:
+    """Return in words what an autopilot said of a battery that it acts on; nothing if it did not."""
+    found = said_failed(view, "battery")
+    return "" if found is None else f"it says: {found}"
 
 
 def _climbs(view: View) -> bool:

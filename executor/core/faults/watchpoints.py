@@ -10,13 +10,14 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
+from executor.core.custody.actors import changed_by
 from executor.core.faults import batteries, streams
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint
-from executor.core.messages import NO_ITEM
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint, said_failed
+from executor.core.messages import Actor
 from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
-from missions.autopilots.modes import is_home_mode, is_mission_mode, mode_name
+from missions.autopilots.modes import is_manual_mode, is_mission_mode, mode_name
 
 
 def link_silent(view: View) -> Finding:
@@ -91,6 +92,8 @@ def falling(view: View) -> Finding:
     fix = view.state.motion.fix
     if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
         return STALE
+    if not view.setup.planned and not _comes_down(view):
+        return OK
     if fix.velocity_m_s[2] < -view.context.limits.fall_m_s:
         return Finding(Verdict.FAIL, f"falls at {-fix.velocity_m_s[2]:.1f} m/s")
     return OK
@@ -109,20 +112,68 @@ def left_mission(view: View) -> Finding:
         return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
     if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
         return OK
-    if view.now_s - state.orders.ordered_mode_s < view.context.limits.mode_grace_s:
-        return OK
-    if not state.sortie.flew_mission or _by_order(view):
-        return OK  # it never was on a mission, or somebody else ordered this
-    if is_home_mode(dialect, state.telemetry.heartbeat.custom_mode) and _at_its_end(view):
-        return OK  # and ends a mission whose last item is a return in the mode for it
+    who = changed_by(view.setup, state)
+    if who.by is not Actor.FAILSAFE:
+        return OK  # a person's, its mission's end, or nobody says whose: no failsafe acts without a word
+    if who.failed is None:
+        if not state.sortie.flew_mission or view.now_s - state.telemetry.mode_since_s < UNNAMED_S:
+            return OK  # it never was on a mission; or what failed may still be said
+    elif who.failed.kind == "battery":
+        return OK  # which is said by its own name
     mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
-    return Finding(Verdict.FAIL, f"went to mode {mode} by itself{_alarm(view)}")
+    return Finding(Verdict.FAIL, f"went to mode {mode} by its own failsafe: {who.why or 'it does not say which'}")
+
+
+UNNAMED_S = 1.0
+"""A failsafe's text may come so much later than the HEARTBEAT that shows its mode."""
+
+
+def crashed(view: View) -> Finding:
+    """Its autopilot says that it has crashed, or it lies as none flies."""
+    if view.setup.planned and view.state.armed:
+        return OK  # a text is the one thing that anybody can send
+    if said := crash_said(view):
+        return Finding(Verdict.FAIL, said)
+    since_s, attitude = view.state.sensors.tilted_since_s, view.state.sensors.attitude
+    if view.setup.planned or since_s is None or attitude is None or not view.state.sortie.took_off:
+        return OK
+    disarmed = not view.state.armed and view.now_s - since_s >= 0.0
+    if disarmed or view.now_s - since_s >= view.context.limits.tilt_s:
+        tilt_deg = max(abs(attitude.roll_deg), abs(attitude.pitch_deg))
+        return Finding(Verdict.FAIL, f"lies or hangs tilted by {tilt_deg:.0f} degrees")
+    return OK
+
+
+def crash_said(view: View) -> str:
+    """Return in words what an autopilot said of a crash in this flight; nothing if it did not."""
+    found = said_failed(view, "crash")
+    return "" if found is None else f"it says: {found}"
+
+
+def _comes_down(view: View) -> bool:
+    """Return whether its heights say what its velocity says, in a mode in which the autopilot holds its rate of sink.
+
+    On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
+    """
+    beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.before
+    if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
+        return False
+    if fix is None or before is None or fix.boot_s <= before.boot_s:
+        return False
+    lost_m = before.alt_rel_m - fix.alt_rel_m
+    # It may have begun to fall at any time since the fix before.
+    return lost_m > FALLEN * view.context.limits.fall_m_s * min(fix.boot_s - before.boot_s, 1.0)
+
+
+FALLEN = 0.3
 
 
 def position_jumped(view: View) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
+    if not view.setup.planned and not _on_mission(view):
+        return OK  # it is not flown by its position
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
     return OK
@@ -153,19 +204,6 @@ def _on_mission(view: View) -> bool:
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
 
 
-def _by_order(view: View) -> bool:
-    return abs(view.state.telemetry.mode_since_s - view.state.orders.ordered_mode_s) < view.context.limits.mode_grace_s
-
-
-def _at_its_end(view: View) -> bool:
-    """Return whether the item that it flies to is the last of its mission but one."""
-    seq, total = view.state.telemetry.item or (0, None)
-    if not total or total == NO_ITEM:
-        return False
-    last = total if view.setup.dialect.current_counts_home else total - 1
-    return seq >= last - 1
-
-
 def _alarm(view: View) -> str:
     """Return what the vehicle said of it, if it did."""
     text, said_s = view.state.telemetry.alarm
@@ -176,9 +214,11 @@ _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})
 
+CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, crashed, 0.0, _IN_THE_AIR, FaultCode.CRASHED)
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR, FaultCode.FALLING),
+    CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
     Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION, FaultCode.HEARTBEAT_LOST),

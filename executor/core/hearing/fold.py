@@ -10,6 +10,7 @@ from executor.core import carried, link_quality
 from executor.core.battery import account
 from executor.core.context import Scene
 from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
+from executor.core.hearing import evidence
 from executor.core.hearing.charge import powered, status_told
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
@@ -22,9 +23,13 @@ from executor.core.messages import (
     Heartbeat,
     LandedState,
     MissionCurrent,
+    ModeChange,
     OrderSeen,
+    OwnFailsafe,
     Position,
     Radio,
+    RcChannels,
+    Setting,
     StationHeard,
     StatusText,
     SystemStatus,
@@ -52,8 +57,9 @@ _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LO
 """Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
 NAMED_S = 5.0
 """So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
-_ABOUT = (Traffic, Radio, OrderSeen, StationHeard, DoubleHeard)
+_ABOUT = (Traffic, Radio, StationHeard, DoubleHeard)
 """What others say about a vehicle."""
+_EVIDENT = (OrderSeen, ModeChange, RcChannels, Setting, OwnFailsafe)
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -75,6 +81,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     """Take one message into the state."""
     if isinstance(message, _ABOUT):
         return Folded(_about(context, state, message, now_s))
+    if isinstance(message, _EVIDENT):
+        return Folded(_evident(state, message, now_s))
     silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
     link = state.link.heard(now_s, silent=silent)
     match message:
@@ -108,7 +116,10 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             assignment, telemetry = _carries(context, state, message, now_s), state.telemetry
             if _ALARM.search(said) and not _adds_nothing(state, said, now_s):
                 telemetry = replace(telemetry, alarm=(said, now_s))
-            return Folded(state.after(link, telemetry=telemetry, assignment=assignment), text=message)
+            setup = context.vehicles.get(state.name)
+            low_acts = setup is not None and setup.dialect.low_battery_acts
+            known = evidence.texted(state.evidence, message, now_s, low_acts=low_acts)
+            return Folded(state.after(link, telemetry=telemetry, assignment=assignment, evidence=known), text=message)
         case _:
             return Folded(state.after(link))
 
@@ -141,6 +152,7 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
         telemetry=replace(old, heartbeat=message, mode_since_s=since, doubted=None),
         sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
+        evidence=evidence.beaten(state.evidence, old.heartbeat, message, now_s),
     )
 
 
@@ -201,7 +213,7 @@ def _was_unseen(context: Scene, link: LinkState, regained_s: float | None, now_s
 def _about(
     context: Scene,
     state: VehicleState,
-    message: Traffic | Radio | OrderSeen | StationHeard | DoubleHeard,
+    message: Traffic | Radio | StationHeard | DoubleHeard,
     now_s: float,
 ) -> VehicleState:
     """Take what others say about a vehicle, which does not mean that it was heard."""
@@ -214,8 +226,14 @@ def _about(
             return replace(state, link=replace(link, quality=quality))
         case Radio():
             return replace(state, link=replace(link, quality=link_quality.heard_radio(link.quality, message, now_s)))
-        case OrderSeen():
-            return replace(state, orders=replace(state.orders, ordered_mode_s=now_s))
+
+
+def _evident(state: VehicleState, message: evidence.Told, now_s: float) -> VehicleState:
+    """Take what may say who changed its mode; an order to it does not mean that it was heard."""
+    known = replace(state, evidence=evidence.evident(state.evidence, message, now_s))
+    if isinstance(message, OwnFailsafe) and message.active:
+        return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))
+    return known
 
 
 def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> Assignment:
@@ -268,7 +286,7 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
-    motion = MotionState(fix, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
+    motion = MotionState(fix, last, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     covered = _covered(context, _after_gap(state, elapsed_s), sample)
     assignment = covered.assignment

@@ -156,7 +156,7 @@ ROWS = [
     ),
     Row(
         "who held as we were away comes home",
-        with_facts(CAME_HOME, heartbeat=beat(HOLD)),
+        with_facts(CAME_HOME, heartbeat=beat(HOLD, status=5)),
         Tick(),
         [Say(Level.WARNING, "uav1: ended its mission while the ground station was away; it comes home")],
         {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},

@@ -61,6 +61,26 @@ def test_the_cause_of_a_mode(state: VehicleState, cause: Cause) -> None:
     assert cause_of(CONTEXT, (), flying(), state, NOW_S) is cause
 
 
+@pytest.mark.parametrize(
+    ("mode", "status", "held_s", "changes", "cause"),
+    [
+        (BRAKE, 4, 3.0, {}, Cause.PERSON),
+        (BRAKE, 4, 2.0, {}, Cause.FAILSAFE),
+        (BRAKE, 5, 30.0, {}, Cause.FAILSAFE),
+        (BRAKE, 4, 30.0, {"fence_breached": True}, Cause.FAILSAFE),
+        (RTL, 4, 30.0, {}, Cause.FAILSAFE),
+    ],
+)
+def test_a_hold_whose_heartbeats_know_of_no_failsafe_is_a_persons(
+    mode: int, status: int, held_s: float, changes: dict[str, object], cause: Cause
+) -> None:
+    """A text that anybody can send, or a gap of the link, explains a hold for two heartbeats, not for longer."""
+    since_s = NOW_S - held_s
+    told = {"cause": Cause.FAILSAFE, "alarm": ("GCS Failsafe", since_s), "mode_since_s": since_s, "heartbeat_s": NOW_S}
+    held = flying(heartbeat=Heartbeat(3, mode, True, status), **(told | changes))
+    assert looked_at_again(CONTEXT, (), held, NOW_S).custody.cause is cause
+
+
 def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> None:
     told = flying(stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
     landing = went(LAND, stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)

@@ -179,7 +179,7 @@ def test_who_is_found_holding_after_a_long_silence_is_left_alone(long_s: float, 
     flight = under_way(fleet_of(autopilot="px4"))
     silenced(flight)
     hold = flight.context.vehicles["uav2"].dialect.modes.hold.custom_mode
-    flight.crafts["uav2"].mode = hold
+    flight.crafts["uav2"].mode, flight.crafts["uav2"].failsafe = hold, True
     flight.pass_s(long_s)
     silenced(flight, mute=False)
     flight.pass_s(4.0)

@@ -1,0 +1,120 @@
+"""Who changed a vehicle's mode, by all that was heard: its pilot, another ground station, a failsafe, its mission.
+
+A mode that nobody ordered here may be anybody's. What proves the most is asked first: the autopilot's own record, then an
+order for that very mode, a switch of the transmitter, and what the autopilot says has failed. What nothing explains is
+unknown, and no failsafe: both autopilots say in words, or by a critical HEARTBEAT, that one acts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from executor.core.context import VehicleSetup
+from executor.core.hearing.own_words import acts
+from executor.core.messages import NO_ITEM, Actor, OwnFailsafe
+from executor.core.parts import Evidence
+from executor.core.vehicle import VehicleState
+from missions.autopilots.modes import is_home_mode
+
+RECORDED_S = 2.0
+"""A mode's record and the HEARTBEAT that shows it come one after the other; the HEARTBEAT up to a second later."""
+ORDERED_S = 5.0
+"""An order is sent again until it is followed, and its answer may come this long before the HEARTBEAT."""
+ANSWERED_S = 3.0
+"""An answer that was seen may also come after it."""
+SWITCHED_S = 2.5
+"""A switch takes the autopilot a moment, and the HEARTBEAT that shows it a second more."""
+LATE_CHANNELS_S = 1.0
+"""Its channels may be reported after the HEARTBEAT."""
+CRITICAL_S = 2.5
+SAID_BEFORE_S, SAID_AFTER_S = 15.0, 4.0
+"""A failsafe's text comes before its mode by as long as it holds first, and after it by as long as a text may take."""
+NAMED_S = 5.0
+SETTLED_S = 4.0
+"""After so long nothing comes any more that explains a mode."""
+GEOFENCE_SENSOR = 0x100000
+"""MAV_SYS_STATUS_GEOFENCE."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attribution:
+    """Who changed a mode, and what says so."""
+
+    by: Actor
+    why: str = ""
+    """In words, empty where nothing says it."""
+    failed: OwnFailsafe | None = None
+    """What has failed, if it was a failsafe that says so."""
+
+
+def changed_by(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:  # noqa: PLR0911 - one return for each answer
+    """Return who put a vehicle into the mode that its newest HEARTBEAT shows."""
+    beat, known, at_s = vehicle.telemetry.heartbeat, vehicle.evidence, vehicle.telemetry.mode_since_s
+    if beat is None:
+        return Attribution(Actor.UNKNOWN)
+    failed = _failed(known, at_s)
+    recorded, recorded_s = known.recorded
+    if recorded is not None and recorded.custom_mode == beat.custom_mode and abs(recorded_s - at_s) <= RECORDED_S:
+        if recorded.by is Actor.FAILSAFE:
+            return Attribution(Actor.FAILSAFE, "" if failed is None else failed.words, failed)
+        if recorded.by is not Actor.UNKNOWN:
+            return Attribution(recorded.by, "its own record")
+    if _ordered(known, at_s, beat.custom_mode):
+        return Attribution(Actor.GROUND_STATION, "it was ordered")
+    if switch := switch_before(known, at_s):
+        return Attribution(Actor.PILOT, switch)
+    safe = is_home_mode(setup.dialect, beat.custom_mode) or beat.custom_mode == setup.dialect.modes.hold.custom_mode
+    if failed is not None and (safe or beat.custom_mode in setup.dialect.modes.blind):
+        return Attribution(Actor.FAILSAFE, failed.words, failed)
+    if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
+        return Attribution(Actor.FAILSAFE, "its HEARTBEAT is critical")
+    if safe and (vehicle.sensors.fence_breached or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
+        return Attribution(Actor.FAILSAFE, "its fence is breached")
+    if _ordered(known, at_s, None):
+        return Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
+    if is_home_mode(setup.dialect, beat.custom_mode) and _at_its_end(setup, vehicle):
+        return Attribution(Actor.MISSION, "it was at its last item")
+    return Attribution(Actor.UNKNOWN)
+
+
+def _at_its_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
+    """Return whether the item that it flies to is the last of its mission but one: its last may be a return."""
+    seq, total = vehicle.telemetry.item or (0, None)
+    if not total or total == NO_ITEM or not vehicle.sortie.flew_mission:
+        return False
+    last = total if setup.dialect.current_counts_home else total - 1
+    return seq >= last - 1
+
+
+def switch_before(known: Evidence, at_s: float) -> str:
+    """Return in words which switch of its transmitter was moved just before a moment; nothing if none was."""
+    for moved in reversed(known.switched):
+        if moved.from_s <= at_s + LATE_CHANNELS_S and moved.to_s >= at_s - SWITCHED_S:
+            return f"channel {moved.channel} of its transmitter went from {moved.was_us} to {moved.now_us}"
+    return ""
+
+
+def settled(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether nothing more is to be expected that says who changed its mode."""
+    return now_s - vehicle.telemetry.mode_since_s >= SETTLED_S
+
+
+def _ordered(known: Evidence, at_s: float, mode: int | None) -> bool:
+    """Return whether a mode was ordered just before a moment; None for one that nobody named."""
+    return any(
+        order.custom_mode == mode and -ORDERED_S <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
+        for order, seen_s in known.orders
+    )
+
+
+def _failed(known: Evidence, at_s: float) -> OwnFailsafe | None:
+    """Return what an autopilot says failed, and acts, about when its mode changed: what names its reason before others."""
+    young = [
+        one for one in known.failed
+        if -SAID_BEFORE_S <= one[1] - at_s <= SAID_AFTER_S and acts(one[0])
+    ]  # fmt: skip
+    if not young:
+        return None
+    last_s = max(said_s for _, said_s in young)
+    named = [one for one in young if one[0].kind != "other" and last_s - one[1] <= NAMED_S]
+    return max(named or young, key=lambda one: one[1])[0]

@@ -1,0 +1,112 @@
+"""What may say who changed a mode, and what has failed, into what is known of a vehicle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from executor.core.hearing.own_words import failure_said
+from executor.core.messages import (
+    CRITICAL,
+    Heartbeat,
+    ModeChange,
+    OrderSeen,
+    OwnFailsafe,
+    RcChannels,
+    Setting,
+    StatusText,
+)
+from executor.core.parts import Evidence, SwitchMoved
+
+MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})
+"""ArduPilot's, its rovers' and PX4's name of it."""
+THROTTLE_LOST_SETTING = "FS_THR_VALUE"
+THROTTLE_LOST_US = 975.0
+"""Its default; PX4 is told by the receiver itself."""
+LEAST_US, MOST_US = 800, 2200
+"""What no receiver sends is no channel."""
+THROTTLE = 2
+STICKS = 4
+MOST_CHANNELS = 18
+MODE_STEP_US = 80
+"""Six positions of a switch are 160 apart: so much is no noise, nor a knob that is turned."""
+SWITCH_STEP_US = 200
+"""Any other switch has two or three positions; a knob or a gimbal's wheel moves in smaller steps."""
+REPEATED_S = 0.8
+"""An order that is sent again within this time is the same."""
+MOST_ORDERS, MOST_SWITCHES = 24, 4
+LATE_ORDER_S = 20.0
+"""An older order explains nothing any more."""
+
+Told = OrderSeen | ModeChange | RcChannels | Setting | OwnFailsafe
+"""What is about a vehicle and says nothing of where it is or what it does."""
+
+
+def evident(known: Evidence, message: Told, now_s: float) -> Evidence:
+    """Take what may explain a mode."""
+    match message:
+        case OrderSeen(custom_mode=mode):
+            if any(one.custom_mode == mode and now_s - seen_s < REPEATED_S for one, seen_s in known.orders):
+                return known
+            young = [one for one in known.orders if now_s - one[1] < LATE_ORDER_S]
+            return replace(known, orders=(*young, (message, now_s))[-MOST_ORDERS:])
+        case ModeChange():
+            return replace(known, recorded=(message, now_s))
+        case RcChannels(values_us):
+            moved = _switched(known, values_us, now_s)
+            switched = known.switched if moved is None else (*known.switched, moved)[-MOST_SWITCHES:]
+            return replace(known, channels_us=values_us, channels_s=now_s, switched=switched)
+        case Setting(name, value):
+            return _set(known, name, value)
+        case OwnFailsafe():
+            return _failed(known, message, now_s)
+
+
+def texted(known: Evidence, message: StatusText, now_s: float, *, low_acts: bool) -> Evidence:
+    """Take what a text says has failed."""
+    found = failure_said(message.text, low_acts=low_acts)
+    return known if found is None else _failed(known, found, now_s)
+
+
+def beaten(known: Evidence, before: Heartbeat | None, beat: Heartbeat, now_s: float) -> Evidence:
+    """Take a HEARTBEAT: both autopilots call themselves critical as long as a failsafe acts."""
+    rises = beat.system_status >= CRITICAL and (before is None or before.system_status < CRITICAL)
+    return replace(known, critical_s=now_s) if rises and before is not None else known
+
+
+def _failed(known: Evidence, said: OwnFailsafe, now_s: float) -> Evidence:
+    others = tuple(one for one in known.failed if one[0].kind != said.kind)
+    return replace(known, failed=(*others, (said, now_s)) if said.active else others)
+
+
+def _set(known: Evidence, name: str, value: float) -> Evidence:
+    if name in MODE_CHANNEL_SETTINGS and 0 <= value <= MOST_CHANNELS and value == int(value):
+        return replace(known, mode_channel=int(value))
+    if name == THROTTLE_LOST_SETTING and math.isfinite(value):
+        return replace(known, throttle_lost_us=value)
+    return known
+
+
+def _switched(known: Evidence, now_us: tuple[int, ...], now_s: float) -> SwitchMoved | None:
+    """Return a switch that was moved since the last report, the one for the modes before others."""
+    if _transmitter_lost(known, known.channels_us) or _transmitter_lost(known, now_us):
+        return None  # a receiver that hears nothing puts its channels where it was told to
+    mode_channel = known.mode_channel or 0
+    moved = [
+        SwitchMoved(channel, was, now, known.channels_s, now_s)
+        for channel, (was, now) in enumerate(zip(known.channels_us, now_us, strict=False), start=1)
+        if (channel == mode_channel or channel > STICKS)
+        and LEAST_US <= was <= MOST_US
+        and LEAST_US <= now <= MOST_US
+        and abs(now - was) >= (MODE_STEP_US if channel in {mode_channel, DEFAULT_MODE_CHANNEL} else SWITCH_STEP_US)
+    ]
+    return min(moved, key=lambda one: one.channel not in {mode_channel, DEFAULT_MODE_CHANNEL}, default=None)
+
+
+DEFAULT_MODE_CHANNEL = 5
+"""FLTMODE_CH of ArduPilot, where nobody has changed it."""
+
+
+def _transmitter_lost(known: Evidence, values_us: tuple[int, ...]) -> bool:
+    lost_us = THROTTLE_LOST_US if known.throttle_lost_us is None else known.throttle_lost_us
+    return len(values_us) > THROTTLE and LEAST_US <= values_us[THROTTLE] < lost_us
