@@ -13,6 +13,7 @@ from pathlib import Path
 from executor.core import projection
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
+from executor.core.battery.resting import NO_FACTS
 from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
@@ -353,6 +354,7 @@ def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool)
         pad_m=(0.0, 0.0),
         planned=False,
         prior=ANY_DRONE if site is None else NO_PRIOR,
+        pack=NO_FACTS if site is None else assembly.pack_of(site),
     )
 
 

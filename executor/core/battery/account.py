@@ -16,6 +16,20 @@ from executor.core.limits import Limits
 
 FACTOR_RANGE = (0.7, 2.0)
 """A factor outside is no factor but a fault, which the watchpoints find."""
+LEAST_FACTOR = FACTOR_RANGE[0]
+"""No multicopter flies on less: what is usual is not less either, whatever a percentage says that stands still."""
+STILL_PCT = 2.0
+"""A percentage that has not moved where at least so much was used stands still: it is at its stop, or estimated."""
+RISES_PCT = 2.0
+"""A charge in flight does not rise: a percentage that does by more than roundings is read off something else."""
+SEGMENT_PCT = 5.0
+"""Stretches of the percentage in which it is set against the counter: whole percents err by a fifth of it."""
+UNLIKE = 1.7
+"""Times as much charge in one stretch as in the last one is no rounding: the percentage does not follow the counter."""
+OFF_SETTING = 1.35
+"""By so much the capacity that both counters give may differ from the one that is set; else it is not divided by it."""
+LEAST_ENDURANCE_H, MOST_ENDURANCE_H = 0.05, 2.0
+"""What a whole pack lasts in any flight: three minutes of a race, two hours of the lightest on cells of high energy."""
 HISTORY_S = 30.0
 UNSURE_SD = 2.0
 """Standard deviations of the factor that count as slack: a factor that is not known yet accuses nobody."""
@@ -62,6 +76,15 @@ class Charge:
     """What the percentage was when the counter was first heard."""
     capacity_ah: float | None = None
     """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
+    began_s: float = 0.0
+    set_ah: float | None = None
+    """What its parameter says of the capacity."""
+    mark: tuple[float, float] | None = None
+    """(percentage, charge) where the present stretch began."""
+    per_pct_ah: float | None = None
+    """Charge by percent in the last stretch."""
+    follows: bool = True
+    """Whether the percentage follows the counter."""
     drift: Drift = field(default_factory=Drift)
 
 
@@ -97,6 +120,12 @@ class BatteryState:
     slow: Drift = field(default_factory=Drift)
     """Of the percentage against `usual_long`: mild drains show only over minutes."""
     charge: Charge = field(default_factory=Charge)
+    still_pct: float = 0.0
+    """At least so much was used since the percentage moved last."""
+    stood: bool = False
+    """Whether it stood still where it should have fallen."""
+    anew_s: float = float("-inf")
+    """When the account began, or began anew."""
 
     @property
     def used_pct(self) -> float:
@@ -137,12 +166,18 @@ def with_remaining(
             estimate=kalman.first_estimate(remaining_pct, prior),
             usual=prior.factor,
             usual_long=prior.factor,
+            anew_s=now_s,
         )
     modelled = state.modelled_pct - state.history[-1].modelled_pct
     elapsed_s = max(0.0, now_s - state.reported_s)
     used = state.remaining_pct - remaining_pct
     fades = max(0.0, 1.0 - elapsed_s / ROUGH_S)
     roughness = max(state.roughness_pct * fades, -used)
+    moved = remaining_pct != state.remaining_pct
+    still_pct = 0.0 if moved else state.still_pct + LEAST_FACTOR * modelled
+    if still_pct >= STILL_PCT or (moved and state.still_pct >= STILL_PCT):
+        # Where it stood nothing can be said of what was used, and where it moves at last only from there on.
+        return replace(begun_anew(state, remaining_pct, charge_state, now_s, prior), stood=True, still_pct=still_pct)
     ahead = kalman.flown(state.estimate, modelled, elapsed_s)
     modelled = max(modelled, _unseen_pct(state, elapsed_s))
     expected = _usual(state) * modelled
@@ -178,6 +213,8 @@ def with_remaining(
         drift=drift,
         usual_long=_followed_long(state, estimate, elapsed_s, now_s),
         slow=slow,
+        charge=_set_against(state.charge, remaining_pct, rises=-used >= RISES_PCT),
+        still_pct=still_pct,
     )
 
 
@@ -189,8 +226,7 @@ def with_consumed(
     if state.remaining_pct is None:
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
-        began = Charge(consumed_ah, now_s, state.modelled_pct, consumed_ah, state.remaining_pct)
-        return replace(state, charge=began)
+        return replace(state, charge=_counted_from(charge, consumed_ah, state.remaining_pct, state.modelled_pct, now_s))
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
@@ -203,9 +239,7 @@ def with_consumed(
     capacity = charge.capacity_ah
     given_pct = charge.began_pct - state.remaining_pct
     if given_pct >= CAPACITY_PCT and drift.excess_pct <= CALM_PCT and state.remaining_pct > 0:
-        capacity = 100.0 * (consumed_ah - charge.began_ah) / given_pct
-        if capacity <= 0.0:
-            capacity = None  # a counter that stands still while the percentage falls counts nothing
+        capacity = _possible(charge, 100.0 * (consumed_ah - charge.began_ah) / given_pct, consumed_ah, now_s)
     taken = replace(
         charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, capacity_ah=capacity, drift=drift
     )
@@ -216,8 +250,75 @@ def swapped(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR
 ) -> BatteryState:
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
-    fresh = BatteryState(least_pct=state.least_pct, earlier_pct=state.given_pct)
+    fresh = BatteryState(
+        least_pct=state.least_pct, earlier_pct=state.given_pct, charge=Charge(set_ah=state.charge.set_ah)
+    )
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior)
+
+
+def begun_anew(
+    state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR
+) -> BatteryState:
+    """Take a report where nothing can be said of what was used until it: on the ground, or where nobody saw it fly.
+
+    The pack is the same, and so are its counter and what was learned of the vehicle.
+    """
+    anew = swapped(state, remaining_pct, charge_state, now_s, _learned(state, prior))
+    charge = replace(state.charge, capacity_ah=state.charge.capacity_ah, drift=Drift())
+    if charge.consumed_ah is not None:
+        charge = _counted_from(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
+    return replace(anew, charge=charge, stood=state.stood)
+
+
+def with_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState:
+    """Take what its parameter says of the capacity."""
+    return replace(state, charge=replace(state.charge, set_ah=capacity_ah))
+
+
+def _learned(state: BatteryState, prior: Prior) -> Prior:
+    """Return what is believed of the vehicle: what it was seen to use, where its percentage can be trusted."""
+    known = state.estimate
+    if known is None or state.began_s is None or is_blind(state) or not known.factor_sd < prior.sd:
+        return prior
+    return Prior(max(LEAST_FACTOR, known.factor), known.factor_sd)
+
+
+def _counted_from(charge: Charge, consumed_ah: float, reported_pct: float, modelled_pct: float, now_s: float) -> Charge:
+    """Return a counter that is read from here on; whether the percentage follows it is a matter of the vehicle."""
+    return Charge(
+        consumed_ah, now_s, modelled_pct, consumed_ah, reported_pct, began_s=now_s, set_ah=charge.set_ah,
+        mark=(reported_pct, consumed_ah), follows=charge.follows,
+    )  # fmt: skip
+
+
+def _set_against(charge: Charge, reported_pct: float, *, rises: bool) -> Charge:
+    """Hold a percentage against the counter, stretch by stretch."""
+    if charge.consumed_ah is None or charge.mark is None or not charge.follows:
+        return charge
+    if rises:
+        return replace(charge, follows=False)
+    from_pct, from_ah = charge.mark
+    if from_pct - reported_pct < SEGMENT_PCT:
+        return charge
+    per_pct_ah = (charge.consumed_ah - from_ah) / (from_pct - reported_pct)
+    last = charge.per_pct_ah
+    like = last is None or last / UNLIKE <= per_pct_ah <= last * UNLIKE
+    return replace(charge, mark=(reported_pct, charge.consumed_ah), per_pct_ah=per_pct_ah, follows=like)
+
+
+def _possible(charge: Charge, capacity_ah: float, consumed_ah: float, now_s: float) -> float | None:
+    """Return a learned capacity, if it can be one.
+
+    A counter that stands still while the percentage falls counts nothing; one that is divided by another capacity than
+    the one that is set is not what the percentage is made of; and no pack lasts for seconds, or for a day.
+    """
+    if capacity_ah <= 0.0 or not charge.follows:
+        return None
+    if charge.set_ah is not None and not charge.set_ah / OFF_SETTING <= capacity_ah <= charge.set_ah * OFF_SETTING:
+        return None
+    elapsed_h = (now_s - charge.began_s) / 3600.0
+    mean_a = (consumed_ah - charge.began_ah) / elapsed_h if elapsed_h > 0 else 0.0
+    return capacity_ah if LEAST_ENDURANCE_H * mean_a <= capacity_ah <= MOST_ENDURANCE_H * mean_a else None
 
 
 def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
@@ -232,7 +333,7 @@ def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
 def is_blind(state: BatteryState) -> bool:
     """Return whether no counter of charge stands behind the percentage."""
     charge = state.charge
-    return charge.consumed_ah is None or charge.consumed_ah <= charge.began_ah
+    return state.stood or charge.consumed_ah is None or charge.consumed_ah <= charge.began_ah or not charge.follows
 
 
 def blindness_pct(state: BatteryState) -> float:
@@ -274,7 +375,7 @@ def _followed_long(state: BatteryState, estimate: BatteryEstimate, elapsed_s: fl
     """Return the mean factor of the flight so far."""
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
-    return state.usual_long + (max(0.0, estimate.factor) - state.usual_long) * share
+    return state.usual_long + (max(LEAST_FACTOR, estimate.factor) - state.usual_long) * share
 
 
 def _usual(state: BatteryState) -> float:
@@ -294,4 +395,4 @@ def _followed_usual(
     calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
-    return _usual(state) + (max(0.0, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / within_s)
+    return _usual(state) + (max(LEAST_FACTOR, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / within_s)

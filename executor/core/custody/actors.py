@@ -116,5 +116,5 @@ def _failed(known: Evidence, at_s: float) -> OwnFailsafe | None:
     if not young:
         return None
     last_s = max(said_s for _, said_s in young)
-    named = [one for one in young if one[0].kind != "other" and last_s - one[1] <= NAMED_S]
+    named = [one for one in young if one[0].what != "other" and last_s - one[1] <= NAMED_S]
     return max(named or young, key=lambda one: one[1])[0]

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 
 from executor.core import projection
 from executor.core.battery import account, cusum
+from executor.core.battery.pack import Standing, standing
 from executor.core.faults import streams
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, said_failed
+from executor.core.hearing.charge import facts_of
 from executor.core.limits import Limits
 from executor.core.messages import CRITICAL
 from missions import Phase
@@ -87,6 +89,8 @@ def voltage_stepped(view: View) -> Finding:
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
+    if not volts.known_load and not view.setup.planned and _climbs(view):
+        return STALE  # nobody knows its load, and it has more of it than usual
     if view.failing:
         threshold *= 0.7
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
@@ -125,6 +129,27 @@ def reserve_broken(view: View) -> Finding:
             f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
         )
     return OK
+
+
+def pack_falls_short(view: View) -> Finding:
+    """Its resting voltage says that there is much less in it than is counted."""
+    if view.now_s - view.state.power.volts.reported_s > view.context.limits.battery_stale_s:
+        return STALE
+    found = pack_standing(view)
+    if found is None or not found.in_flight:
+        return OK if found is None else STALE
+    if found.falls_short or found.nearly_empty:
+        return Finding(Verdict.FAIL, f"its pack {found.words}")
+    return OK
+
+
+def pack_standing(view: View) -> Standing | None:
+    """Return how its pack's voltage stands to its percentage; None where nothing can be said."""
+    power, dialect = view.state.power, view.setup.dialect
+    if dialect.rounds_twice and account.is_blind(power.battery):
+        return None  # PX4 without a counter reads its percentage off the very same voltage
+    facts = facts_of(view.context, view.state)
+    return standing(power.pack, power.volts.cells, facts.chemistry, power.battery.remaining_pct, view.now_s)
 
 
 def battery_failsafe(view: View) -> Finding:

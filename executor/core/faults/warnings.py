@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from executor.core import projection
 from executor.core.faults import streams
-from executor.core.faults.batteries import BATTERY_SENSOR, LOW
+from executor.core.faults.batteries import BATTERY_SENSOR, LOW, pack_standing
 from executor.core.faults.watching import View
 from executor.core.places import where
 from executor.core.state import Told
@@ -86,6 +86,12 @@ def battery_low(view: View) -> str:
     return "the autopilot reports its battery not healthy" if view.state.sensors.unhealthy & BATTERY_SENSOR else ""
 
 
+def pack_doubtful(view: View) -> str:
+    """Its resting voltage does not fit its percentage."""
+    found = pack_standing(view)
+    return f"its pack {found.words}" if found is not None and found.doubtful else ""
+
+
 def reserve_doubtful(view: View) -> str:
     """It may well land below the reserve."""
     leg = view.state.leg
@@ -129,6 +135,7 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("radio", FaultKind.LINK, radio_weak),
     Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
+    Doubt("pack", FaultKind.BATTERY, pack_doubtful),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
     Doubt("stands", FaultKind.INTERRUPTION, hangs),

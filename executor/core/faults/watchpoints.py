@@ -118,7 +118,7 @@ def left_mission(view: View) -> Finding:
     if who.failed is None:
         if not state.sortie.flew_mission or view.now_s - state.telemetry.mode_since_s < UNNAMED_S:
             return OK  # it never was on a mission; or what failed may still be said
-    elif who.failed.kind == "battery":
+    elif who.failed.what == "battery":
         return OK  # which is said by its own name
     mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
     return Finding(Verdict.FAIL, f"went to mode {mode} by its own failsafe: {who.why or 'it does not say which'}")
@@ -236,6 +236,7 @@ TABLE: tuple[Watchpoint, ...] = (
         "battery-plunge", FaultKind.BATTERY, batteries.battery_plunges, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE
     ),
     Watchpoint("battery-drain", FaultKind.BATTERY, batteries.battery_drains, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT),
+    Watchpoint("pack", FaultKind.BATTERY, batteries.pack_falls_short, 15.0, _ON_MISSION, FaultCode.PACK_SHORT),
     Watchpoint("reserve", FaultKind.BATTERY, batteries.reserve_broken, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
     Watchpoint(
         "battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION, FaultCode.BATTERY_REPORT_LOST

@@ -75,7 +75,7 @@ def beaten(known: Evidence, before: Heartbeat | None, beat: Heartbeat, now_s: fl
 
 
 def _failed(known: Evidence, said: OwnFailsafe, now_s: float) -> Evidence:
-    others = tuple(one for one in known.failed if one[0].kind != said.kind)
+    others = tuple(one for one in known.failed if one[0].what != said.what)
     return replace(known, failed=(*others, (said, now_s)) if said.active else others)
 
 
