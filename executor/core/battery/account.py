@@ -186,8 +186,10 @@ def with_remaining(
         state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
+    unsure = UNSURE_SD * max(0.0, state.estimate.factor_sd - NO_PRIOR.sd)  # of a vehicle that nobody knows
     slow = with_usage(
-        state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
+        state.slow, used, state.usual_long * modelled,
+        slack_pct=(limits.slow_slack * state.usual_long + unsure) * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
     fine = _counted_pct(state, remaining_pct)
@@ -254,6 +256,17 @@ def swapped(
         least_pct=state.least_pct, earlier_pct=state.given_pct, charge=Charge(set_ah=state.charge.set_ah)
     )
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior)
+
+
+def waited(
+    state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR
+) -> BatteryState:
+    """Take a report in flight that says nothing of what was used: at its stop, or as long as the voltage settles."""
+    moved = remaining_pct != state.remaining_pct or not state.history
+    modelled = 0.0 if moved else state.modelled_pct - state.history[-1].modelled_pct
+    still_pct = 0.0 if moved else state.still_pct + LEAST_FACTOR * modelled
+    anew = begun_anew(state, remaining_pct, charge_state, now_s, prior)
+    return replace(anew, anew_s=state.anew_s, still_pct=still_pct, stood=state.stood or still_pct >= STILL_PCT)
 
 
 def begun_anew(
@@ -330,10 +343,15 @@ def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
     return left if abs(left - reported_pct) <= AGREES_PCT else None
 
 
+def runs(state: BatteryState) -> bool:
+    """Return whether a counter of charge counts, whatever the percentage does."""
+    charge = state.charge
+    return charge.consumed_ah is not None and charge.consumed_ah > charge.began_ah
+
+
 def is_blind(state: BatteryState) -> bool:
     """Return whether no counter of charge stands behind the percentage."""
-    charge = state.charge
-    return state.stood or charge.consumed_ah is None or charge.consumed_ah <= charge.began_ah or not charge.follows
+    return state.stood or not runs(state) or not state.charge.follows
 
 
 def blindness_pct(state: BatteryState) -> float:

@@ -14,16 +14,15 @@ AT_REST_V = 0.12
 """Of a cell, below the lower of the curves: half of what the two differ by, and a pack that has just been flown."""
 IN_FLIGHT_V = 0.08
 """The same in flight, where the sag is taken out with its uncertainty, and what ions lag behind is given away."""
-TIMES = 1.3
-"""By its voltage so many times more was used than was counted, since it last rested: a capacity of three quarters."""
-USED_PCT, COUNTED_PCT = 25.0, 8.0
+TIMES, TIMES_WARNED = 1.15, 1.1
+"""By its voltage so many times as much was used as was counted, since it last rested, even in the chemistry that allows
+more and with what ions lag behind given away: a pack at the end of its life has four fifths of its capacity, 1.25."""
+USED_PCT, COUNTED_PCT = 20.0, 8.0
 """So much must be used, by the voltage and by the counter, before that says anything."""
 RECOVERS_S = 60.0
 """After a load a voltage still rises for so long."""
 LOW_PCT = 15.0
 """By its voltage, as a lithium polymer pack: it will be empty in minutes."""
-SHORT_V = 0.04
-"""A capacity that is short must show in the voltage itself as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,17 +69,20 @@ class Standing:
     def words(self) -> str:
         """As the crew reads it."""
         what = f"rests at {self.cell_v:.2f} V a cell, about {self.held_pct:.0f} %, and reports {self.claimed_pct:.0f} %"
-        return what if self.times is None or self.times < TIMES else f"{what}: {self.times:.1f} times what it counts"
+        if self.times is None or self.times < TIMES_WARNED:
+            return what
+        return f"{what}: since it took off it has given {self.times:.1f} times what is counted"
 
     @property
     def doubtful(self) -> bool:
         """Whether that is worth a word."""
-        return self.short_v >= (IN_FLIGHT_V if self.in_flight else AT_REST_V) or self.falls_short
+        gives_more = self.in_flight and self.times is not None and self.times >= TIMES_WARNED
+        return self.short_v >= (IN_FLIGHT_V if self.in_flight else AT_REST_V) or gives_more
 
     @property
     def falls_short(self) -> bool:
         """Whether it empties faster than it counts."""
-        return self.in_flight and self.times is not None and self.times >= TIMES and self.short_v >= SHORT_V
+        return self.in_flight and self.times is not None and self.times >= TIMES
 
     @property
     def nearly_empty(self) -> bool:

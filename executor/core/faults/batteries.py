@@ -30,7 +30,7 @@ PLUNGE = 1.7
 
 def battery_stepped(view: View) -> Finding:
     """Much was lost at once."""
-    if not _battery_fresh(view):
+    if not _battery_fresh(view) or _refuted(view):
         return STALE
     limits, known = view.context.limits, view.state.power.battery
     window_s = limits.battery_step_window_s
@@ -69,12 +69,21 @@ def _drains(view: View, *, hurried: bool) -> Finding:
     return OK
 
 
+def _refuted(view: View) -> bool:
+    """Return whether a percentage fell that does not follow its counter, and the voltage did not: it is no use."""
+    power = view.state.power
+    counts = power.battery.charge.consumed_ah is not None and account.is_blind(power.battery)
+    return counts and power.volts.dropped_s is None and account.runs(power.battery)
+
+
 def _excesses(
     known: account.BatteryState, limits: Limits, *, hurried: bool
 ) -> Iterator[tuple[cusum.Drift, float, str]]:
     """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
     share = PLUNGE if hurried else 1.0
     yield known.charge.drift, share * limits.charge_excess_pct, " by its counter of charge"
+    if account.is_blind(known) and account.runs(known):
+        return  # what the percentage says is something else than what the counter counts
     if not account.is_blind(known):
         yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
     else:
@@ -89,13 +98,21 @@ def voltage_stepped(view: View) -> Finding:
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
-    if not volts.known_load and not view.setup.planned and _climbs(view):
-        return STALE  # nobody knows its load, and it has more of it than usual
+    if not volts.known_load and not view.setup.planned and _is_driven_hard(view):
+        return STALE  # nobody knows its load, and it is another one than usual
     if view.failing:
         threshold *= 0.7
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
         return OK
     return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {volts.usual_v:.2f} V is usual under this load")
+
+
+def _is_driven_hard(view: View) -> bool:
+    """Return whether it climbs, falls, or says that something else has failed: its motors give what they never do."""
+    fix, failed = view.state.motion.fix, view.state.evidence.failed
+    moves = fix is not None and abs(fix.velocity_m_s[2]) > view.context.limits.climbs_m_s
+    said_s = max((at_s for one, at_s in failed if one.what != "battery"), default=float("-inf"))
+    return moves or view.now_s - max(said_s, view.state.telemetry.alarm[1]) <= view.context.limits.alarm_s
 
 
 def cells_weak(view: View) -> Finding:
@@ -138,9 +155,18 @@ def pack_falls_short(view: View) -> Finding:
     found = pack_standing(view)
     if found is None or not found.in_flight:
         return OK if found is None else STALE
-    if found.falls_short or found.nearly_empty:
+    if found.nearly_empty or (found.falls_short and not _suffices(view, found)):
         return Finding(Verdict.FAIL, f"its pack {found.words}")
     return OK
+
+
+def _suffices(view: View, found: Standing) -> bool:
+    """Return whether a plan is flown for which even a pack that gives less than it counts is enough."""
+    rest = view.state.power.pack.rest
+    ahead = projection.at_landing(view.context, view.state, view.setup) if view.setup.planned else None
+    if ahead is None or rest is None or found.times is None:
+        return False
+    return rest.claimed_pct - found.times * (rest.claimed_pct - ahead.mean_pct) >= view.setup.reserve_pct
 
 
 def pack_standing(view: View) -> Standing | None:

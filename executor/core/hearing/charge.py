@@ -13,6 +13,8 @@ from executor.core.messages import Battery, Setting, SystemStatus
 from executor.core.parts import Power
 from executor.core.vehicle import VehicleState
 
+FULL_PCT = 100.0
+"""Its stop: PX4 says no more of a pack that its voltage puts above."""
 SETTLES_S = 40.0
 """What PX4 reads off the voltage sinks with the take-off's load, and comes to rest in this time."""
 
@@ -114,9 +116,8 @@ def _charged(
     if setup is not None and not setup.planned and known.remaining_pct is not None:
         if not _seen_to_fly(context, state, now_s):
             return account.begun_anew(known, remaining_pct, charge_state, now_s, prior)
-        if setup.dialect.rounds_twice and now_s - known.anew_s < SETTLES_S:
-            anew = account.begun_anew(known, remaining_pct, charge_state, now_s, prior)
-            return replace(anew, anew_s=known.anew_s)
+        if setup.dialect.rounds_twice and (now_s - known.anew_s < SETTLES_S or remaining_pct >= FULL_PCT):
+            return account.waited(known, remaining_pct, charge_state, now_s, prior)
     # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
         return account.swapped(known, remaining_pct, charge_state, now_s, prior)
