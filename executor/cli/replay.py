@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 import typer
@@ -20,7 +21,7 @@ from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import open_log
-from executor.replay.result import LogReplay, RecordedTruth
+from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 from executor.replay.run import Comparison, rerun
 from executor.site.config import read_site
 
@@ -158,15 +159,16 @@ def _vehicles(found: LogReplay) -> list[dict[str, object]]:
     ]  # fmt: skip
 
 
-def _by(actor: Actor) -> str:
-    """Return who changed a mode, for people."""
-    return {
-        Actor.PILOT: "its pilot",
-        Actor.GROUND_STATION: "another ground station",
-        Actor.FAILSAFE: "its own failsafe",
-        Actor.MISSION: "its mission",
-        Actor.UNKNOWN: "nobody says whom",
-    }[actor]
+BY: Mapping[Actor, str] = MappingProxyType(
+    {
+        Actor.PILOT: "by its pilot",
+        Actor.GROUND_STATION: "by a ground station",
+        Actor.FAILSAFE: "by its own failsafe",
+        Actor.MISSION: "by its mission",
+        Actor.UNKNOWN: "by whom nothing says",
+    }
+)
+"""Who changed a mode, for people."""
 
 
 def _print(done: _Done) -> None:
@@ -182,21 +184,25 @@ def _print(done: _Done) -> None:
 
     for vehicle in found.vehicles:
         print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
-        for one in vehicle.declarations:
-            print(f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}")
-        for mode in vehicle.modes:
-            why = f": {mode.why}" if mode.why else ""
-            print(f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  by {_by(mode.by)}{why}")
-        for two in vehicle.degraded:
-            span = f"{at(two.from_usec)} to {at(two.to_usec)}"
-            print(f"    not well  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
-        if not vehicle.declarations:
-            print("    nothing to declare")
+        _print_vehicle(vehicle, at)
     for happened in () if done.truth is None else done.truth.events:
         print(f"  in truth    {at(happened.t_usec):>9}  {happened.what}")
     skipped = [f"{name.replace('_', ' ')} {count}" for name, count in found.skipped.counts().items() if count]
     if skipped:
         print(f"  not read, or not used: {', '.join(skipped)}")
+
+
+def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
+    for one in vehicle.declarations:
+        print(f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}")
+    for mode in vehicle.modes:
+        why = f": {mode.why}" if mode.why else ""
+        print(f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  {BY[mode.by]}{why}")
+    for two in vehicle.degraded:
+        span = f"{at(two.from_usec)} to {at(two.to_usec)}"
+        print(f"    not well  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
+    if not vehicle.declarations:
+        print("    nothing to declare")
 
 
 def _write(done: Sequence[_Done], folder: Path) -> None:

@@ -237,7 +237,7 @@ class MotionState:
     """Where it is, and how it moves."""
 
     fix: Fix | None = None
-    before: Fix | None = None
+    last_fix: Fix | None = None
     """The one before."""
     anchor: Fix | None = None
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
@@ -364,7 +364,7 @@ class SwitchMoved:
 class Evidence:
     """What was heard that may say who changed a mode, and what its autopilot says has failed."""
 
-    orders: tuple[tuple[OrderSeen, float], ...] = ()
+    others_orders: tuple[tuple[OrderSeen, float], ...] = ()
     """What other stations ordered lately, or the vehicle accepted, and when."""
     channels_us: tuple[int, ...] = ()
     channels_s: float = LONG_AGO_S

@@ -191,13 +191,13 @@ class VehicleState:
     def after(
         self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
         motion: MotionState | None = None, power: Power | None = None, assignment: Assignment | None = None,
-        sortie: Sortie | None = None, custody: Custody | None = None, evidence: Evidence | None = None,
+        sortie: Sortie | None = None, custody: Custody | None = None,
     ) -> VehicleState:  # fmt: skip
         """Return it after a message: as `replace`, in half its time, as every message comes here."""
         return VehicleState(
             self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
             motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody, evidence or self.evidence,
+            sortie or self.sortie, custody or self.custody, self.evidence,
         )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:

@@ -71,7 +71,7 @@ TOPICS = (
 WARNINGS: Mapping[int, int] = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
 """battery_status.warning to MAV_BATTERY_CHARGE_STATE: none, low, critical, emergency, failed."""
 LONGEST_USEC = 3 * 86400 * 1_000_000
-"""No flight lasts longer: a time beyond is damaged."""
+"""No flight lasts longer: a time farther from the log's beginning is damaged. A simulated PX4 has the world's clock."""
 Row = Mapping[str, Any]
 
 
@@ -83,6 +83,7 @@ class UlogFile:
     skipped: Skipped = field(default_factory=Skipped)
     stations: set[int] = field(default_factory=set)
     heard: dict[int, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     _beat_usec: int = -BEAT_USEC
     _beat: tuple[int, bool] | None = None
     _local: Row = field(default_factory=dict)
@@ -111,9 +112,15 @@ class UlogFile:
         except Exception as error:
             raise LogError(f"{self.path}: expected a ULog of PX4: {error}") from error
         self.skipped.unreadable += bool(log.file_corruption)
-        self.skipped.truncated += len(log.dropouts)
+        self.skipped.dropouts += len(log.dropouts)
+        if not any(one.name == "vehicle_status" for one in log.data_list):
+            self.notes.append("no vehicle_status in it: nobody knows in which mode it flew, or whether it was armed")
         system = self._system(log)
-        streams = [_rows(dataset, _READERS[dataset.name]) for dataset in log.data_list if dataset.name in _READERS]
+        streams = [
+            _rows(dataset, _READERS[dataset.name], int(log.start_timestamp))
+            for dataset in log.data_list
+            if dataset.name in _READERS
+        ]
         streams.append(_texts(log))
         streams.append(_settings(log))
         for t_usec, read, row in heapq.merge(*streams, key=lambda one: one[0]):
@@ -279,13 +286,13 @@ class UlogFile:
 Reader = Callable[[UlogFile, int, Row], FlightMessage | tuple[FlightMessage, ...] | None]
 
 
-def _rows(dataset: Any, read: Reader) -> Iterator[tuple[int, Reader, Row]]:  # noqa: ANN401 - pyulog is untyped
+def _rows(dataset: Any, read: Reader, began_usec: int) -> Iterator[tuple[int, Reader, Row]]:  # noqa: ANN401 - pyulog is untyped
     names = list(dataset.data)
     columns = [dataset.data[name] for name in names]
     times = dataset.data["timestamp"]
     for index in times.argsort(kind="stable"):  # in damaged files they are in any order
         t_usec = int(times[index])
-        if not 0 < t_usec < LONGEST_USEC:
+        if t_usec <= 0 or abs(t_usec - began_usec) > LONGEST_USEC:
             continue
         yield t_usec, read, {name: column[index] for name, column in zip(names, columns, strict=True)}
 

@@ -1,8 +1,8 @@
-"""Who changed a vehicle's mode, by all that was heard: its pilot, another ground station, a failsafe, its mission.
+"""Who changed a vehicle's mode, by all that was heard: its pilot, a ground station, a failsafe, its mission.
 
-A mode that nobody ordered here may be anybody's. What proves the most is asked first: the autopilot's own record, then an
-order for that very mode, a switch of the transmitter, and what the autopilot says has failed. What nothing explains is
-unknown, and no failsafe: both autopilots say in words, or by a critical HEARTBEAT, that one acts.
+A mode that nobody ordered here may be anybody's. What proves the most is asked first: the autopilot's own record, then
+an order for that very mode, a switch of the transmitter, and what the autopilot says has failed. What nothing explains
+is unknown: both autopilots say in words, or by a critical HEARTBEAT, that a failsafe acts.
 """
 
 from __future__ import annotations
@@ -47,34 +47,48 @@ class Attribution:
     """What has failed, if it was a failsafe that says so."""
 
 
-def changed_by(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:  # noqa: PLR0911 - one return for each answer
+def changed_by(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:
     """Return who put a vehicle into the mode that its newest HEARTBEAT shows."""
-    beat, known, at_s = vehicle.telemetry.heartbeat, vehicle.evidence, vehicle.telemetry.mode_since_s
-    if beat is None:
+    if vehicle.telemetry.heartbeat is None:
         return Attribution(Actor.UNKNOWN)
-    failed = _failed(known, at_s)
+    mode, known, at_s = vehicle.telemetry.heartbeat.custom_mode, vehicle.evidence, vehicle.telemetry.mode_since_s
+    found = _recorded(known, at_s, mode)
+    if found is None and _ordered(known, at_s, mode):
+        found = Attribution(Actor.GROUND_STATION, "it was ordered")
+    if found is None and (switch := switch_before(known, at_s)):
+        found = Attribution(Actor.PILOT, switch)
+    if found is None:
+        found = _failsafe(setup, vehicle, at_s, mode)
+    if found is None and _ordered(known, at_s, None):
+        found = Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
+    if found is None and is_home_mode(setup.dialect, mode) and _at_its_end(setup, vehicle):
+        found = Attribution(Actor.MISSION, "it was at its last item")
+    return found or Attribution(Actor.UNKNOWN)
+
+
+def _recorded(known: Evidence, at_s: float, mode: int) -> Attribution | None:
+    """Return what the autopilot's own record of a change of mode says."""
     recorded, recorded_s = known.recorded
-    if recorded is not None and recorded.custom_mode == beat.custom_mode and abs(recorded_s - at_s) <= RECORDED_S:
-        if recorded.by is Actor.FAILSAFE:
-            return Attribution(Actor.FAILSAFE, "" if failed is None else failed.words, failed)
-        if recorded.by is not Actor.UNKNOWN:
-            return Attribution(recorded.by, "its own record")
-    if _ordered(known, at_s, beat.custom_mode):
-        return Attribution(Actor.GROUND_STATION, "it was ordered")
-    if switch := switch_before(known, at_s):
-        return Attribution(Actor.PILOT, switch)
-    safe = is_home_mode(setup.dialect, beat.custom_mode) or beat.custom_mode == setup.dialect.modes.hold.custom_mode
-    if failed is not None and (safe or beat.custom_mode in setup.dialect.modes.blind):
+    if recorded is None or recorded.custom_mode != mode or abs(recorded_s - at_s) > RECORDED_S:
+        return None
+    if recorded.by is Actor.FAILSAFE:
+        failed = _failed(known, at_s)
+        return Attribution(Actor.FAILSAFE, "" if failed is None else failed.words, failed)
+    return None if recorded.by is Actor.UNKNOWN else Attribution(recorded.by, "its own record")
+
+
+def _failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mode: int) -> Attribution | None:
+    """Return the failsafe that may have led to a mode: home, down, a hold, or one that needs no position."""
+    modes, known = setup.dialect.modes, vehicle.evidence
+    safe = is_home_mode(setup.dialect, mode) or mode == modes.hold.custom_mode
+    failed = _failed(known, at_s)
+    if failed is not None and (safe or mode in modes.blind):
         return Attribution(Actor.FAILSAFE, failed.words, failed)
     if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
         return Attribution(Actor.FAILSAFE, "its HEARTBEAT is critical")
     if safe and (vehicle.sensors.fence_breached or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
         return Attribution(Actor.FAILSAFE, "its fence is breached")
-    if _ordered(known, at_s, None):
-        return Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
-    if is_home_mode(setup.dialect, beat.custom_mode) and _at_its_end(setup, vehicle):
-        return Attribution(Actor.MISSION, "it was at its last item")
-    return Attribution(Actor.UNKNOWN)
+    return None
 
 
 def _at_its_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
@@ -103,12 +117,12 @@ def _ordered(known: Evidence, at_s: float, mode: int | None) -> bool:
     """Return whether a mode was ordered just before a moment; None for one that nobody named."""
     return any(
         order.custom_mode == mode and -ORDERED_S <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
-        for order, seen_s in known.orders
+        for order, seen_s in known.others_orders
     )
 
 
 def _failed(known: Evidence, at_s: float) -> OwnFailsafe | None:
-    """Return what an autopilot says failed, and acts, about when its mode changed: what names its reason before others."""
+    """Return what an autopilot says failed, and acts, about when its mode changed, what names its reason first."""
     young = [
         one for one in known.failed
         if -SAID_BEFORE_S <= one[1] - at_s <= SAID_AFTER_S and acts(one[0])

@@ -2,8 +2,8 @@
 
 ``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very
 functions that `fleet.step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly
-until it disarms, whatever was declared of it: a battery that fails hides no crash. One whose link is regained is watched
-again. Who changed a mode is told with the mode.
+until it disarms, whatever was declared of it: a battery that fails hides no crash. One whose link is regained is
+watched again. Who changed a mode is told with the mode.
 """
 
 from __future__ import annotations
@@ -264,7 +264,7 @@ _DOWN_REASONS = frozenset({"off-pad", "falling", "terminated", "crash"})
 
 
 def _group(point: Watchpoint) -> str:
-    """Return what a fault hides no second time: of a battery, of a mission that was left, of a fall the first reason."""
+    """Return of what the first reason stands: a battery, a mission that was left, a fall."""
     if point.kind is not FaultKind.INTERRUPTION:
         return point.kind.value
     return "down" if point.name in _DOWN_REASONS else "left"
@@ -299,7 +299,7 @@ def _judged(
         point, why = raised[0]
         vehicle = replace(vehicle, fault=Fault(point.kind, why, now_s, point.code))
     if not vehicle.armed:
-        return replace(moved_to(vehicle, Stage.LANDED), fault=None), raised
+        return replace(moved_to(vehicle, Stage.LANDED), fault=vehicle.fault if raised else None), raised
     if any(point.kind is FaultKind.LINK for point, _ in raised):
         vehicle = moved_to(vehicle, Stage.LOST)
     return vehicle, raised

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.custody.actors import changed_by
+from executor.core.custody.actors import changed_by, settled
 from executor.core.faults import batteries, streams
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint, said_failed
 from executor.core.messages import Actor
@@ -112,16 +112,24 @@ def left_mission(view: View) -> Finding:
         return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
     if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
         return OK
-    who = changed_by(view.setup, state)
-    if who.by is not Actor.FAILSAFE:
-        return OK  # a person's, its mission's end, or nobody says whose: no failsafe acts without a word
-    if who.failed is None:
-        if not state.sortie.flew_mission or view.now_s - state.telemetry.mode_since_s < UNNAMED_S:
-            return OK  # it never was on a mission; or what failed may still be said
-    elif who.failed.what == "battery":
-        return OK  # which is said by its own name
-    mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
-    return Finding(Verdict.FAIL, f"went to mode {mode} by its own failsafe: {who.why or 'it does not say which'}")
+    return _left_unplanned(view, state.telemetry.heartbeat.custom_mode)
+
+
+def _left_unplanned(view: View, mode: int) -> Finding:
+    """Look at who changed the mode of a vehicle that somebody else flies."""
+    state, who, name = view.state, changed_by(view.setup, view.state), mode_name(view.setup.dialect, mode)
+    if who.by is Actor.FAILSAFE and who.failed is not None:
+        # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
+        words = f"went to mode {name} by its own failsafe: {who.failed.words}"
+        return OK if who.failed.what == "battery" else Finding(Verdict.FAIL, words)
+    if not state.sortie.flew_mission:
+        return OK  # it never was on a mission, or a person had it before
+    if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
+        words = f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
+        return Finding(Verdict.FAIL, words)
+    if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and settled(state, view.now_s):
+        return Finding(Verdict.FAIL, f"went to mode {name}, and nothing says who chose it")
+    return OK
 
 
 UNNAMED_S = 1.0
@@ -155,7 +163,7 @@ def _comes_down(view: View) -> bool:
 
     On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
     """
-    beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.before
+    beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
     if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
         return False
     if fix is None or before is None or fix.boot_s <= before.boot_s:

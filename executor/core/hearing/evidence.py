@@ -46,10 +46,10 @@ def evident(known: Evidence, message: Told, now_s: float) -> Evidence:
     """Take what may explain a mode."""
     match message:
         case OrderSeen(custom_mode=mode):
-            if any(one.custom_mode == mode and now_s - seen_s < REPEATED_S for one, seen_s in known.orders):
+            if any(one.custom_mode == mode and now_s - seen_s < REPEATED_S for one, seen_s in known.others_orders):
                 return known
-            young = [one for one in known.orders if now_s - one[1] < LATE_ORDER_S]
-            return replace(known, orders=(*young, (message, now_s))[-MOST_ORDERS:])
+            young = [one for one in known.others_orders if now_s - one[1] < LATE_ORDER_S]
+            return replace(known, others_orders=(*young, (message, now_s))[-MOST_ORDERS:])
         case ModeChange():
             return replace(known, recorded=(message, now_s))
         case RcChannels(values_us):

@@ -119,7 +119,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
             known = evidence.texted(state.evidence, message, now_s, low_acts=low_acts)
-            return Folded(state.after(link, telemetry=telemetry, assignment=assignment, evidence=known), text=message)
+            after = state.after(link, telemetry=telemetry, assignment=assignment)
+            return Folded(after if known is state.evidence else replace(after, evidence=known), text=message)
         case _:
             return Folded(state.after(link))
 
@@ -147,13 +148,14 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     flew = sortie.flew_mission
     if not flew and sortie.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-    return state.after(
+    after = state.after(
         replace(link, heartbeat_s=now_s),
         telemetry=replace(old, heartbeat=message, mode_since_s=since, doubted=None),
         sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
-        evidence=evidence.beaten(state.evidence, old.heartbeat, message, now_s),
     )
+    known = evidence.beaten(state.evidence, old.heartbeat, message, now_s)
+    return after if known is state.evidence else replace(after, evidence=known)
 
 
 def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:

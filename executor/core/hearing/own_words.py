@@ -18,36 +18,34 @@ _NO_NEWS = re.compile(
     re.IGNORECASE,
 )
 """What is said of arming is said on the ground; what is over has not failed."""
-_KINDS: Mapping[str, re.Pattern[str]] = MappingProxyType(
+_KINDS: Mapping[str, str] = MappingProxyType(
     {
-        kind: re.compile(pattern, re.IGNORECASE)
-        for kind, pattern in {
-            # "Crash: Disarming: AngErr=40>30, Accel=0.0<3.0"; a heli's and a plane's "Crash detected"
-            "crash": r"\bcrash(:| detected)|parachute:? released|hit ground at",
-            # "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe", "Radio + Battery Failsafe - Continuing Landing";
-            # "CRITICAL BATTERY, RETURNING TO LAND", "Dangerously low battery! Shutting system down", "Battery 1 disconnected"
-            "battery": r"battery.* failsafe|(critical|emergency|dangerous(ly low)?) battery|remaining flight time low|"
-            r"battery (\d+ )?(is )?(low\b.*\bused|critical|emergency|missing|disconnected|unhealthy|fail)|batteries? fail|"
-            r"(critical|emergency) (low )?battery level|due to .*battery",
-            # "EKF Failsafe: changed to Land Mode", "EKF variance" before it; "Critical navigation failure!"
-            "ekf": r"ekf failsafe|critical navigation fail|no (valid )?(local|global) position|position estimate lost|"
-            r"failsafe enabled: no (local|global) pos|invalid .*position estimate",
-            "gps": r"gps failsafe|dead ?reckon\w* failsafe|lost gps|failsafe enabled: no gps",
-            "compass": r"compass failsafe|compass .*(failed|failure)",
-            # "Potential Thrust Loss (3)"; "Motor failure detected", "ESC failure"
-            "motor": r"potential thrust loss|(motor|esc)\w* fail|failure detect|critical failure|attitude failure",
-            "vibration": r"vibration failsafe|vibration compensation on",
-            "fence": r"fence breach|breached|geo-?fence (violat|exceed|breach)",
-            "rc": r"(radio|rc|throttle) failsafe|(manual control|rc signal|rc link|manual control signal) lost|"
-            r"failsafe enabled: no rc|due to .*(manual control|rc )",
-            "ground station": r"gcs failsafe|(data ?link|gcs connection|connection to ground (control )?station) lost|"
-            r"failsafe enabled: no data ?link|due to .*(data ?link|gcs)",
-            "terrain": r"failsafe: terrain|terrain failsafe",
-            "other": r"terminat(ed|ion)|internal error|cpu failsafe|^failsafe (mode )?(activated|enabled)",
-        }.items()
+        # "Crash: Disarming: AngErr=40>30, Accel=0.0<3.0"
+        "crash": r"\bcrash(:| detected)|parachute:? released",
+        # "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe"; "CRITICAL BATTERY, RETURNING TO LAND", "Emergency
+        # battery level", "Battery 1 disconnected", "Failsafe activated due to critical battery, triggering Return"
+        "battery": r"battery.* failsafe|(critical|emergency|dangerous(ly low)?) battery|due to .*battery|"
+        r"battery (level )?(\d+ )?(is )?(critical|emergency|missing|disconnected|unhealthy|fail)|battery \d* ?is low|"
+        r"remaining flight time low",
+        # "EKF Failsafe: changed to Land Mode"; "Critical navigation failure! Check sensor calibration"
+        "ekf": r"ekf failsafe|critical navigation fail|no (valid )?(local|global) position|position estimate lost|"
+        r"failsafe enabled: no (local|global) pos|invalid .*position estimate",
+        "gps": r"gps failsafe|dead ?reckon\w* failsafe|lost gps|failsafe enabled: no gps",
+        "compass": r"compass failsafe|compass .*(failed|failure)",
+        # "Potential Thrust Loss (3)"; "Motor failure detected", "Attitude failure (roll)"
+        "motor": r"potential thrust loss|(motor|esc)\w* fail|failure detect|critical failure|attitude failure",
+        "vibration": r"vibration failsafe|vibration compensation on",
+        "fence": r"fence breach|breached|geo-?fence (violat|exceed|breach)",
+        "rc": r"(radio|rc|throttle) failsafe|(manual control|rc signal|rc link|manual control signal) lost|"
+        r"failsafe enabled: no rc|due to .*(manual control|rc )",
+        "ground station": r"gcs failsafe|(data ?link|gcs connection|connection to ground (control )?station) lost|"
+        r"failsafe enabled: no data ?link|due to .*(data ?link|gcs)",
+        "terrain": r"failsafe: terrain|terrain failsafe",
+        "other": r"terminat(ed|ion)|internal error|cpu failsafe|^failsafe (mode )?(activated|enabled)",
     }
 )
 """By kind, the most important first."""
+_PATTERNS = tuple((kind, re.compile(pattern, re.IGNORECASE)) for kind, pattern in _KINDS.items())
 _LOW = re.compile(r"^low battery!?$", re.IGNORECASE)
 """ArduPilot up to 3.5 says no more than this of its battery failsafe; PX4's means that it is time to come home."""
 _WARNS = re.compile(
@@ -72,7 +70,7 @@ def failure_said(text: str, *, low_acts: bool) -> OwnFailsafe | None:
         return None
     if low_acts and _LOW.match(text):
         return OwnFailsafe("battery", active=True, words=text)
-    found = next((kind for kind, pattern in _KINDS.items() if pattern.search(text)), None)
+    found = next((kind for kind, pattern in _PATTERNS if pattern.search(text)), None)
     return None if found is None else OwnFailsafe(found, active=True, words=text)
 
 

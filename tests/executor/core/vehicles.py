@@ -5,6 +5,7 @@ from __future__ import annotations
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
 from executor.core.battery.voltage import VoltageState
+from executor.core.hearing.own_words import failure_said
 from executor.core.messages import Heartbeat
 from executor.core.parts import Fix, OnBoard
 from executor.core.vehicle import Stage, VehicleState
@@ -75,3 +76,9 @@ def mission() -> OnBoard:
 
 DISARMED = Heartbeat(3, AUTO, False, 3)
 LOW_TEXT = ("Battery Failsafe", NOW_S)
+
+
+def says(text: str, at_s: float = NOW_S, **changes: object) -> dict[str, object]:
+    """Return what is known of a vehicle that said something of a failure, besides other changes."""
+    failed = failure_said(text, low_acts=True)
+    return {"alarm": (text, at_s), "failed": () if failed is None else ((failed, at_s),)} | changes

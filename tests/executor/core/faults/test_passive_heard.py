@@ -140,7 +140,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (),
             {
                 "uav1": {
-                    "stage": Stage.RETURNING,
+                    "stage": Stage.FLYING,
+                    "fault": None,
+                    "anchor": None,
                     "heard_s": NOW_S,
                     "spoke_s": NOW_S,
                     "heartbeat": beat(RTL),
@@ -175,13 +177,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "one with a fault is on the ground",
+        "one with a fault says that it is disarmed",
         lambda: heard(flying(**HOMEWARD, fault=BATTERY_FAULT, took_off=False), beat(RTL, armed=False)),
         (
             (),
             {
                 "uav1": {
-                    "stage": Stage.LANDED,
                     "spoke_s": NOW_S,
                     "heartbeat": beat(RTL, armed=False),
                     "disarmed_s": NOW_S,
@@ -193,13 +194,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
-        "one with a fault is on the ground, in its mission's mode",
+        "one with a fault says that it is disarmed, in its mission's mode",
         lambda: heard(flying(fault=BATTERY_FAULT, took_off=False), beat(armed=False)),
         (
             (),
             {
                 "uav1": {
-                    "stage": Stage.LANDED,
                     "spoke_s": NOW_S,
                     "heartbeat": beat(armed=False),
                     "disarmed_s": NOW_S,

@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.events import Tick
 from executor.core.faults import passive
-from executor.core.faults.passive import Declared, Degraded
+from executor.core.faults.passive import Declared, Degraded, Remembered
 from executor.core.state import Absence
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -36,6 +36,11 @@ def ticked(*vehicles: VehicleState, **given: Any) -> tuple[object, ...]:
 
 
 ONCE = Degraded("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
+
+TOLD = {name: Remembered(mode_s=0.0) for name in ("uav1", "uav2")}
+LINK_TOLD = Remembered(declared=frozenset({"link"}), mode_s=0.0)
+DOWN_TOLD = Remembered(declared=frozenset({"down"}), mode_s=0.0)
+
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
@@ -93,6 +98,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
+                "told": TOLD | {"uav1": LINK_TOLD},
             },
         ),
     ),
@@ -168,6 +174,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                 },
                 "warned_s": NOW_S,
+                "told": {"uav1": LINK_TOLD, "uav2": LINK_TOLD},
             },
         ),
     ),
@@ -220,6 +227,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
+                "told": {"uav1": LINK_TOLD},
             },
         ),
     ),
@@ -236,9 +244,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     at_s=NOW_S,
                 ),
             ),
-            {"uav1": {"stage": Stage.RETURNING, "fault": TERMINATED}},
+            {"uav1": {"fault": TERMINATED}},
             {},
-            {"warned_s": NOW_S},
+            {"warned_s": NOW_S, "told": {"uav1": DOWN_TOLD}},
         ),
     ),
     (
@@ -263,19 +271,45 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 }
             },
             {},
-            {"warned_s": NOW_S},
+            {"warned_s": NOW_S, "told": {"uav1": DOWN_TOLD}},
         ),
     ),
     (
-        "a look at one that fails again",
-        lambda: ticked(replace(FAILS, fault=BATTERY_FAULT, stage=Stage.RETURNING)),
+        "a look at one that fails in another way",
+        lambda: ticked(replace(FAILS, fault=BATTERY_FAULT)),
+        (
+            (
+                Declared(
+                    vehicle="uav1",
+                    kind=FaultKind.INTERRUPTION,
+                    reason="terminated",
+                    evidence="reports that its flight is terminated",
+                    at_s=NOW_S,
+                ),
+            ),
+            {},
+            {},
+            {"warned_s": NOW_S, "told": {"uav1": DOWN_TOLD}},
+        ),
+    ),
+    (
+        "a look at one that fails in a way that was told",
+        lambda: ticked(replace(FAILS, fault=TERMINATED), told={"uav1": DOWN_TOLD}),
         ((), {}, {}, {"warned_s": NOW_S}),
     ),
     (
         "a look at one with a fault that is lost",
         lambda: ticked(flying(**HOMEWARD, fault=BATTERY_FAULT, heard_s=NOW_S - 10.0), SECOND),
         (
-            (),
+            (
+                Declared(
+                    vehicle="uav1",
+                    kind=FaultKind.LINK,
+                    reason="link",
+                    evidence="link lost for 10.0 s, time-out 10 s",
+                    at_s=NOW_S,
+                ),
+            ),
             {"uav1": {"stage": Stage.LOST}},
             {},
             {
@@ -283,6 +317,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
+                "told": TOLD | {"uav1": LINK_TOLD},
             },
         ),
     ),
@@ -313,6 +348,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S)
                 },
                 "warned_s": NOW_S,
+                "told": TOLD | {"uav1": LINK_TOLD},
             },
         ),
     ),

@@ -29,6 +29,7 @@ from tests.executor.core.vehicles import (
     at,
     flying,
     pack,
+    says,
     volts,
 )
 
@@ -58,6 +59,11 @@ ROWS = [
         unknown=flying(fix=None),
     ),
     Row("falling", flying(fix=at(climbs_m_s=-6.0)), "falls at 6.0 m/s", flying(fix=at(climbs_m_s=-6.0, age_s=3.5))),
+    Row(
+        "crash",
+        flying(**says("Crash: Disarming", heartbeat=DISARMED)),
+        "it says: Crash: Disarming",
+    ),
     Row(
         "terminated",
         flying(heartbeat=Heartbeat(12, AUTO, True, 8)),
@@ -104,7 +110,7 @@ ROWS = [
     ),
     Row(
         "battery-failsafe",
-        flying(alarm=("Battery 1 is low 10.22V used 1476 mAh", NOW_S), heartbeat=Heartbeat(3, AUTO, True, 5)),
+        flying(**says("Battery 1 is low 10.22V used 1476 mAh", heartbeat=Heartbeat(3, AUTO, True, 5))),
         "it says: Battery 1 is low 10.22V used 1476 mAh",
     ),
     Row(
@@ -177,14 +183,15 @@ def later(state: VehicleState, by_s: float) -> VehicleState:
     history = tuple(replace(sample, at_s=sample.at_s + by_s) for sample in state.power.battery.history)
     moved = replace(state.power.battery, history=history, reported_s=state.power.battery.reported_s + by_s)
     pack_v = replace(state.power.volts, reported_s=state.power.volts.reported_s + by_s)
-    alarm, jump = (
+    alarm, failed, jump = (
         (state.telemetry.alarm[0], state.telemetry.alarm[1] + by_s),
+        tuple((one, said_s + by_s) for one, said_s in state.evidence.failed),
         (state.motion.jump[0], state.motion.jump[1] + by_s),
     )
     beat_s = None if state.link.heartbeat_s is None else state.link.heartbeat_s + by_s
     item_s = None if state.telemetry.item_s is None else state.telemetry.item_s + by_s
     fresh = with_facts(fresh, heartbeat_s=beat_s, item_s=item_s)
-    return with_facts(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, jump=jump)
+    return with_facts(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, failed=failed, jump=jump)
 
 
 def landing(state: VehicleState) -> VehicleState:
@@ -378,15 +385,15 @@ def test_the_modes_words() -> None:
 @pytest.mark.parametrize(
     ("state", "shows"),
     [
-        (flying(alarm=LOW_TEXT), False),
-        (flying(alarm=LOW_TEXT, heartbeat=Heartbeat(3, RTL, True, 4)), True),
-        (flying(alarm=LOW_TEXT, heartbeat=Heartbeat(3, AUTO, True, 5)), True),
-        (flying(alarm=LOW_TEXT, battery=pack(90.0, charge_state=2)), True),
-        (flying(alarm=LOW_TEXT, battery_faults=4), True),
-        (flying(alarm=LOW_TEXT, unhealthy=0x2000000), True),
-        (flying(alarm=LOW_TEXT, battery=pack(30.0, 30.0)), True),
-        (flying(alarm=LOW_TEXT, battery=BatteryState()), True),
-        (flying(alarm=LOW_TEXT, volts=volts(low_since_s=NOW_S - 1.0)), True),
+        (flying(**says(LOW_TEXT[0])), False),
+        (flying(**says(LOW_TEXT[0], heartbeat=Heartbeat(3, RTL, True, 4))), True),
+        (flying(**says(LOW_TEXT[0], heartbeat=Heartbeat(3, AUTO, True, 5))), True),
+        (flying(**says(LOW_TEXT[0], battery=pack(90.0, charge_state=2))), True),
+        (flying(**says(LOW_TEXT[0], battery_faults=4)), True),
+        (flying(**says(LOW_TEXT[0], unhealthy=0x2000000)), True),
+        (flying(**says(LOW_TEXT[0], battery=pack(30.0, 30.0))), True),
+        (flying(**says(LOW_TEXT[0], battery=BatteryState())), True),
+        (flying(**says(LOW_TEXT[0], volts=volts(low_since_s=NOW_S - 1.0))), True),
     ],
 )
 def test_a_text_of_the_battery_alone_is_nobodys_fault(state: VehicleState, shows: bool) -> None:

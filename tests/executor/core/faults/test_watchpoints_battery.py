@@ -14,7 +14,7 @@ from executor.core.vehicle import VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.faults.looks import PLANNED, look
 from tests.executor.core.steps import Changes, beat, rounded
-from tests.executor.core.vehicles import NOW_S, RTL, at, flying, pack, volts
+from tests.executor.core.vehicles import NOW_S, RTL, at, flying, pack, says, volts
 
 UNPLANNED = replace(PLANNED, planned=False)
 KNOWN: list[Changes] = [
@@ -25,7 +25,7 @@ KNOWN: list[Changes] = [
     {"reported_s": NOW_S - 7.0},
     {"reported_s": NOW_S - 7.1},
 ]
-SAYS = flying(alarm=("Battery Failsafe", NOW_S - 15.0))
+SAYS = flying(**says("Battery Failsafe", NOW_S - 15.0))
 DRAIN = Drift(2.5, 5.0, 2.5, NOW_S - 30.0, 4, 0.0, 0.0, 0.2)
 COUNTS = Charge(consumed_ah=2.0, began_ah=1.0)
 
@@ -253,8 +253,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for setup in (PLANNED, UNPLANNED)
             for given in (
                 {},
-                {"alarm": ("Battery Failsafe", NOW_S - 15.1)},
-                {"alarm": ("Low battery", NOW_S)},
+                says("Battery Failsafe", NOW_S - 15.1),
+                {"failed": ()},
                 {"heartbeat": beat(status=4)},
                 {"heartbeat": beat(status=5)},
                 {"heartbeat": beat(RTL)},

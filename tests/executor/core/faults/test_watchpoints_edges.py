@@ -11,7 +11,7 @@ from executor.core.messages import Heartbeat
 from executor.core.parts import Fix
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.core.faults.looks import point, verdict
-from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LOW_TEXT, NOW_S, SETUP, at, flying, pack, volts
+from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LOW_TEXT, NOW_S, SETUP, at, flying, pack, says, volts
 
 
 def parted(**changes: object) -> VehicleState:
@@ -75,13 +75,13 @@ EDGES: list[tuple[str, VehicleState, VehicleState]] = [
     ("battery-critical", flying(battery_faults=2 | 32 | 128), flying(battery_faults=2 | 32 | 128 | 16)),
     (
         "battery-failsafe",
-        flying(alarm=(LOW_TEXT[0], NOW_S - 15.1), heartbeat=Heartbeat(3, AUTO, True, 5)),
-        flying(alarm=(LOW_TEXT[0], NOW_S - 15.0), heartbeat=Heartbeat(3, AUTO, True, 5)),
+        flying(**says(LOW_TEXT[0], NOW_S - 15.1, heartbeat=Heartbeat(3, AUTO, True, 5))),
+        flying(**says(LOW_TEXT[0], NOW_S - 15.0, heartbeat=Heartbeat(3, AUTO, True, 5))),
     ),
     (
         "battery-failsafe",
-        flying(alarm=LOW_TEXT, battery=pack(30.1, 30.1)),
-        flying(alarm=LOW_TEXT, battery=pack(30.0, 30.0)),
+        flying(**says(LOW_TEXT[0], battery=pack(30.1, 30.1))),
+        flying(**says(LOW_TEXT[0], battery=pack(30.0, 30.0))),
     ),
 ]
 OLD: list[tuple[str, VehicleState, VehicleState]] = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from executor.core.faults.passive import Finding, Watched
+from executor.core.faults.passive import Finding, Remembered, Watched
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.steps import (
     changes,
@@ -16,10 +16,12 @@ from tests.executor.core.vehicles import NOW_S, flying
 
 
 def watched(*vehicles: VehicleState, **given: Any) -> Watched:
-    told = {name: given.pop(name) for name in ("open", "warned_s") if name in given}
+    """Return vehicles that are watched, whose modes were told."""
+    known = {name: given.pop(name) for name in ("open", "warned_s", "told") if name in given}
     state = flight_of(*vehicles, **given)
     there = {one.name: one for one in vehicles}
-    return replace(Watched(replace(state, vehicles=there)), **told)
+    told = {one.name: Remembered(mode_s=one.telemetry.mode_since_s) for one in vehicles}
+    return replace(Watched(replace(state, vehicles=there)), **({"told": told} | known))
 
 
 def seen(before: Watched, of: tuple[Watched, tuple[Finding, ...]]) -> tuple[object, ...]:

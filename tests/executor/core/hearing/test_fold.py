@@ -80,7 +80,8 @@ def test_each_message_is_kept_where_it_belongs() -> None:
         Wind(3.0, 90.0),
         Attitude(1.0, 2.0),
     )
-    assert (state.telemetry.on_ground, state.sensors.fence_breached, state.orders.ordered_mode_s) == (True, True, NOW_S)
+    assert (state.telemetry.on_ground, state.sensors.fence_breached) == (True, True)
+    assert state.evidence.others_orders == ((OrderSeen(176), NOW_S),)
     current = after(flying(), MissionCurrent(3, 9))
     assert (current.telemetry.item, current.telemetry.item_s) == ((3, 9), NOW_S)
     assert after(flying(), Radio(100, 100, 40, 40, 90)).link.quality.radio_s == NOW_S

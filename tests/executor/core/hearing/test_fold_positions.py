@@ -38,6 +38,8 @@ def inspects(*places: tuple[float, float], later: Changes | None = None, **given
 
 ALONG = tuple((4.0 * step, 12.0 * step - 1.0) for step in range(10))
 
+REBOOTED = {"fix_waypoint": 2, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True}
+
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a position",
@@ -52,6 +54,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     alt_msl_m=470.0,
                     velocity_m_s=(3.0, 0.0, 0.0),
                 ),
+                "last_fix": at(age_s=1.0),
                 "battery": {"modelled_pct": 0.107924},
                 "fix_waypoint": 2,
                 "run_visit": 0,
@@ -87,8 +90,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for age_s, back_s in ((1.0, 61.0), (3.0, 4.0), (2.9, 4.0))
         ],
         [
-            {"anchor": NOW_S - 61.0, "fix_waypoint": 2, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True},
-            {"anchor": NOW_S - 4.0, "fix_waypoint": 2, "run_visit": 0, "rebooted_s": NOW_S, "away_once": True},
+            REBOOTED | {"anchor": NOW_S - 61.0, "last_fix": at(age_s=1.0)},
+            REBOOTED | {"anchor": NOW_S - 4.0, "last_fix": at(age_s=3.0)},
             {},
         ],
     ),

@@ -25,9 +25,9 @@ from tests.executor.builders import fleet_of, vehicle
 from tests.executor.core.hearing.folded import CONTEXT, folded
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import (
-    LOW_TEXT,
     NOW_S,
     flying,
+    says,
 )
 
 PX4_FLEET = fleet_of(autopilot="px4")
@@ -94,7 +94,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "words of an alarm",
         lambda: folded(flying(), StatusText(4, "Battery Failsafe")),
-        ({"alarm": LOW_TEXT}, None, StatusText(severity=4, text="Battery Failsafe")),
+        (says("Battery Failsafe"), None, StatusText(severity=4, text="Battery Failsafe")),
     ),
     (
         "words that only say what follows",
@@ -115,7 +115,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             StatusText(severity=6, text="Flight plan received"),
         ),
     ),
-    ("an order of others", lambda: folded(flying(spoke_s=5.0), OrderSeen(21)), ({"ordered_mode_s": NOW_S},)),
+    (
+        "an order of others",
+        lambda: folded(flying(spoke_s=5.0), OrderSeen(21)),
+        ({"others_orders": ((OrderSeen(21), NOW_S),)},),
+    ),
     (
         "traffic",
         lambda: folded(flying(spoke_s=5.0), Traffic(30, 1)),
