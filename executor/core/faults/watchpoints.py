@@ -17,7 +17,7 @@ from executor.core.messages import Actor
 from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
-from missions.autopilots.modes import is_manual_mode, is_mission_mode, mode_name
+from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
 
 
 def link_silent(view: View) -> Finding:
