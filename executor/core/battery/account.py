@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery import kalman
+from executor.core.battery.counter import Charge, counted_from, possible, set_against
 from executor.core.battery.cusum import Drift, with_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
 from executor.core.limits import Limits
@@ -20,19 +21,11 @@ LEAST_FACTOR = FACTOR_RANGE[0]
 """No multicopter flies on less: what is usual is not less either, whatever a percentage says that stands still."""
 STILL_PCT = 2.0
 """A percentage that has not moved where at least so much was used stands still: it is at its stop, or estimated."""
-RISES_PCT = 2.0
-"""A charge in flight does not rise: a percentage that does by more than roundings is read off something else."""
-SEGMENT_PCT = 5.0
-"""Stretches of the percentage in which it is set against the counter: whole percents err by a fifth of it."""
-UNLIKE = 1.7
-"""Times as much charge in one stretch as in the last one is no rounding: the percentage does not follow the counter."""
-OFF_SETTING = 1.35
-"""By so much the capacity that both counters give may differ from the one that is set; else it is not divided by it."""
-LEAST_ENDURANCE_H, MOST_ENDURANCE_H = 0.05, 2.0
-"""What a whole pack lasts in any flight: three minutes of a race, two hours of the lightest on cells of high energy."""
 HISTORY_S = 30.0
 UNSURE_SD = 2.0
 """Standard deviations of the factor that count as slack: a factor that is not known yet accuses nobody."""
+STRANGE_SD = 0.3
+"""A factor that is less sure than this is that of a vehicle that nobody knows, and slack over minutes as well."""
 COUNTED = 0.75
 """Share of the slack where charge is counted: there is no rounding in it, only climbs and wind."""
 CALM_PCT = 0.5
@@ -62,30 +55,6 @@ class BatterySample:
     remaining_pct: float
     modelled_pct: float
     """What the model says was used since the first report."""
-
-
-@dataclass(frozen=True, slots=True)
-class Charge:
-    """The counter of consumed charge, where there is one."""
-
-    consumed_ah: float | None = None
-    at_s: float = 0.0
-    modelled_pct: float = 0.0
-    began_ah: float = 0.0
-    began_pct: float = 0.0
-    """What the percentage was when the counter was first heard."""
-    capacity_ah: float | None = None
-    """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
-    began_s: float = 0.0
-    set_ah: float | None = None
-    """What its parameter says of the capacity."""
-    mark: tuple[float, float] | None = None
-    """(percentage, charge) where the present stretch began."""
-    per_pct_ah: float | None = None
-    """Charge by percent in the last stretch."""
-    follows: bool = True
-    """Whether the percentage follows the counter."""
-    drift: Drift = field(default_factory=Drift)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,18 +149,7 @@ def with_remaining(
         return replace(begun_anew(state, remaining_pct, charge_state, now_s, prior), stood=True, still_pct=still_pct)
     ahead = kalman.flown(state.estimate, modelled, elapsed_s)
     modelled = max(modelled, _unseen_pct(state, elapsed_s))
-    expected = _usual(state) * modelled
-    slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
-    drift = with_usage(
-        state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
-        memory_s=limits.battery_window_s,
-    )  # fmt: skip
-    unsure = UNSURE_SD * max(0.0, state.estimate.factor_sd - NO_PRIOR.sd)  # of a vehicle that nobody knows
-    slow = with_usage(
-        state.slow, used, state.usual_long * modelled,
-        slack_pct=(limits.slow_slack * state.usual_long + unsure) * modelled,
-        elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
-    )  # fmt: skip
+    drift, slow = _drifts(state, used, modelled, elapsed_s, now_s, limits)
     fine = _counted_pct(state, remaining_pct)
     if fine is None:
         estimate = kalman.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
@@ -215,9 +173,29 @@ def with_remaining(
         drift=drift,
         usual_long=_followed_long(state, estimate, elapsed_s, now_s),
         slow=slow,
-        charge=_set_against(state.charge, remaining_pct, rises=-used >= RISES_PCT),
+        charge=set_against(state.charge, remaining_pct, rose_pct=-used),
         still_pct=still_pct,
     )
+
+
+def _drifts(
+    state: BatteryState, used: float, modelled: float, elapsed_s: float, now_s: float, limits: Limits
+) -> tuple[Drift, Drift]:
+    """Return what was used beyond the usual, and beyond the usual of minutes, after a stretch."""
+    known = state.estimate or kalman.first_estimate(0.0, NO_PRIOR)
+    expected = _usual(state) * modelled
+    slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
+    drift = with_usage(
+        state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
+        memory_s=limits.battery_window_s,
+    )  # fmt: skip
+    unsure = UNSURE_SD * max(0.0, known.factor_sd - STRANGE_SD)  # of a vehicle that nobody knows
+    slow = with_usage(
+        state.slow, used, state.usual_long * modelled,
+        slack_pct=(limits.slow_slack * state.usual_long + unsure) * modelled,
+        elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
+    )  # fmt: skip
+    return drift, slow
 
 
 def with_consumed(
@@ -228,7 +206,7 @@ def with_consumed(
     if state.remaining_pct is None:
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
-        return replace(state, charge=_counted_from(charge, consumed_ah, state.remaining_pct, state.modelled_pct, now_s))
+        return replace(state, charge=counted_from(charge, consumed_ah, state.remaining_pct, state.modelled_pct, now_s))
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
@@ -241,7 +219,7 @@ def with_consumed(
     capacity = charge.capacity_ah
     given_pct = charge.began_pct - state.remaining_pct
     if given_pct >= CAPACITY_PCT and drift.excess_pct <= CALM_PCT and state.remaining_pct > 0:
-        capacity = _possible(charge, 100.0 * (consumed_ah - charge.began_ah) / given_pct, consumed_ah, now_s)
+        capacity = possible(charge, 100.0 * (consumed_ah - charge.began_ah) / given_pct, consumed_ah, now_s)
     taken = replace(
         charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, capacity_ah=capacity, drift=drift
     )
@@ -279,7 +257,7 @@ def begun_anew(
     anew = swapped(state, remaining_pct, charge_state, now_s, _learned(state, prior))
     charge = replace(state.charge, capacity_ah=state.charge.capacity_ah, drift=Drift())
     if charge.consumed_ah is not None:
-        charge = _counted_from(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
+        charge = counted_from(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
     return replace(anew, charge=charge, stood=state.stood)
 
 
@@ -294,44 +272,6 @@ def _learned(state: BatteryState, prior: Prior) -> Prior:
     if known is None or state.began_s is None or is_blind(state) or not known.factor_sd < prior.sd:
         return prior
     return Prior(max(LEAST_FACTOR, known.factor), known.factor_sd)
-
-
-def _counted_from(charge: Charge, consumed_ah: float, reported_pct: float, modelled_pct: float, now_s: float) -> Charge:
-    """Return a counter that is read from here on; whether the percentage follows it is a matter of the vehicle."""
-    return Charge(
-        consumed_ah, now_s, modelled_pct, consumed_ah, reported_pct, began_s=now_s, set_ah=charge.set_ah,
-        mark=(reported_pct, consumed_ah), follows=charge.follows,
-    )  # fmt: skip
-
-
-def _set_against(charge: Charge, reported_pct: float, *, rises: bool) -> Charge:
-    """Hold a percentage against the counter, stretch by stretch."""
-    if charge.consumed_ah is None or charge.mark is None or not charge.follows:
-        return charge
-    if rises:
-        return replace(charge, follows=False)
-    from_pct, from_ah = charge.mark
-    if from_pct - reported_pct < SEGMENT_PCT:
-        return charge
-    per_pct_ah = (charge.consumed_ah - from_ah) / (from_pct - reported_pct)
-    last = charge.per_pct_ah
-    like = last is None or last / UNLIKE <= per_pct_ah <= last * UNLIKE
-    return replace(charge, mark=(reported_pct, charge.consumed_ah), per_pct_ah=per_pct_ah, follows=like)
-
-
-def _possible(charge: Charge, capacity_ah: float, consumed_ah: float, now_s: float) -> float | None:
-    """Return a learned capacity, if it can be one.
-
-    A counter that stands still while the percentage falls counts nothing; one that is divided by another capacity than
-    the one that is set is not what the percentage is made of; and no pack lasts for seconds, or for a day.
-    """
-    if capacity_ah <= 0.0 or not charge.follows:
-        return None
-    if charge.set_ah is not None and not charge.set_ah / OFF_SETTING <= capacity_ah <= charge.set_ah * OFF_SETTING:
-        return None
-    elapsed_h = (now_s - charge.began_s) / 3600.0
-    mean_a = (consumed_ah - charge.began_ah) / elapsed_h if elapsed_h > 0 else 0.0
-    return capacity_ah if LEAST_ENDURANCE_H * mean_a <= capacity_ah <= MOST_ENDURANCE_H * mean_a else None
 
 
 def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:

@@ -62,6 +62,7 @@ def flying(**changes: object) -> VehicleState:
         "anchor": at(),
         "battery": pack(90.0, 90.0),
         "volts": volts(),
+        "told_s": NOW_S,
         "waypoint": 2,
     }
     return vehicle(FLEET, "uav1", **(healthy | changes))

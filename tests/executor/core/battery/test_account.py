@@ -75,7 +75,7 @@ def test_a_factor_is_believed_slowly() -> None:
 
 def test_the_factor_stays_in_its_range() -> None:
     *_, (_, wasteful) = reports(25, consumption=4.0)
-    *_, (_, thrifty) = reports(25, consumption=0.1)
+    *_, (_, thrifty) = reports(25, consumption=0.6)
     assert (account.factor(thrifty), account.factor(wasteful)) == FACTOR_RANGE
 
 

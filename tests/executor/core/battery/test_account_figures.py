@@ -9,10 +9,8 @@ from typing import Any
 import pytest
 
 from executor.core.battery import account
-from executor.core.battery.account import (
-    BatteryState,
-    Charge,
-)
+from executor.core.battery.account import BatteryState
+from executor.core.battery.counter import Charge
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from tests.executor.core.steps import rounded
@@ -139,7 +137,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(consumed_ah=1.2, at_s=160.0, modelled_pct=6.0, began_ah=0.2, began_pct=99.5, capacity_ah=20.0),
+            Charge(
+                consumed_ah=1.2,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.2,
+                began_pct=99.5,
+                capacity_ah=20.0,
+                began_s=110.0,
+                mark=(94.5, 1.1),
+                per_pct_ah=0.18,
+            ),
             7,
             110.0,
         ),
@@ -162,7 +170,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(consumed_ah=1.7, at_s=160.0, modelled_pct=6.0, began_ah=0.2, began_pct=99.5, capacity_ah=30.0),
+            Charge(
+                consumed_ah=1.7,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.2,
+                began_pct=99.5,
+                capacity_ah=30.0,
+                began_s=110.0,
+                mark=(94.5, 1.6),
+                per_pct_ah=0.28,
+            ),
             7,
             110.0,
         ),
@@ -181,7 +199,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(consumed_ah=0.4, at_s=160.0, modelled_pct=6.0, began_ah=0.4, began_pct=99.5),
+            Charge(
+                consumed_ah=0.4,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.4,
+                began_pct=99.5,
+                began_s=110.0,
+                mark=(94.5, 0.4),
+                per_pct_ah=0.0,
+            ),
             7,
             110.0,
         ),
@@ -204,7 +231,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(consumed_ah=0.02, at_s=160.0, modelled_pct=6.0, began_ah=0.01, began_pct=95.0),
+            Charge(
+                consumed_ah=0.02,
+                at_s=160.0,
+                modelled_pct=6.0,
+                began_ah=0.01,
+                began_pct=95.0,
+                began_s=155.0,
+                mark=(95.0, 0.01),
+            ),
             7,
             110.0,
         ),
