@@ -104,6 +104,7 @@ ARDUPILOT = Dialect(
     ends_in_other_mode=False,  # measured: it lands in AUTO
     low_battery_acts=True,  # events.cpp up to 3.5: the text of the failsafe itself
     rounds_twice=False,
+    pack_parameters=("BATT_CAPACITY", "MOT_BAT_VOLT_MAX"),
     own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
     set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
     # Measured: a change of mode brings WPNAV_SPEED back.

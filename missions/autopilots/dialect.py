@@ -138,6 +138,8 @@ class Dialect:
     """Whether "Low battery" is the text of a failsafe; else it says that it is time to come home."""
     rounds_twice: bool
     """Whether BATTERY_STATUS rounds the percentage, and SYS_STATUS rounds it up."""
+    pack_parameters: tuple[str, ...]
+    """Which say what pack it has: the capacity that it counts by, its cells."""
     own_streams_hz: Mapping[int, float]
     """Messages that only this autopilot has, and how often they are asked for."""
     set_current: SetCurrent

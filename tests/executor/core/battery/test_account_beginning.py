@@ -35,6 +35,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "usual_long": 1.0,
             "slow": Drift(),
             "charge": Charge(),
+            "still_pct": 0.0,
+            "stood": False,
+            "anew_s": -math.inf,
         },
     ),
 ]
