@@ -13,6 +13,7 @@ import typer
 
 from executor.adapters.extras import Extra, need
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.packs import PacksDocument, pack_lines, packs_of, read_packs
 from executor.cli.options import JsonOption
 from executor.cli.planning import writable
 from executor.core.messages import Actor
@@ -52,6 +53,10 @@ def replay_logs(
     tune: Annotated[
         bool, typer.Option("--tune", help="Sweep the thresholds over logs with ground-truth files beside them.")
     ] = False,
+    packs: Annotated[
+        Path | None,
+        typer.Option("--packs", metavar="FILE", help="Add what flights say of their packs to this packs.json."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run recorded flights through the fault detection of a live flight: what it declares, when and why.
@@ -70,14 +75,27 @@ def replay_logs(
     done = [_replayed(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
+    known = None if packs is None else _packs(done, packs)
     if as_json:
         print(json.dumps(replay_document(done)))
     else:
         for one in done:
             _print(one)
+        for line in () if known is None else pack_lines(known):
+            print(line)
     nothing = all(not one.replay.vehicles for one in done)
     if nothing or any(one.comparison is not None and not one.comparison.same for one in done):
         raise typer.Exit(1)
+
+
+def _packs(done: Sequence[_Done], path: Path) -> PacksDocument:
+    """Add what the flights say of their packs to a file, and return all that stands in it."""
+    known = packs_of((one.replay for one in done), read_packs(path) if path.exists() else None)
+    try:
+        known.write(path)
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+    return known
 
 
 def _logs_in(path: Path) -> list[Path]:
