@@ -13,7 +13,6 @@ import typer
 
 from executor.adapters.extras import Extra, need
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.packs import PacksDocument, pack_lines, packs_of, read_packs
 from executor.cli.options import JsonOption
 from executor.cli.planning import writable
 from executor.core.messages import Actor
@@ -22,6 +21,7 @@ from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import open_log
+from executor.replay.packs_file import PacksDocument, pack_lines, packs_of, read_packs
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 from executor.replay.run import Comparison, rerun
 from executor.site.config import read_site

@@ -99,5 +99,3 @@ class Limits:
     """Nearer to its pad than this, seen from above, a vehicle that comes down lands on it."""
     failsafe_hold_s: float = 15.0
     """PX4 holds for COM_FAIL_ACT_T, 5 s by default, before its failsafe acts; after this nobody acts."""
-    mode_grace_s: float = 3.0
-    """How long a mode other than the mission may last around a change that we ordered ourselves."""

@@ -237,6 +237,8 @@ class OrderSeen:
     """The mode that it orders, if it names one."""
     by: int | None = None
     """The system that orders; None where only the vehicle's acceptance was seen."""
+    to: int = 0
+    """The system that is ordered, where a connection carries more than one; 0 for everybody on it."""
 
 
 class Actor(Enum):

@@ -35,6 +35,7 @@ from executor.core.messages import (
 )
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
+from executor.replay.flights import FlightBook
 from executor.replay.packs import PackBook
 from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
@@ -126,6 +127,7 @@ class _Player:
         self._traces: dict[str, Trace] = {}
         self._books: dict[str, PackBook] = {}
         self._flown: dict[str, float] = {}
+        self._flights: dict[str, FlightBook] = {}
         self._framed = False
         self._beats: dict[str, float] = {}
         """Heartbeats without news since the last tick."""
@@ -207,6 +209,7 @@ class _Player:
                 self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
             calm = calm and _is_calm(vehicle, at_s)
             self._books[name].look(vehicle, facts_of(self._scene, vehicle), at_s)
+            self._flights[name].look(vehicle)
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
                 trace.add(sampled(self._scene, vehicle, at_s))
@@ -235,6 +238,7 @@ class _Player:
             if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
+                self._flights[name].armed(now_s)
                 self._takes_off(self._state.fleet.vehicles[name])
 
     def _says_nothing_new(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
@@ -295,6 +299,7 @@ class _Player:
         self._names[system] = setup.name
         self._traces[setup.name] = Trace()
         self._books[setup.name] = PackBook()
+        self._flights[setup.name] = FlightBook()
         return setup.name
 
     def result(self, path: Path) -> LogReplay:
@@ -307,6 +312,7 @@ class _Player:
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
+        notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
         return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))

@@ -18,6 +18,7 @@ STREAMS_HZ = {
     orders.EXTENDED_SYS_STATE: 1.0,
     orders.ATTITUDE: 1.0,
     orders.GPS_RAW_INT: 1.0,
+    orders.RC_CHANNELS: 1.0,  # its pilot's switches
 }
 """What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
 HEARTBEAT_HZ = 1.0

@@ -38,10 +38,12 @@ from executor.core.messages import (
     MissionItemReceived,
     MissionReached,
     MissionRequest,
+    OrderSeen,
     Outgoing,
     ParamValue,
     Position,
     Radio,
+    RcChannels,
     SendCommand,
     SendHeartbeat,
     SendMissionAck,
@@ -56,6 +58,7 @@ from executor.core.messages import (
     Version,
     Wind,
 )
+from executor.core.recording import MODE_COMMANDS
 from missions import MissionItem
 
 MISSION_TYPE_MISSION = 0
@@ -214,6 +217,8 @@ class Codec:
         return frame.get_type(), fields, packed
 
     def _message(self, frame: Any) -> Message | None:  # noqa: ANN401 - pymavlink's classes are generated and untyped
+        if frame.get_type() in _ORDERS:
+            return self._order(frame)
         if not _for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
@@ -225,11 +230,27 @@ class Codec:
         message = None if read is None else read(frame)
         return None if message is None else plausible(message)
 
+    def _order(self, frame: Any) -> OrderSeen | None:  # noqa: ANN401
+        """Return what another station orders, if that changes a mode."""
+        if (frame.get_srcSystem(), frame.get_srcComponent()) == GROUND_STATION:
+            return None  # a router's echo of our own
+        target, mode = frame.target_system, None
+        if frame.get_type() == "SET_MODE":
+            return OrderSeen(mav.MAV_CMD_DO_SET_MODE, frame.custom_mode, frame.get_srcSystem(), target)
+        main, sub = frame.param2, frame.param3
+        if frame.command == mav.MAV_CMD_DO_SET_MODE and all(0 <= one < MOST_MODES for one in (main, sub)):
+            px4 = self.autopilots.get(target) == mav.MAV_AUTOPILOT_PX4
+            mode = int(main) << 16 | int(sub) << 24 if px4 else int(main)
+        found = OrderSeen(frame.command, mode, frame.get_srcSystem(), target)
+        return found if frame.command in MODE_COMMANDS else None
+
     def _takes(self, radio: Any) -> bool:  # noqa: ANN401
         named = self._radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self._radios
         return named or self._signing is not None  # which has let it through
 
 
+_ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
+MOST_MODES = 128
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
 
 
@@ -239,6 +260,14 @@ def _as_field(value: object) -> object:
     if isinstance(value, list):
         return [_as_field(one) for one in value]
     return math.nan if value is None else value
+
+
+def _channels(frame: Any) -> RcChannels:  # noqa: ANN401
+    values = (getattr(frame, f"chan{number}_raw") for number in range(1, min(18, frame.chancount) + 1))
+    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in values))
+
+
+NO_CHANNEL = 65535
 
 
 def _for_us(frame: Any) -> bool:  # noqa: ANN401
@@ -399,6 +428,7 @@ _READERS: dict[str, Any] = {
     "MISSION_ACK": _of_mission(MissionAck, "type"),
     "MISSION_COUNT": _of_mission(MissionCount, "count"),
     "MISSION_ITEM_INT": _item,
+    "RC_CHANNELS": _channels,
     "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _version,
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.signing import Distrust
 from executor.core.hearing.speaker import AUTOPILOT
-from executor.core.messages import DoubleHeard, Heartbeat, Message, Outgoing, Radio, StationHeard, Traffic
+from executor.core.messages import DoubleHeard, Heartbeat, Message, OrderSeen, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
 
 MOST_SOURCES = 8
@@ -113,8 +113,10 @@ class VehicleLink:
         # A SiK radio speaks as a system of its own (51), from where the vehicle behind it does.
         if isinstance(received.message, Radio) and source != self._source:
             return
-        if isinstance(received.message, StationHeard | Radio):
-            self._hand_on(received.message, received.compid)
+        told = received.message
+        ordered = isinstance(told, OrderSeen) and told.to in {0, self.sysid}
+        if told is not None and (ordered or isinstance(told, StationHeard | Radio)):
+            self._hand_on(told, received.compid)
 
     def _hand_on(self, message: Message, component: int) -> None:
         if isinstance(message, Heartbeat):

@@ -22,6 +22,7 @@ from executor.core import words
 from executor.core.hearing.plausible import plausible
 from executor.core.hearing.speaker import Speaker, speaker_after
 from executor.core.messages import (
+    Attitude,
     Battery,
     FlightMessage,
     Heartbeat,
@@ -135,6 +136,10 @@ def _position(boot: int, lat: int, lon: int, alt: int, rel: int, *rest: int) -> 
     )  # fmt: skip
 
 
+def _attitude(_: int, roll: float, pitch: float, *__: float) -> Attitude:
+    return Attitude(math.degrees(roll), math.degrees(pitch))
+
+
 def _battery(*fields: int) -> Battery:
     consumed, cells, current = fields[0], fields[3:13], fields[13]
     number, remaining, charge_state, extra, faults = fields[14], fields[17], fields[19], fields[20:24], fields[25]
@@ -196,6 +201,7 @@ KINDS: dict[int, MessageKind] = {
     HEARTBEAT: MessageKind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
     SYSTEM: MessageKind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
     POSITION: MessageKind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
+    30: MessageKind(39, struct.Struct("<I6f"), _attitude, SLOW_USEC),
     42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
     46: MessageKind(11, struct.Struct("<H"), MissionReached),
     109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, special=True),

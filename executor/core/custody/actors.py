@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.core.context import VehicleSetup
-from executor.core.hearing.own_words import acts
 from executor.core.messages import NO_ITEM, Actor, OwnFailsafe
+from executor.core.own_words import acts
 from executor.core.parts import Evidence
 from executor.core.vehicle import VehicleState
 from missions.autopilots.modes import is_home_mode

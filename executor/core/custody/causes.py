@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from executor.core.context import Scene
-from executor.core.messages import CRITICAL, Heartbeat
+from executor.core.custody.actors import changed_by
+from executor.core.messages import CRITICAL, Actor, Heartbeat
 from executor.core.parts import Cause
 from executor.core.places import over_its_pad
 from executor.core.state import Absence
@@ -63,7 +64,7 @@ def judged(
         # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
         return replace(after, custody=replace(after.custody, cause=Cause.OURS))
     cause = cause_of(context, absences, before, after, now_s)
-    certain = cause is Cause.PERSON and _persons_still(context, before, after)
+    certain = cause is Cause.PERSON and (_persons_still(context, before, after) or by_person(context, after))
     left = old.custom_mode in after.orders.ordered_modes and beat.custom_mode not in after.orders.ordered_modes
     # An order that was followed, and left again, explains no later mode.
     return replace(
@@ -76,7 +77,7 @@ def judged(
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
     if vehicle.custody.cause is Cause.FAILSAFE and (
-        held_unseen(context, vehicle) or _holds_calmly(context, vehicle, now_s)
+        held_unseen(context, vehicle) or _holds_calmly(context, vehicle, now_s) or by_person(context, vehicle)
     ):
         return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.PERSON, certain=True))
     if vehicle.custody.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
@@ -102,8 +103,8 @@ CALM_S = 2.5
 def _holds_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it holds and its heartbeats know of nothing: a failsafe that acts makes them critical.
 
-    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody can
-    send, or a silence explains a hold for a moment only.
+    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody
+    can send, or a silence explains a hold for a moment only.
     """
     beat, beat_s = vehicle.telemetry.heartbeat, vehicle.link.heartbeat_s
     if (
@@ -151,7 +152,7 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return before.custody.cause  # a return ends in a landing
     if _ends_its_mission(context, vehicle, mode):
         return Cause.MISSION
-    if _persons_still(context, before, vehicle):
+    if _persons_still(context, before, vehicle) or by_person(context, vehicle):
         return Cause.PERSON
     if _explained(context, absences, vehicle, now_s):
         return Cause.FAILSAFE
@@ -171,6 +172,14 @@ def _persons_still(context: Scene, before: VehicleState, vehicle: VehicleState) 
     holds = beat.custom_mode == dialect.modes.hold.custom_mode
     # A failsafe holds before it returns, and never after.
     return holds and before.custody.cause is Cause.FAILSAFE and is_home_mode(dialect, old.custom_mode)
+
+
+def by_person(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether its pilot's switch was moved, or another station ordered its mode, when it changed.
+
+    That may be by chance: then a failsafe is left to a person who looks at it, and not the other way round.
+    """
+    return changed_by(context.vehicles[vehicle.name], vehicle).by in {Actor.PILOT, Actor.GROUND_STATION}
 
 
 def never_landed(context: Scene, vehicle: VehicleState) -> bool:

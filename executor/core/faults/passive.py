@@ -20,7 +20,7 @@ from executor.core.faults.watching import View, Watchpoint
 from executor.core.hearing.fold import fold
 from executor.core.messages import Actor, Heartbeat
 from executor.core.state import FleetState
-from executor.core.vehicle import WATCHED, Fault, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import WATCHED, Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 from missions.autopilots.modes import is_manual_mode, is_mission_mode, mode_name
 
 WARN_S = 1.5
@@ -266,7 +266,7 @@ _DOWN_REASONS = frozenset({"off-pad", "falling", "terminated", "crash"})
 def _group(point: Watchpoint) -> str:
     """Return of what the first reason stands: a battery, a mission that was left, a fall."""
     if point.kind is not FaultKind.INTERRUPTION:
-        return point.kind.value
+        return str(point.kind.value)
     return "down" if point.name in _DOWN_REASONS else "left"
 
 
@@ -292,6 +292,8 @@ def _judged(
     raised = list[Raised]()
     for point, why in judgement.raised:
         known = told.declared | {_group(one) for one, _ in raised}
+        if point.code is FaultCode.VOLTAGE_STEP and known & _STRUGGLES and not vehicle.power.volts.known_load:
+            continue  # what its motors draw to save it, nobody knows
         silent = point.kind is FaultKind.LINK  # each silence is a loss of its own
         if (silent and not alone) or (not silent and _group(point) not in known):
             raised.append((point, why))
@@ -305,6 +307,7 @@ def _judged(
     return vehicle, raised
 
 
+_STRUGGLES = frozenset({"left", "down"})
 LATE_S = 4.0
 """So long after it disarmed it may still say why."""
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executor.core import projection
-from executor.core.faults import streams
+from executor.core.faults import batteries, streams
 from executor.core.faults.batteries import BATTERY_SENSOR, LOW, pack_standing
-from executor.core.faults.watching import View
+from executor.core.faults.watching import Verdict, View
 from executor.core.places import where
 from executor.core.state import Told
 from executor.core.vehicle import FaultKind, Stage
@@ -92,6 +92,15 @@ def pack_doubtful(view: View) -> str:
     return f"its pack {found.words}" if found is not None and found.doubtful else ""
 
 
+def battery_besides(view: View) -> str:
+    """Its battery fails too, on its way home from another fault: the first reason stands, and this is said."""
+    fault = view.state.fault
+    if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
+        return ""
+    looks = (batteries.battery_failsafe, batteries.battery_critical, batteries.cells_weak)
+    return next((f"besides, {found.evidence}" for look in looks if (found := look(view)).verdict is Verdict.FAIL), "")
+
+
 def reserve_doubtful(view: View) -> str:
     """It may well land below the reserve."""
     leg = view.state.leg
@@ -136,6 +145,7 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
     Doubt("pack", FaultKind.BATTERY, pack_doubtful),
+    Doubt("battery-besides", FaultKind.BATTERY, battery_besides),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
     Doubt("stands", FaultKind.INTERRUPTION, hangs),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.hearing.own_words import acts
+from executor.core.own_words import acts
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 
 

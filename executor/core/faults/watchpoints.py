@@ -166,13 +166,22 @@ def _comes_down(view: View) -> bool:
     beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
     if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
         return False
-    if fix is None or before is None or fix.boot_s <= before.boot_s:
+    if fix is None or before is None or fix.boot_s <= before.boot_s or _loses_itself(view):
         return False
     lost_m = before.alt_rel_m - fix.alt_rel_m
     # It may have begun to fall at any time since the fix before.
     return lost_m > FALLEN * view.context.limits.fall_m_s * min(fix.boot_s - before.boot_s, 1.0)
 
 
+def _loses_itself(view: View) -> bool:
+    """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
+    return any(
+        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
+        for failed, said_s in view.state.evidence.failed
+    )
+
+
+LOST_ITSELF_S = 30.0
 FALLEN = 0.3
 
 
@@ -180,8 +189,8 @@ def position_jumped(view: View) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
-    if not view.setup.planned and not _on_mission(view):
-        return OK  # it is not flown by its position
+    if not view.setup.planned and (not _on_mission(view) or _loses_itself(view)):
+        return OK  # it is not flown by its position; or knows itself that it is elsewhere
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
     return OK

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from executor.core.hearing.own_words import failure_said
 from executor.core.messages import (
     CRITICAL,
     Heartbeat,
@@ -16,6 +15,7 @@ from executor.core.messages import (
     Setting,
     StatusText,
 )
+from executor.core.own_words import failure_said
 from executor.core.parts import Evidence, SwitchMoved
 
 MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})

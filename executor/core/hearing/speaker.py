@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.core.hearing.firmware import MULTICOPTERS, OTHERS
-from executor.core.messages import ComponentText, Heartbeat, Message, Radio, StationHeard, StatusText
+from executor.core.messages import ComponentText, Heartbeat, Message, OrderSeen, Radio, StationHeard, StatusText
 
 AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -36,6 +36,6 @@ def speaker_after(known: Speaker, component: int, beat: Heartbeat) -> Speaker:
 
 def heard_of(known: Speaker, component: int, message: Message) -> Message | None:
     """Return what is heard of a message: of other components only words, and what they say of the link."""
-    if component == known.component or isinstance(message, StationHeard | Radio):
+    if component == known.component or isinstance(message, StationHeard | Radio | OrderSeen):
         return message
     return ComponentText(component, message.severity, message.text) if isinstance(message, StatusText) else None

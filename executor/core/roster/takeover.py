@@ -9,8 +9,10 @@ from dataclasses import replace
 
 from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.context import Context
+from executor.core.custody.actors import changed_by
 from executor.core.custody.causes import held_unseen
 from executor.core.homing.homeward import on_mission
+from executor.core.messages import Actor
 from executor.core.parts import Cause, TakenOver
 from executor.core.places import over_its_pad, place_words
 from executor.core.roster.withdraw import withdrawn
@@ -52,11 +54,22 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         what = f"{vehicle.name}: carries another mission than ours ({vehicle.assignment.carried.words})"
         text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
-    text = f"{vehicle.name}: with its pilot, mode {mode}; not commanded from here{kept}"
+    text = f"{vehicle.name}: {_whose(context, vehicle, mode)}; not commanded from here{kept}"
     if held_unseen(context, vehicle):
         whose = f"mode {mode} set while there was no link, by its pilot or a failsafe"
         text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
+
+
+def _whose(context: Context, vehicle: VehicleState, mode: str) -> str:
+    """Return in words who has taken a vehicle, as far as anything says so."""
+    match changed_by(context.vehicles[vehicle.name], vehicle).by:
+        case Actor.PILOT:
+            return f"its pilot has switched it to {mode}"
+        case Actor.GROUND_STATION:
+            return f"another ground station has ordered it to {mode}"
+        case _:
+            return f"with its pilot, mode {mode}"
 
 
 def _unsolved(state: FleetState, name: str) -> Stepped:

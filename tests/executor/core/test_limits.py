@@ -62,7 +62,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "on_ground_s": 5.0,
             "pad_m": 6.0,
             "failsafe_hold_s": 15.0,
-            "mode_grace_s": 3.0,
         },
     ),
 ]

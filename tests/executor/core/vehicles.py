@@ -5,8 +5,8 @@ from __future__ import annotations
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
 from executor.core.battery.voltage import VoltageState
-from executor.core.hearing.own_words import failure_said
 from executor.core.messages import Heartbeat
+from executor.core.own_words import failure_said
 from executor.core.parts import Fix, OnBoard
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, vehicle

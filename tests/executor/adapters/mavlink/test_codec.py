@@ -31,9 +31,11 @@ from executor.core.messages import (
     MissionItemReceived,
     MissionReached,
     MissionRequest,
+    OrderSeen,
     Outgoing,
     ParamValue,
     Position,
+    RcChannels,
     SendCommand,
     SendHeartbeat,
     SendMissionAck,
@@ -315,6 +317,42 @@ def test_who_spoke_once_is_forgotten_before_who_speaks_still() -> None:
             texts.passed((7, 1))
     assert texts.take((7, 1), 4, parts[1], 9, 1) == [StatusText(4, "v" * 50 + "the end")]
     assert texts.speakers <= MOST_SPEAKERS
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        (mav.MAVLink_set_mode_message(7, 1, 6), OrderSeen(176, 6, 254, 7)),
+        (mav.MAVLink_command_long_message(7, 1, 176, 0, 1.0, 5.0, *[0.0] * 5), OrderSeen(176, 5, 254, 7)),
+        (mav.MAVLink_command_long_message(7, 1, 20, 0, *[0.0] * 7), OrderSeen(20, None, 254, 7)),
+        (mav.MAVLink_command_long_message(7, 1, 176, 0, 1.0, math.nan, *[0.0] * 5), OrderSeen(176, None, 254, 7)),
+        (mav.MAVLink_command_long_message(7, 1, 511, 0, *[0.0] * 7), None),
+    ],
+)
+def test_another_stations_order_for_a_mode(order: Any, expected: OrderSeen | None) -> None:
+    codec, other = Codec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    assert [received.message for received in codec.decode(bytes(order.pack(other)))] == [expected]
+
+
+def test_the_modes_of_px4_have_two_numbers() -> None:
+    codec, other = Codec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    codec.autopilots[7] = mav.MAV_AUTOPILOT_PX4
+    order = mav.MAVLink_command_long_message(7, 1, 176, 0, 1.0, 4.0, 5.0, *[0.0] * 4)
+    [received] = codec.decode(bytes(order.pack(other)))
+    assert received.message == OrderSeen(176, 5 << 24 | 4 << 16, 254, 7)
+
+
+def test_what_a_router_echoes_of_ours_is_no_other_stations_order() -> None:
+    codec, ours = Codec(), mav.MAVLink(None, srcSystem=255, srcComponent=190)
+    [received] = codec.decode(bytes(mav.MAVLink_set_mode_message(7, 1, 6).pack(ours)))
+    assert received.message is None
+
+
+def test_channels_of_the_transmitter() -> None:
+    codec, vehicle = Codec(), mav.MAVLink(None, srcSystem=7, srcComponent=1)
+    list(codec.decode(bytes(mav.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3).pack(vehicle))))
+    frame = mav.MAVLink_rc_channels_message(0, 3, 1500, 65535, 1430, *[0] * 15, 100)
+    assert [one.message for one in codec.decode(bytes(frame.pack(vehicle)))] == [RcChannels((1500, 0, 1430))]
 
 
 def test_a_ground_stations_heartbeat_names_it() -> None:

@@ -17,6 +17,7 @@ from executor.core.messages import (
     Heartbeat,
     Message,
     MissionCurrent,
+    OrderSeen,
     SendCommand,
     SendHeartbeat,
     StationHeard,
@@ -129,6 +130,15 @@ def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() ->
     link.send(SendHeartbeat())
     assert (heard, sent) == ([StationHeard(254, 190)], [])
     assert (link.counts.foreign, link.counts.received, link.component, behind.codec.autopilots) == (1, 0, 1, {})
+
+
+def test_another_stations_order_is_told_to_whom_it_is_for() -> None:
+    behind, heard = Behind(7, 8), (list[Message](), list[Message]())
+    for link, by_link in zip(behind.links, heard, strict=True):
+        link.listen(by_link.append)
+    station = mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    behind.feed(bytes(mav.MAVLink_set_mode_message(8, 1, 6).pack(station)))
+    assert heard == ([], [OrderSeen(176, 6, 254, 8)])
 
 
 def test_every_vehicle_on_a_port_hears_of_another_ground_station_there() -> None:

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from executor.core.custody import causes
-from executor.core.messages import Heartbeat
-from executor.core.parts import Cause
+from executor.core.messages import Heartbeat, OrderSeen
+from executor.core.parts import Cause, SwitchMoved
 from executor.core.state import Absence
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, vehicle, with_facts
 from tests.executor.core.steps import HOLD, LAND, TAKEN, Changes, beat, rounded
-from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, pack
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying, pack, says
 
 CONTEXT = FLEET.context
 PX4_FLEET = fleet_of(autopilot="px4")
@@ -70,6 +70,46 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for age_s in (120.0, 120.1)
         ],
         ["ours", "person"],
+    ),
+    (
+        "a return that its pilot's switch explains better than a text, and one that another station ordered",
+        lambda: [
+            caused(RTL, flying(**says("Radio Failsafe")), **given)
+            for given in (
+                {},
+                {"switched": (SwitchMoved(5, 1430, 1682, NOW_S - 1.5, NOW_S - 1.0),)},
+                {"switched": (SwitchMoved(5, 1430, 1682, NOW_S - 9.5, NOW_S - 9.0),)},
+                {"others_orders": ((OrderSeen(176, RTL, 254), NOW_S - 1.0),)},
+                {"others_orders": ((OrderSeen(176, AUTO, 254), NOW_S - 1.0),)},
+            )
+        ],
+        ["failsafe", "person, for certain", "failsafe", "person, for certain", "failsafe"],
+    ),
+    (
+        "an order of ours is ours, whoever else gave it",
+        lambda: caused(
+            RTL,
+            flying(ordered_modes=frozenset({RTL}), ordered_mode_s=NOW_S - 1.0),
+            others_orders=((OrderSeen(176, RTL, 254), NOW_S - 1.0),),
+        ),
+        "ours",
+    ),
+    (
+        "a switch that is heard of after the mode that it chose",
+        lambda: (
+            causes.looked_at_again(
+                CONTEXT,
+                (),
+                flying(
+                    heartbeat=beat(RTL),
+                    mode_since_s=NOW_S - 1.0,
+                    cause=Cause.FAILSAFE,
+                    switched=(SwitchMoved(5, 1430, 1682, NOW_S - 1.5, NOW_S),),
+                ),
+                NOW_S,
+            ).custody.cause
+        ),
+        Cause.PERSON,
     ),
     (
         "its mission's mode",

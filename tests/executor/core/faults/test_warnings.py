@@ -12,7 +12,7 @@ from executor.core.faults.watching import View
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
 from executor.core.state import Told
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, pack
 
 GOOD = Radio(120, 110, 40, 40, 90)
@@ -26,6 +26,7 @@ def lossy(*lost: int, of: int = 20) -> LinkQuality:
     return state
 
 
+FALLS = Fault(FaultKind.INTERRUPTION, "falls", NOW_S - 9.0, FaultCode.FALLING)
 ROWS: list[tuple[str, VehicleState]] = [
     ("silent", flying(heard_s=NOW_S - 4.0)),
     ("heartbeat", flying(heartbeat_s=NOW_S - 4.0)),
@@ -36,6 +37,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("radio", flying(quality=link_quality.heard_radio(LinkQuality(), Radio(45, 110, 40, 40, 90), NOW_S))),
     ("battery-silent", flying(battery=pack(90.0, 90.0, age_s=9.0))),
     ("battery-low", flying(battery=pack(20.0, charge_state=2))),
+    ("battery-besides", flying(stage=Stage.RETURNING, fault=FALLS, battery=pack(20.0, charge_state=3))),
     ("reserve", flying(battery=pack(18.0, 18.0))),
     ("position", flying(jump=(33.0, NOW_S))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),

@@ -12,13 +12,14 @@ from executor.core.faults.watching import View
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Radio
 from executor.core.state import Told
-from executor.core.vehicle import Stage
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.looks import CONTEXT, PLANNED, warn
-from tests.executor.core.steps import HOMEWARD, rounded
-from tests.executor.core.vehicles import DISARMED, NOW_S, at, flying, pack
+from tests.executor.core.steps import HOMEWARD, beat, rounded
+from tests.executor.core.vehicles import DISARMED, NOW_S, at, flying, pack, says
 
 UNPLANNED = replace(PLANNED, planned=False)
 
+FALLS = Fault(FaultKind.INTERRUPTION, "falls", NOW_S - 9.0, FaultCode.FALLING)
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what is missing while others come",
@@ -49,6 +50,32 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "no battery report for 7 s, while other messages come",
             "",
             "no message for 3.0 s",
+            "",
+        ],
+    ),
+    (
+        "a battery that fails besides",
+        lambda: (
+            [
+                warn("battery-besides", flying(stage=Stage.RETURNING, fault=fault, **given))
+                for fault in (None, replace(FALLS, kind=FaultKind.BATTERY), FALLS)
+                for given in (says("Battery Failsafe", heartbeat=beat(status=5)),)
+            ]
+            + [
+                warn("battery-besides", flying(stage=Stage.RETURNING, fault=FALLS, **given))
+                for given in (
+                    {"battery": pack(20.0, charge_state=3)},
+                    {"battery": pack(20.0, charge_state=2)},
+                    {"battery": pack(20.0, charge_state=3), "heartbeat": beat(armed=False)},
+                )
+            ]
+        ),
+        [
+            "",
+            "",
+            "besides, it says: Battery Failsafe",
+            "besides, the autopilot reports its battery critical",
+            "",
             "",
         ],
     ),

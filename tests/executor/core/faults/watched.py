@@ -17,11 +17,11 @@ from tests.executor.core.vehicles import NOW_S, flying
 
 def watched(*vehicles: VehicleState, **given: Any) -> Watched:
     """Return vehicles that are watched, whose modes were told."""
-    known = {name: given.pop(name) for name in ("open", "warned_s", "told") if name in given}
+    known: dict[str, Any] = {name: given.pop(name) for name in ("open", "warned_s", "told") if name in given}
     state = flight_of(*vehicles, **given)
     there = {one.name: one for one in vehicles}
     told = {one.name: Remembered(mode_s=one.telemetry.mode_since_s) for one in vehicles}
-    return replace(Watched(replace(state, vehicles=there)), **({"told": told} | known))
+    return replace(Watched(replace(state, vehicles=there)), **{"told": told, **known})
 
 
 def seen(before: Watched, of: tuple[Watched, tuple[Finding, ...]]) -> tuple[object, ...]:

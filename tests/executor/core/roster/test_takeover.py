@@ -7,7 +7,7 @@ import pytest
 from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
 from executor.core.events import Heard, ReturnAllOrdered, ReturnEnded
 from executor.core.intents import Action, Outcome
-from executor.core.messages import StatusText
+from executor.core.messages import OrderSeen, RcChannels, StatusText
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.stories import EVERYTHING, under_way
@@ -49,6 +49,28 @@ def test_a_vehicle_that_its_pilot_has_is_never_commanded(autopilot: str) -> None
     assert flight.stage("uav2") is Stage.PILOT
     assert flight.vehicle("uav2").fault is None
     assert set(flight.state.coverage.inspected) == EVERYTHING, "the others have its segments"
+
+
+@pytest.mark.parametrize(
+    ("evidence", "words"),
+    [
+        ((RcChannels((1500, 1500, 1600, 1500, 1430)), RcChannels((1500, 1500, 1600, 1500, 1326))),
+         "uav2: its pilot has switched it to LOITER; not commanded from here"),
+        ((OrderSeen(176, 5, 254),), "uav2: another ground station has ordered it to LOITER; not commanded from here"),
+    ],
+)  # fmt: skip
+def test_who_has_taken_it_is_said_where_anything_says_so(
+    evidence: tuple[RcChannels | OrderSeen, ...], words: str
+) -> None:
+    flight = under_way()
+    for message in evidence:
+        flight.happen(Heard("uav2", message))
+    flight.crafts["uav2"].mode = LOITER["ardupilot"]
+    at_s = flight.now_s
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    assert flight.said(Level.FAULT)[0].startswith(words)
+    flight.pass_s(300.0)
+    assert told(flight, "uav2", at_s) == []
 
 
 def test_its_segments_are_kept_for_a_while() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.hearing.own_words import acts, failure_said
+from executor.core.own_words import acts, failure_said
 
 SAID = {
     # ArduPilot 3.3 to 4.7

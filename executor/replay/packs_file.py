@@ -106,7 +106,8 @@ def _short(value: float | None, digits: int = 3) -> float | None:
 def pack_lines(document: PacksDocument) -> Iterable[str]:
     """Yield a table of flights by vehicle and pack, for people."""
     yield (
-        f"{'vehicle':<10} {'pack':>4} {'log':<28} {'min':>5} {'cells':>5} {'rest V':>6} {'end V':>6} {'reported %':>11} "
+        f"{'vehicle':<10} {'pack':>4} {'log':<28} {'min':>5} {'cells':>5} {'rest V':>6} {'end V':>6} "
+        f"{'reported %':>11} "
         f"{'sag V':>6} {'mOhm':>11} {'used Ah':>7} {'set Ah':>6} {'by voltage Ah':>13}"
     )
     for one in document.flights:
