@@ -50,7 +50,7 @@ class Charge:
 def counted_from(charge: Charge, consumed_ah: float, reported_pct: float, modelled_pct: float, now_s: float) -> Charge:
     """Return a counter that is read from here on; whether the percentage follows it is a matter of the vehicle."""
     return Charge(
-        consumed_ah, now_s, modelled_pct, consumed_ah, reported_pct, began_s=now_s, set_ah=charge.set_ah,
+        consumed_ah, now_s, modelled_pct, consumed_ah, reported_pct, charge.set_ah, now_s, charge.set_ah,
         mark=(reported_pct, consumed_ah), follows=charge.follows,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from executor.core.vehicle import VehicleState
 
 FULL_PCT = 100.0
 """Its stop: PX4 says no more of a pack that its voltage puts above."""
-SETTLES_S = 40.0
+SETTLES_S = 25.0
 """What PX4 reads off the voltage sinks with the take-off's load, and comes to rest in this time."""
 
 
