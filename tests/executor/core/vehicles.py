@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
+from executor.core.battery.pack import Pack
+from executor.core.battery.sag import Sag
 from executor.core.battery.voltage import VoltageState
 from executor.core.messages import Heartbeat
 from executor.core.own_words import failure_said
@@ -46,6 +48,11 @@ def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **
         "dropped_s": NOW_S - age_s if drop > LIMITS.voltage_step / 2 else None,
     }
     return VoltageState(**(told | changes))  # type: ignore[arg-type]
+
+
+def nearly_empty() -> Pack:
+    """Return a pack whose four cells rest at 3.65 V under their load."""
+    return Pack(sag=Sag(14.5, 0.02, 1e-4, 0.0, 1e-6, NOW_S, 20.0), loaded_s=NOW_S)
 
 
 def flying(**changes: object) -> VehicleState:

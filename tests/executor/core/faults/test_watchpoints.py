@@ -28,6 +28,7 @@ from tests.executor.core.vehicles import (
     SETUP,
     at,
     flying,
+    nearly_empty,
     pack,
     says,
     volts,
@@ -128,6 +129,13 @@ ROWS = [
         hangs=flying(battery=falling_pack(11)),
     ),
     Row(
+        "pack",
+        flying(battery=pack(62.0, 62.0), pack=nearly_empty()),
+        "its pack rests at 3.65 V a cell, about 8 %, and reports 62 %",
+        unknown=flying(battery=pack(62.0, 62.0), pack=nearly_empty(), volts=volts(age_s=7.5)),
+        hangs=flying(battery=pack(50.0, 50.0), pack=nearly_empty()),
+    ),
+    Row(
         "reserve",
         flying(battery=pack(14.0, 14.0)),
         "would land with 9 % of its battery, give or take 1.7, reserve 15 %: below it by 100 % probability",
@@ -207,7 +215,7 @@ def off_pad(state: VehicleState) -> Finding:
 
 WAITS_S = {
     "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
-    "battery-plunge": 0.4, "battery-drain": 2.5, "reserve": 5.0, "mode": 1.0,
+    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 15.0, "reserve": 5.0, "mode": 1.0,
 }  # fmt: skip
 
 

@@ -126,6 +126,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "WPNAV_SPEED_DN",
                 "LAND_SPEED",
                 "LAND_ALT_LOW",
+                "MOT_BAT_VOLT_MAX",
             ),
             (
                 "NAV_DLL_ACT",
@@ -143,6 +144,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "MPC_Z_V_AUTO_DN",
                 "MPC_Z_VEL_MAX_DN",
                 "MPC_TKO_SPEED",
+                "BAT1_CAPACITY",
+                "BAT1_N_CELLS",
             ),
         ],
     ),
