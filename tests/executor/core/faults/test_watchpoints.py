@@ -133,7 +133,6 @@ ROWS = [
         flying(battery=pack(62.0, 62.0), pack=nearly_empty()),
         "its pack rests at 3.65 V a cell, about 8 %, and reports 62 %",
         unknown=flying(battery=pack(62.0, 62.0), pack=nearly_empty(), volts=volts(age_s=7.5)),
-        hangs=flying(battery=pack(50.0, 50.0), pack=nearly_empty()),
     ),
     Row(
         "reserve",
@@ -215,7 +214,7 @@ def off_pad(state: VehicleState) -> Finding:
 
 WAITS_S = {
     "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
-    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 15.0, "reserve": 5.0, "mode": 1.0,
+    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 8.0, "reserve": 5.0, "mode": 1.0,
 }  # fmt: skip
 
 
