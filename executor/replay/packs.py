@@ -123,6 +123,8 @@ class PackBook:
 
     def _used_ah(self, vehicle: VehicleState, facts: PackFacts, pct: float) -> float | None:
         counter, began_pct = vehicle.power.battery.charge.consumed_ah, self._counted[1]
+        if counter is not None and self._counted[0] is None:
+            self._counted = (vehicle.power.battery.charge.began_ah, began_pct)
         if counter is not None and self._counted[0] is not None and counter > self._counted[0]:
             return counter - self._counted[0]
         return None if facts.capacity_ah is None else max(0.0, began_pct - pct) / 100.0 * facts.capacity_ah

@@ -63,8 +63,8 @@ def test_a_pack_of_another_size_than_the_plans() -> None:
     assert found[0] == (
         Severity.WARNING,
         (
-            "it counts by a pack of 3.3 Ah, the plan by 5 Ah ([energy] capacity_ah): its percentage will fall 1.5 times "
-            "as fast as planned"
+            "it counts by a pack of 3.3 Ah, the plan by 5 Ah ([energy] capacity_ah): its percentage will fall 1.5 "
+            "times as fast as planned"
         ),
     )
     assert len(said(replace(SOUND, parameters={"BATT_CAPACITY": 5100.0}))) == 1
