@@ -21,6 +21,7 @@ from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import is_log_by_content, open_log
+from executor.replay.packs_file import PacksDocument, pack_lines, packs_of, read_packs
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 from executor.replay.run import Comparison, rerun
 from executor.site.config import read_site
@@ -53,6 +54,10 @@ def replay_logs(
     tune: Annotated[
         bool, typer.Option("--tune", help="Sweep the thresholds over logs with ground-truth files beside them.")
     ] = False,
+    packs: Annotated[
+        Path | None,
+        typer.Option("--packs", metavar="FILE", help="Add what flights say of their packs to this packs.json."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run recorded flights through the fault detection of a live flight: what it declares, when and why.
@@ -72,14 +77,27 @@ def replay_logs(
     done = [_replayed(path, rules) if len(paths) == 1 else _replayed_or_named(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
+    known = None if packs is None else _packs(done, packs)
     if as_json:
         print(json.dumps(replay_document(done)))
     else:
         for one in done:
             _print(one)
+        for line in () if known is None else pack_lines(known):
+            print(line)
     nothing = all(not one.replay.vehicles for one in done)
     if nothing or any(one.comparison is not None and not one.comparison.same for one in done):
         raise typer.Exit(1)
+
+
+def _packs(done: Sequence[_Done], path: Path) -> PacksDocument:
+    """Add what the flights say of their packs to a file, and return all that stands in it."""
+    known = packs_of((one.replay for one in done), read_packs(path) if path.exists() else None)
+    try:
+        known.write(path)
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+    return known
 
 
 def _logs_in(path: Path) -> list[Path]:

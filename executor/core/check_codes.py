@@ -36,6 +36,8 @@ class CheckCode(StrEnum):
     """Whether the flight fits into its geofence."""
     ENERGY = "energy"
     """Whether the battery suffices for the flight."""
+    PACK = "pack"
+    """Whether its pack is the planned one, and holds what it reports, by its voltage at rest."""
     RTL_ALTITUDE = "rtl_altitude"
     """The RTL altitude after the parameters are set."""
     PARAMETER_CHANGE = "parameter_change"

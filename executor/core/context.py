@@ -10,6 +10,7 @@ from functools import cache
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
+from executor.core.battery.resting import NO_FACTS, PackFacts
 from executor.core.learning import UNKNOWN, Learned
 from executor.core.limits import Limits
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
@@ -47,6 +48,8 @@ class VehicleSetup:
     """Whether its plan is known: without one neither where it lands nor how long it stays somewhere says anything."""
     prior: Prior = NO_PRIOR
     """What is believed of its consumption, relative to the energy model, before it has used anything."""
+    pack: PackFacts = NO_FACTS
+    """What the site file says of its pack."""
     start: Learned = UNKNOWN
     """What is known of its pace, relative to its model, before it has flown anything."""
 

@@ -77,6 +77,7 @@ class SystemStatus:
     """MAV_SYS_STATUS_SENSOR bits of what is enabled but not healthy."""
     prearm_ok: bool | None
     """MAV_SYS_STATUS_PREARM_CHECK, None where the vehicle does not report it."""
+    current_a: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

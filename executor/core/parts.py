@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.core.battery.account import BatteryState
+from executor.core.battery.pack import Pack
 from executor.core.battery.roundings import Roundings
 from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
@@ -258,6 +259,10 @@ class Power:
     volts: VoltageState = field(default_factory=VoltageState)
     battery_faults: int = 0
     """MAV_BATTERY_FAULT bits of its last report."""
+    pack: Pack = field(default_factory=Pack)
+    """What its voltage and its parameters say of the pack."""
+    told_s: float = float("-inf")
+    """When BATTERY_STATUS came last: SYS_STATUS says less, and in another way."""
     began_pct: float | None = None
     """What its battery held at its last start."""
 

@@ -108,6 +108,8 @@ class FaultCode(StrEnum):
     """Far more is used than is usual."""
     BATTERY_DRIFT = "battery_drift"
     """More is used than is usual, for a while."""
+    PACK_SHORT = "pack_short"
+    """By its resting voltage its pack holds much less than it reports."""
     BATTERY_LOW = "battery_low"
     """It would land below its reserve."""
     DISARMED = "disarmed"

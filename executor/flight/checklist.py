@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from executor.core.context import Context
 from executor.core.parts import OnBoard
-from executor.core.preflight import checks, heights
+from executor.core.preflight import checks, heights, packs
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import LinkFailsafe
 from executor.site.config import Site
@@ -52,6 +52,7 @@ def checklist(
         found += checks.stations(fact, setup.dialect)
         found += checks.battery_failsafes(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
         found += checks.fence(context, fact, path)
+        found += packs.checks(context, fact)
         found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
     return found + plan_checks(plan, len(context.setup.network.segments))

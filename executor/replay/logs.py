@@ -13,11 +13,13 @@ from pathlib import Path
 from executor.core import projection
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
+from executor.core.battery.resting import NO_FACTS
 from executor.core.context import Scene, VehicleSetup, draws_pct_s
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.link_loss import SLEPT_S
 from executor.core.faults.passive import Declared, Degraded, Finding, Moded
+from executor.core.hearing.charge import facts_of
 from executor.core.hearing.firmware import autopilot_words, vehicle_words
 from executor.core.limits import Limits
 from executor.core.messages import (
@@ -34,6 +36,7 @@ from executor.core.messages import (
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
 from executor.replay.flights import FlightBook
+from executor.replay.packs import PackBook
 from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
 from executor.site import assembly
 from executor.site.config import Site
@@ -122,6 +125,7 @@ class _Player:
         self._shifts: list[tuple[float, int]] = []
         self._findings: list[Finding] = []
         self._traces: dict[str, Trace] = {}
+        self._books: dict[str, PackBook] = {}
         self._flown: dict[str, float] = {}
         self._flights: dict[str, FlightBook] = {}
         self._framed = False
@@ -205,6 +209,7 @@ class _Player:
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
             calm = calm and _is_calm(vehicle, at_s)
+            self._books[name].look(vehicle, facts_of(self._scene, vehicle), at_s)
             self._flights[name].look(vehicle)
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
@@ -307,6 +312,7 @@ class _Player:
         self._state = passive.with_vehicle(self._state, setup.name)
         self._names[system] = setup.name
         self._traces[setup.name] = Trace()
+        self._books[setup.name] = PackBook()
         self._flights[setup.name] = FlightBook()
         return setup.name
 
@@ -347,6 +353,7 @@ class _Player:
             degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
             flown_s=self._flown.get(name, 0.0),
             samples=tuple(self._traces[name].samples),
+            packs=self._books[name].closed(),
             modes=tuple(
                 ModeSeen(self._usec(one.at_s), one.mode, one.by, one.why) for one in mine if isinstance(one, Moded)
             ),
@@ -402,6 +409,7 @@ def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool)
         pad_m=(0.0, 0.0),
         planned=False,
         prior=ANY_DRONE if site is None else NO_PRIOR,
+        pack=NO_FACTS if site is None else assembly.pack_of(site),
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from executor.core.messages import Actor
 from executor.core.recording import Skipped
 from executor.core.vehicle import FaultKind
+from executor.replay.packs import PackFlight
 
 TRACE_S = 3.0
 MOST_SAMPLES = 4000
@@ -92,6 +93,8 @@ class VehicleReplay:
     """Armed."""
     samples: tuple[ReplaySample, ...]
     modes: tuple[ModeSeen, ...] = ()
+    packs: tuple[PackFlight, ...] = ()
+    """What each flight says of its pack."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,7 @@ class _Heard:
     heartbeat: Heartbeat | None = None
     position: Position | None = None
     remaining_pct: float | None = None
+    battery: Battery | None = None
     status: SystemStatus | None = None
     version: Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
@@ -60,8 +61,9 @@ class _Heard:
                 self.heartbeat = message
             case Position():
                 self.position = message
-            case Battery(remaining_pct=remaining) if remaining is not None:
-                self.remaining_pct = remaining
+            case Battery(remaining_pct=remaining):
+                self.remaining_pct = self.remaining_pct if remaining is None else remaining
+                self.battery = message
             case SystemStatus():
                 self.status = message
             case Version():
@@ -88,6 +90,13 @@ class _Heard:
         if self.remaining_pct is not None:
             return self.remaining_pct
         return None if self.status is None else self.status.remaining_pct
+
+    @property
+    def voltage_v(self) -> float | None:
+        """Of its pack, by the better of the two messages."""
+        if self.battery is not None and self.battery.voltage_v is not None:
+            return self.battery.voltage_v
+        return None if self.status is None else self.status.voltage_v
 
     @property
     def unarmable(self) -> bool:
@@ -179,6 +188,8 @@ async def interview(
         parameters,
         tuple(sorted(stations, key=lambda station: (station.system, station.component))),
         tuple(one for one in heard.strangers if isinstance(one, DoubleHeard)),
+        heard.voltage_v,
+        None if heard.battery is None else len(heard.battery.cells_v) or None,
     )
 
 

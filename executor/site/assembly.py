@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.core.battery.account import NO_PRIOR
+from executor.core.battery.resting import PackFacts
 from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.learning import UNKNOWN, Known
 from executor.core.limits import Limits
@@ -132,8 +133,13 @@ def inspection_of(site: Site, network: Network) -> Inspection:
 
 def drone_of(site: Site) -> Drone:
     """Return the multicopter: the preset with what the site file changes."""
-    changes = site.energy.model_dump(exclude={"drone"}, exclude_none=True)
+    changes = site.energy.model_dump(exclude={"drone", "chemistry"}, exclude_none=True)
     return replace(PRESETS[site.energy.drone], **changes)
+
+
+def pack_of(site: Site) -> PackFacts:
+    """Return what the site file says of the packs: the cells of a preset are not said, they are a guess."""
+    return PackFacts(cells=site.energy.cells, chemistry=site.energy.chemistry)
 
 
 def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
@@ -255,6 +261,7 @@ def context_of(
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
             prior=NO_PRIOR if known is None else known.prior,
             start=UNKNOWN if known is None else known.start,
+            pack=pack_of(site),
         )
     return Context(
         frame=setup.frame,

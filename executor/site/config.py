@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
+from executor.core.battery.resting import Chemistry
 from executor.core.connection import Connection, parse_connection
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
@@ -106,6 +107,8 @@ class EnergyTable(_Table):
     """Battery cells in series."""
     capacity_ah: Annotated[float, Field(ge=0.01, le=1e6)] | None = None
     """Capacity of the battery."""
+    chemistry: Chemistry | None = None
+    """lipo or li-ion: what a resting voltage means. Where it is not set, what both agree about."""
     area_m2: Annotated[float, Field(ge=1e-4, le=100)] | None = None
     """Area of the vehicle seen from above."""
     efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None

@@ -105,6 +105,7 @@ ARDUPILOT = Dialect(
     low_battery_acts=True,  # events.cpp up to 3.5: the text of the failsafe itself
     rounds_twice=False,
     percent_middle=0.5,  # AP_BattMonitor.cpp: cut off to an integer
+    pack_parameters=("BATT_CAPACITY", "MOT_BAT_VOLT_MAX"),
     own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
     set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
     # Measured: a change of mode brings WPNAV_SPEED back.

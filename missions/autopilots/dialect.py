@@ -140,6 +140,8 @@ class Dialect:
     """Whether BATTERY_STATUS rounds the percentage, and SYS_STATUS rounds it up."""
     percent_middle: float
     """How far above a reported whole percent the middle of what it stands for lies: 0 rounded, 0.5 cut off."""
+    pack_parameters: tuple[str, ...]
+    """Which say what pack it has: the capacity that it counts by, its cells."""
     own_streams_hz: Mapping[int, float]
     """Messages that only this autopilot has, and how often they are asked for."""
     set_current: SetCurrent

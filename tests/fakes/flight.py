@@ -208,7 +208,7 @@ class Craft:
 
     def battery(self) -> Battery:
         """What it says of its battery, in whole percents as autopilots do."""
-        return Battery(0, float(round(self.battery_pct)), 16.0, None, None, 1, 0)
+        return Battery(0, float(round(self.battery_pct)), 16.6, None, None, 1, 0)
 
     def current(self) -> MissionCurrent:
         """The item that it flies to."""

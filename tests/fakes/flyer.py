@@ -47,7 +47,7 @@ class Flyer(FakeAutopilot):
             self._fly()
             said += [self._position(), MissionCurrent(self.index, None)]
             if self._fly_s == math.floor(self._fly_s):
-                said.append(Battery(0, float(round(self.percent)), 16.0, None, None, 1, 0))
+                said.append(Battery(0, float(round(self.percent)), 16.6, None, None, 1, 0))
         return said
 
     def change_mode(self, mode: ModeNumber) -> None:

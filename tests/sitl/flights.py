@@ -69,6 +69,8 @@ class Story:
     """More of the site file's table of that name."""
     at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
     """When it happens."""
+    pack_ah: float | None = None
+    """What ArduPilot's packs really hold."""
     loses: str = ""
     """Who falls silent for good as soon as uav2 inspects its second segment."""
 
@@ -171,7 +173,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     order.run.mkdir()
     keep(order)
     pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
-    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed))
+    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.pack_ah)
     console = WatchfulConsole(story)
     with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
         if story.signed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -40,6 +41,8 @@ PX4_ENVIRONMENT = {
     # Its battery drains linearly in time: this many seconds from full to empty.
     "PX4_PARAM_SIM_BAT_DRAIN": "3000",
 }
+MODEL = "model.json"
+"""Of a simulated frame, beside its binary's other files: ArduPilot reads no absolute paths."""
 RELAYED = 1000
 """How far above its own port a vehicle with a relay is heard."""
 START_REAL_S = 60.0
@@ -132,6 +135,8 @@ class Wanted:
     """Parameters of all of them."""
     relayed: frozenset[str]
     """Whose link can be cut: they are heard `RELAYED` above their own port."""
+    pack_ah: float | None = None
+    """What ArduPilot's packs really hold; by default their voltage stays that of full ones."""
 
 
 @contextmanager
@@ -166,8 +171,13 @@ def _copter(
         "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings}.items())
     )
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
+    model = "quad"
+    if wanted.pack_ah is not None:
+        folder.mkdir()
+        (folder / MODEL).write_text(json.dumps({"battCapacityAh": wanted.pack_ah, "maxVoltage": 12.6}))
+        model = f"quad:{MODEL}"
     command = [
-        binary, "-I", str(number), "--model", "quad", "--speedup", f"{wanted.speedup:g}",
+        binary, "-I", str(number), "--model", model, "--speedup", f"{wanted.speedup:g}",
         "--home", f"{lat_deg:.7f},{lon_deg:.7f},{pad.alt_m},0", "--sysid", str(number + 1),
         "--serial0", f"udpclient:127.0.0.1:{ARDUPILOT.port + number}", "--defaults", str(parameters),
     ]  # fmt: skip
@@ -185,7 +195,7 @@ def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> tu
 
 
 def _start(command: list[str], folder: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     with (folder / "out.txt").open("wb") as output:
         return subprocess.Popen(
             command,

@@ -359,6 +359,7 @@ def _system_status(frame: Any) -> SystemStatus:  # noqa: ANN401
         voltage_v=None if frame.voltage_battery in {0, 65535} else frame.voltage_battery / 1e3,
         unhealthy=enabled & ~healthy,
         prearm_ok=bool(healthy & PREARM_CHECK) if present else None,
+        current_a=None if frame.current_battery == -1 else max(0.0, frame.current_battery / 100),
     )
 
 

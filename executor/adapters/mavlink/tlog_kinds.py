@@ -89,6 +89,7 @@ def _system_status(*fields: int) -> SystemStatus:
         voltage_v=None if voltage in {0, 65535} else voltage / 1e3,
         unhealthy=enabled & ~healthy,
         prearm_ok=bool(healthy & PREARM_CHECK) if present & PREARM_CHECK else None,
+        current_a=None if fields[5] == -1 else max(0.0, fields[5] / 100),
     )
 
 

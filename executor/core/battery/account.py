@@ -10,35 +10,41 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery import kalman
+from executor.core.battery.counter import (
+    CALM_PCT,
+    WHOLE_PCT,
+    Charge,
+    counted_from,
+    counted_pct,
+    set_against,
+    with_end,
+)
 from executor.core.battery.cusum import Drift, with_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
 from executor.core.limits import Limits
 
 FACTOR_RANGE = (0.7, 2.0)
 """A factor outside is no factor but a fault, which the watchpoints find."""
+LEAST_FACTOR = FACTOR_RANGE[0]
+"""No multicopter flies on less: what is usual is not less either, whatever a percentage says that stands still."""
+STILL_PCT = 2.0
+"""A percentage that has not moved where at least so much was used stands still: it is at its stop, or estimated."""
 HISTORY_S = 30.0
 UNSURE_SD = 2.0
 """Standard deviations of the factor that count as slack: a factor that is not known yet accuses nobody."""
+STRANGE_SD = 0.3
+"""A factor that is less sure than this is that of a vehicle that nobody knows, and slack over minutes as well."""
 COUNTED = 0.75
 """Share of the slack where charge is counted: there is no rounding in it, only climbs and wind."""
-CALM_PCT = 0.5
 USUAL_S = 150.0
 """What is usual follows in this time: wind may turn, a fault is found before. In the first minutes it is faster."""
 FIRST_S = 5.0
 ROUGH_S = 300.0
 """In this time it is forgotten that a percentage wavered."""
-AGREES_PCT = 1.5
-"""Two roundings and a little."""
 GAP_S = 10.0
 """After a longer silence nobody knows how it flew."""
 BLIND_PCT = 1.5
 """PX4 without a current sensor: its percentage is off by some percent, and slowly so."""
-CAPACITY_PCT = 3.0
-"""So far apart two ends of percents must be before charge can be set against them: each is known to a report."""
-END_S = 5.0
-"""Between two reports of which the second is one percent less: later nobody knows when the percent ended."""
-
-WHOLE_PCT = 1.0
 FULL_PCT = 100.0
 
 NO_PRIOR = Prior()
@@ -53,31 +59,6 @@ class BatterySample:
     remaining_pct: float
     modelled_pct: float
     """What the model says was used since the first report."""
-
-
-@dataclass(frozen=True, slots=True)
-class PercentEnd:
-    """The moment at which a whole percent went over into the next: then it is known exactly what remains."""
-
-    remaining_pct: float
-    consumed_ah: float
-
-
-@dataclass(frozen=True, slots=True)
-class Charge:
-    """The counter of consumed charge, where there is one."""
-
-    consumed_ah: float | None = None
-    at_s: float = 0.0
-    modelled_pct: float = 0.0
-    began_ah: float = 0.0
-    """What it said when it was first heard."""
-    first: PercentEnd | None = None
-    """The first end of a percent that fits the counter."""
-    last: PercentEnd | None = None
-    capacity_ah: float | None = None
-    """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
-    drift: Drift = field(default_factory=Drift)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +93,12 @@ class BatteryState:
     slow: Drift = field(default_factory=Drift)
     """Of the percentage against `usual_long`: mild drains show only over minutes."""
     charge: Charge = field(default_factory=Charge)
+    still_pct: float = 0.0
+    """At least so much was used since the percentage moved last."""
+    stood: bool = False
+    """Whether it stood still where it should have fallen."""
+    anew_s: float = float("-inf")
+    """When the account began, or began anew."""
 
     @property
     def used_pct(self) -> float:
@@ -157,25 +144,23 @@ def with_remaining(
             estimate=kalman.first_estimate(stands_for_pct, prior),
             usual=prior.factor,
             usual_long=prior.factor,
+            anew_s=now_s,
         )
     modelled = state.modelled_pct - state.history[-1].modelled_pct
     elapsed_s = max(0.0, now_s - state.reported_s)
     used = state.remaining_pct - remaining_pct
     fades = max(0.0, 1.0 - elapsed_s / ROUGH_S)
     roughness = max(state.roughness_pct * fades, -used)
+    moved = remaining_pct != state.remaining_pct
+    still_pct = 0.0 if moved else state.still_pct + LEAST_FACTOR * modelled
+    if still_pct >= STILL_PCT or (moved and state.still_pct >= STILL_PCT):
+        # Where it stood nothing can be said of what was used, and where it moves at last only from there on.
+        anew = begun_anew(state, remaining_pct, charge_state, now_s, prior, middle_pct)
+        return replace(anew, stood=True, still_pct=still_pct)
     ahead = kalman.flown(state.estimate, modelled, elapsed_s)
     modelled = max(modelled, _unseen_pct(state, elapsed_s))
-    expected = _usual(state) * modelled
-    slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
-    drift = with_usage(
-        state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
-        memory_s=limits.battery_window_s,
-    )  # fmt: skip
-    slow = with_usage(
-        state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
-        elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
-    )  # fmt: skip
-    charge = _with_end(state, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s)
+    drift, slow = _drifts(state, used, modelled, elapsed_s, now_s, limits)
+    charge = with_end(state.charge, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s, now_s)
     estimate, charge = _taken(state, charge, ahead, stands_for_pct, elapsed_s, roughness)
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
@@ -195,8 +180,29 @@ def with_remaining(
         drift=drift,
         usual_long=_followed_long(state, estimate, elapsed_s, now_s),
         slow=slow,
-        charge=charge,
+        charge=set_against(charge, remaining_pct, rose_pct=-used),
+        still_pct=still_pct,
     )
+
+
+def _drifts(
+    state: BatteryState, used: float, modelled: float, elapsed_s: float, now_s: float, limits: Limits
+) -> tuple[Drift, Drift]:
+    """Return what was used beyond the usual, and beyond the usual of minutes, after a stretch."""
+    known = state.estimate or kalman.first_estimate(0.0, NO_PRIOR)
+    expected = _usual(state) * modelled
+    slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
+    drift = with_usage(
+        state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
+        memory_s=limits.battery_window_s,
+    )  # fmt: skip
+    unsure = UNSURE_SD * max(0.0, known.factor_sd - STRANGE_SD)  # of a vehicle that nobody knows
+    slow = with_usage(
+        state.slow, used, state.usual_long * modelled,
+        slack_pct=(limits.slow_slack * state.usual_long + unsure) * modelled,
+        elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
+    )  # fmt: skip
+    return drift, slow
 
 
 def with_consumed(
@@ -207,7 +213,7 @@ def with_consumed(
     if state.remaining_pct is None:
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
-        return replace(state, charge=Charge(consumed_ah, now_s, state.modelled_pct, consumed_ah))
+        return replace(state, charge=counted_from(charge, consumed_ah, state.remaining_pct, state.modelled_pct, now_s))
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
@@ -226,8 +232,50 @@ def swapped(
     middle_pct: float = 0.0,
 ) -> BatteryState:  # fmt: skip
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
-    fresh = BatteryState(least_pct=state.least_pct, earlier_pct=state.given_pct)
+    fresh = BatteryState(
+        least_pct=state.least_pct, earlier_pct=state.given_pct, charge=Charge(set_ah=state.charge.set_ah)
+    )
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior, middle_pct=middle_pct)
+
+
+def waited(
+    state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
+    middle_pct: float = 0.0,
+) -> BatteryState:  # fmt: skip
+    """Take a report in flight that says nothing of what was used: at its stop, or as long as the voltage settles."""
+    moved = remaining_pct != state.remaining_pct or not state.history
+    modelled = 0.0 if moved else state.modelled_pct - state.history[-1].modelled_pct
+    still_pct = 0.0 if moved else state.still_pct + LEAST_FACTOR * modelled
+    anew = begun_anew(state, remaining_pct, charge_state, now_s, prior, middle_pct)
+    return replace(anew, anew_s=state.anew_s, still_pct=still_pct, stood=state.stood or still_pct >= STILL_PCT)
+
+
+def begun_anew(
+    state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
+    middle_pct: float = 0.0,
+) -> BatteryState:  # fmt: skip
+    """Take a report where nothing can be said of what was used until it: on the ground, or where nobody saw it fly.
+
+    The pack is the same, and so are its counter and what was learned of the vehicle.
+    """
+    anew = swapped(state, remaining_pct, charge_state, now_s, _learned(state, prior), middle_pct)
+    charge = replace(state.charge, capacity_ah=state.charge.capacity_ah, drift=Drift())
+    if charge.consumed_ah is not None:
+        charge = counted_from(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
+    return replace(anew, charge=charge, stood=state.stood)
+
+
+def with_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState:
+    """Take what its parameter says of the capacity."""
+    return replace(state, charge=replace(state.charge, set_ah=capacity_ah))
+
+
+def _learned(state: BatteryState, prior: Prior) -> Prior:
+    """Return what is believed of the vehicle: what it was seen to use, where its percentage can be trusted."""
+    known = state.estimate
+    if known is None or state.began_s is None or is_blind(state) or not known.factor_sd < prior.sd:
+        return prior
+    return Prior(max(LEAST_FACTOR, known.factor), known.factor_sd)
 
 
 def _taken(
@@ -235,7 +283,7 @@ def _taken(
     roughness_pct: float,
 ) -> tuple[BatteryEstimate, Charge]:  # fmt: skip
     """Return the estimate with a report, and the counter; one that does not agree begins anew at an end to come."""
-    fine = _counted_pct(charge, stands_for_pct)
+    fine = counted_pct(charge, stands_for_pct)
     if fine is not None:
         return kalman.refined(ahead, fine), charge
     if charge.capacity_ah is not None:
@@ -244,37 +292,15 @@ def _taken(
     return kalman.corrected(ahead, stands_for_pct, elapsed_s, rough_pct), charge
 
 
-def _with_end(state: BatteryState, end_pct: float, used_pct: float, elapsed_s: float) -> Charge:
-    """Return the counter after a report; one that is a percent less than the one before tells where the percent ended.
-
-    Whole percents err by one, but the moment in which one becomes the next is known to the time between two reports.
-    """
+def runs(state: BatteryState) -> bool:
+    """Return whether a counter of charge counts, whatever the percentage does."""
     charge = state.charge
-    if charge.consumed_ah is None or used_pct != WHOLE_PCT or elapsed_s > END_S:
-        return charge
-    last = PercentEnd(end_pct, charge.consumed_ah)
-    first, capacity_ah = charge.first or last, charge.capacity_ah
-    given_pct = first.remaining_pct - last.remaining_pct
-    # What drains the charge, and not what is said of it, must not become the capacity.
-    if given_pct >= CAPACITY_PCT and charge.drift.excess_pct <= CALM_PCT:
-        capacity_ah = 100.0 * (last.consumed_ah - first.consumed_ah) / given_pct
-        if capacity_ah <= 0.0:
-            capacity_ah = None  # a counter that stands still while the percentage falls counts nothing
-    return replace(charge, first=first, last=last, capacity_ah=capacity_ah)
-
-
-def _counted_pct(charge: Charge, stands_for_pct: float) -> float | None:
-    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
-    if charge.capacity_ah is None or charge.consumed_ah is None or charge.last is None:
-        return None
-    left = charge.last.remaining_pct - 100.0 * (charge.consumed_ah - charge.last.consumed_ah) / charge.capacity_ah
-    return left if abs(left - stands_for_pct) <= AGREES_PCT else None
+    return charge.consumed_ah is not None and charge.consumed_ah > charge.began_ah
 
 
 def is_blind(state: BatteryState) -> bool:
     """Return whether no counter of charge stands behind the percentage."""
-    charge = state.charge
-    return charge.consumed_ah is None or charge.consumed_ah <= charge.began_ah
+    return state.stood or not runs(state) or not state.charge.follows
 
 
 def blindness_pct(state: BatteryState) -> float:
@@ -316,7 +342,7 @@ def _followed_long(state: BatteryState, estimate: BatteryEstimate, elapsed_s: fl
     """Return the mean factor of the flight so far."""
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
-    return state.usual_long + (max(0.0, estimate.factor) - state.usual_long) * share
+    return state.usual_long + (max(LEAST_FACTOR, estimate.factor) - state.usual_long) * share
 
 
 def _usual(state: BatteryState) -> float:
@@ -336,4 +362,4 @@ def _followed_usual(
     calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
-    return _usual(state) + (max(0.0, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / within_s)
+    return _usual(state) + (max(LEAST_FACTOR, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / within_s)

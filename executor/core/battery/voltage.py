@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from executor.core.battery.resting import least_cells
+
 SETTLE_S = 8.0
 """After the take-off: until then the voltage falls by the load itself."""
 USUAL_S = 20.0
@@ -18,8 +20,6 @@ CALM = 0.5
 """Below this share of the threshold the usual voltage follows."""
 GIVES_UP_S = 60.0
 """A step that lasts this long is the new usual."""
-FULL_CELL_V = 4.4
-"""No cell has more: the least number of cells that the highest voltage allows, so that none is called low wrongly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +42,15 @@ class VoltageState:
     low_since_s: float | None = None
     """Since when a cell is near its end."""
     cells_v: tuple[float, ...] = ()
+    set_cells: int | None = None
+    """How many there are in series by a parameter, or by the site file."""
     spread_since_s: float | None = None
     """Since when one cell lies below the others."""
 
     @property
     def cells(self) -> int:
-        """How many there are in series at least."""
-        return max(1, len(self.cells_v) or math.ceil(self.highest_v / FULL_CELL_V))
+        """How many there are in series; at least, where nobody says it."""
+        return len(self.cells_v) or self.set_cells or least_cells(self.highest_v)
 
     @property
     def weakest_v(self) -> float | None:

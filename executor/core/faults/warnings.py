@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executor.core import projection
-from executor.core.faults import streams, watchpoints
+from executor.core.faults import batteries, streams
+from executor.core.faults.batteries import BATTERY_SENSOR, LOW, pack_standing
 from executor.core.faults.watching import Verdict, View
-from executor.core.faults.watchpoints import BATTERY_SENSOR, LOW
 from executor.core.places import where
 from executor.core.state import Told
 from executor.core.vehicle import FaultKind, Stage
@@ -86,12 +86,18 @@ def battery_low(view: View) -> str:
     return "the autopilot reports its battery not healthy" if view.state.sensors.unhealthy & BATTERY_SENSOR else ""
 
 
+def pack_doubtful(view: View) -> str:
+    """Its resting voltage does not fit its percentage."""
+    found = pack_standing(view)
+    return f"its pack {found.words}" if found is not None and found.doubtful else ""
+
+
 def battery_besides(view: View) -> str:
     """Its battery fails too, on its way home from another fault: the first reason stands, and this is said."""
     fault = view.state.fault
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
-    looks = (watchpoints.battery_failsafe, watchpoints.battery_critical, watchpoints.cells_weak)
+    looks = (batteries.battery_failsafe, batteries.battery_critical, batteries.cells_weak)
     return next((f"besides, {found.evidence}" for look in looks if (found := look(view)).verdict is Verdict.FAIL), "")
 
 
@@ -138,6 +144,7 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("radio", FaultKind.LINK, radio_weak),
     Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
+    Doubt("pack", FaultKind.BATTERY, pack_doubtful),
     Doubt("battery-besides", FaultKind.BATTERY, battery_besides),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("position", FaultKind.INTERRUPTION, position_off),

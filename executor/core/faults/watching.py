@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executor.core.context import Scene, VehicleSetup
+from executor.core.own_words import acts
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 
 
@@ -53,3 +54,11 @@ class Watchpoint:
     stages: frozenset[Stage]
     """The stages in which it is looked at."""
     code: FaultCode
+
+
+def said_failed(view: View, kind: str) -> str | None:
+    """Return in words what an autopilot said has failed and made it act; None if it did not."""
+    for failed, said_s in view.state.evidence.failed:
+        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
+            return failed.words
+    return None

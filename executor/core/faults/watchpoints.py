@@ -7,27 +7,17 @@ time, so that a silent vehicle's last battery report raises nothing by itself. O
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from executor.core import projection
-from executor.core.battery import account, cusum
 from executor.core.context import Scene, VehicleSetup
 from executor.core.custody.actors import changed_by, settled
-from executor.core.faults import streams
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint
-from executor.core.limits import Limits
-from executor.core.messages import CRITICAL, Actor
-from executor.core.own_words import acts
+from executor.core.faults import batteries, streams
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint, said_failed
+from executor.core.messages import Actor
 from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
-from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
-
-_BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
-                   "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
-"""MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
 
 
 def link_silent(view: View) -> Finding:
@@ -164,21 +154,8 @@ def crashed(view: View) -> Finding:
 
 def crash_said(view: View) -> str:
     """Return in words what an autopilot said of a crash in this flight; nothing if it did not."""
-    found = _said_failed(view, "crash")
+    found = said_failed(view, "crash")
     return "" if found is None else f"it says: {found}"
-
-
-def battery_said(view: View) -> str:
-    """Return in words what an autopilot said of a battery that it acts on; nothing if it did not."""
-    found = _said_failed(view, "battery")
-    return "" if found is None else f"it says: {found}"
-
-
-def _said_failed(view: View, kind: str) -> str | None:
-    for failed, said_s in view.state.evidence.failed:
-        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
-            return failed.words
-    return None
 
 
 def _comes_down(view: View) -> bool:
@@ -206,149 +183,6 @@ def _loses_itself(view: View) -> bool:
 
 LOST_ITSELF_S = 30.0
 FALLEN = 0.3
-
-
-def battery_stepped(view: View) -> Finding:
-    """Much was lost at once."""
-    if not _battery_fresh(view):
-        return STALE
-    limits, known = view.context.limits, view.state.power.battery
-    window_s = limits.battery_step_window_s
-    long_s = 4 * window_s
-    # While it fails the window moves on; and nobody may have looked while a step was in it.
-    fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
-    excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
-    if excess >= limits.battery_step_pct:
-        used = excess + expected
-        return Finding(Verdict.FAIL, f"lost {used:.0f} % at once where the flight costs {expected:.1f} %")
-    return OK
-
-
-def battery_drains(view: View) -> Finding:
-    """More is used than the flight should cost, by more than a climb or a gust explains."""
-    return _drains(view, hurried=False)
-
-
-def battery_plunges(view: View) -> Finding:
-    """So much more is used that there is no time to wait for one more report."""
-    return _drains(view, hurried=True)
-
-
-def _drains(view: View, *, hurried: bool) -> Finding:
-    if not _battery_fresh(view):
-        return STALE
-    limits, known = view.context.limits, view.state.power.battery
-    eased = (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
-    for found, threshold, which in _excesses(known, limits, hurried=hurried):
-        if cusum.exceeds(found, eased * threshold, limits.battery_step_pct):
-            return Finding(
-                Verdict.FAIL,
-                f"used {found.used_pct:.1f} % in {found.lasted_s(view.now_s):.0f} s where "
-                f"{found.expected_pct:.1f} % is usual{which}",
-            )
-    return OK
-
-
-def _excesses(
-    known: account.BatteryState, limits: Limits, *, hurried: bool
-) -> Iterator[tuple[cusum.Drift, float, str]]:
-    """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
-    share = PLUNGE if hurried else 1.0
-    yield known.charge.drift, share * limits.charge_excess_pct, " by its counter of charge"
-    if not account.is_blind(known):
-        yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
-    else:
-        yield known.drift, limits.blind_excess_pct, ""
-    if not hurried:
-        yield known.slow, limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct, " over minutes"
-
-
-def voltage_stepped(view: View) -> Finding:
-    """The voltage fell at once by more than the load explains."""
-    volts, limits = view.state.power.volts, view.context.limits
-    if view.now_s - volts.reported_s > limits.battery_stale_s:
-        return STALE
-    threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
-    if view.failing:
-        threshold *= 0.7
-    if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
-        return OK
-    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {volts.usual_v:.2f} V is usual under this load")
-
-
-def cells_weak(view: View) -> Finding:
-    """A cell is near its end, or far below the others, for longer than a climb."""
-    volts, limits = view.state.power.volts, view.context.limits
-    if view.now_s - volts.reported_s > limits.battery_stale_s:
-        return STALE
-    if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
-        return Finding(Verdict.FAIL, f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others")
-    if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
-        return Finding(Verdict.FAIL, f"{volts.weakest_v or 0.0:.2f} V a cell under load")
-    return OK
-
-
-def reserve_broken(view: View) -> Finding:
-    """The mission on board, or where none is known the way home, would end below the reserve."""
-    leg, limits = view.state.leg, view.context.limits
-    if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
-        return OK  # it is on its way home already: nothing else could be ordered
-    floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
-    chance = projection.landing_chance_below(view.context, view.state, view.setup, floor_pct)
-    if chance is None or not _battery_fresh(view):
-        return STALE
-    if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
-        ahead = projection.at_landing(view.context, view.state, view.setup)
-        if ahead is None:
-            return STALE
-        return Finding(
-            Verdict.FAIL,
-            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
-            f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
-        )
-    return OK
-
-
-def battery_failsafe(view: View) -> Finding:
-    """The autopilot itself says that it acts on its battery."""
-    said = battery_said(view)
-    if not said:
-        return OK
-    # A text is the one thing that anybody can send: what it says must show somewhere else as well.
-    return Finding(Verdict.FAIL, said) if not view.setup.planned or _shows(view) else OK
-
-
-def _shows(view: View) -> bool:
-    """Return whether an alarm of the battery shows in anything besides its text."""
-    state, beat, volts = view.state, view.state.telemetry.heartbeat, view.state.power.volts
-    if beat is not None and (
-        beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
-    ):
-        return True
-    low = (
-        state.power.battery.remaining_pct is None
-        or state.power.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
-    )
-    sick = (
-        state.power.battery.charge_state >= LOW
-        or state.power.battery_faults
-        or state.sensors.unhealthy & BATTERY_SENSOR
-    )
-    return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
-
-
-def battery_critical(view: View) -> Finding:
-    """The autopilot itself calls the battery critical, failed or unhealthy."""
-    if not _battery_fresh(view):
-        return STALE
-    names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-    state = view.state.power.battery.charge_state
-    if state in names:
-        return Finding(Verdict.FAIL, f"the autopilot reports its battery {names[state]}")
-    bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.power.battery_faults & bit]
-    if bits:
-        return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
-    return OK
 
 
 def position_jumped(view: View) -> Finding:
@@ -387,32 +221,12 @@ def _on_mission(view: View) -> bool:
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
 
 
-def _climbs(view: View) -> bool:
-    fix = view.state.motion.fix
-    return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
-
-
 def _alarm(view: View) -> str:
     """Return what the vehicle said of it, if it did."""
     text, said_s = view.state.telemetry.alarm
     return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""
 
 
-def _battery_fresh(view: View) -> bool:
-    # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
-    fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
-    # Without positions nobody knows what the flight should have cost.
-    return fresh and (streams.position_fresh(view) or not view.setup.planned)
-
-
-LOW = 2
-"""MAV_BATTERY_CHARGE_STATE_LOW."""
-BATTERY_SENSOR = 0x2000000
-"""MAV_SYS_STATUS_SENSOR_BATTERY."""
-NEAR_PCT = 15.0
-"""So near to its reserve a battery may well be low by its voltage."""
-PLUNGE = 1.7
-"""Times the threshold of a drain."""
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})
@@ -426,14 +240,21 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
     Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION, FaultCode.HEARTBEAT_LOST),
     Watchpoint("positions", FaultKind.INTERRUPTION, streams.position_gone, 0.0, _ON_MISSION, FaultCode.POSITION_LOST),
-    Watchpoint("battery-step", FaultKind.BATTERY, battery_stepped, 2.5, _ON_MISSION, FaultCode.BATTERY_STEP),
-    Watchpoint("voltage-step", FaultKind.BATTERY, voltage_stepped, 3.0, _ON_MISSION, FaultCode.VOLTAGE_STEP),
-    Watchpoint("cells", FaultKind.BATTERY, cells_weak, 0.0, _ON_MISSION, FaultCode.CELL_WEAK),
-    Watchpoint("battery-critical", FaultKind.BATTERY, battery_critical, 3.0, _ON_MISSION, FaultCode.BATTERY_CRITICAL),
-    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery_failsafe, 1.0, _ON_MISSION, FaultCode.BATTERY_FAILSAFE),
-    Watchpoint("battery-plunge", FaultKind.BATTERY, battery_plunges, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE),
-    Watchpoint("battery-drain", FaultKind.BATTERY, battery_drains, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT),
-    Watchpoint("reserve", FaultKind.BATTERY, reserve_broken, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
+    Watchpoint("battery-step", FaultKind.BATTERY, batteries.battery_stepped, 2.5, _ON_MISSION, FaultCode.BATTERY_STEP),
+    Watchpoint("voltage-step", FaultKind.BATTERY, batteries.voltage_stepped, 3.0, _ON_MISSION, FaultCode.VOLTAGE_STEP),
+    Watchpoint("cells", FaultKind.BATTERY, batteries.cells_weak, 0.0, _ON_MISSION, FaultCode.CELL_WEAK),
+    Watchpoint(
+        "battery-critical", FaultKind.BATTERY, batteries.battery_critical, 3.0, _ON_MISSION, FaultCode.BATTERY_CRITICAL
+    ),
+    Watchpoint(
+        "battery-failsafe", FaultKind.BATTERY, batteries.battery_failsafe, 1.0, _ON_MISSION, FaultCode.BATTERY_FAILSAFE
+    ),
+    Watchpoint(
+        "battery-plunge", FaultKind.BATTERY, batteries.battery_plunges, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE
+    ),
+    Watchpoint("battery-drain", FaultKind.BATTERY, batteries.battery_drains, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT),
+    Watchpoint("pack", FaultKind.BATTERY, batteries.pack_falls_short, 8.0, _ON_MISSION, FaultCode.PACK_SHORT),
+    Watchpoint("reserve", FaultKind.BATTERY, batteries.reserve_broken, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
     Watchpoint(
         "battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION, FaultCode.BATTERY_REPORT_LOST
     ),

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.battery import account
+from executor.core.battery import account, pack, resting
 from executor.core.battery.account import BatteryState
-from executor.core.battery.voltage import Report, Thresholds, VoltageState, measured
+from executor.core.battery.resting import PackFacts
+from executor.core.battery.voltage import Report, Thresholds, measured
 from executor.core.context import Scene
-from executor.core.messages import Battery, SystemStatus
+from executor.core.messages import Battery, Setting, SystemStatus
 from executor.core.parts import Power
 from executor.core.vehicle import VehicleState
+
+FULL_PCT = 100.0
+"""Its stop: PX4 says no more of a pack that its voltage puts above."""
+SETTLES_S = 25.0
+"""What PX4 reads off the voltage sinks with the take-off's load, and comes to rest in this time."""
 
 
 def powered(context: Scene, state: VehicleState, message: Battery, now_s: float) -> Power:
@@ -21,43 +27,80 @@ def powered(context: Scene, state: VehicleState, message: Battery, now_s: float)
         packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
     single = len(packs) <= 1  # the counters of several packs are not one account
     charge, roundings, volts = old.battery, old.roundings, old.volts
-    if message.consumed_ah is not None and single and state.armed:
+    if message.consumed_ah is not None and single and _seen_to_fly(context, state, now_s):
         charge = account.with_consumed(charge, message.consumed_ah, now_s, context.limits)
     if message.remaining_pct is not None:
         percent = min(dict(packs).values())
         if single and _rounds_twice(context, state.name, charge):
             roundings = replace(roundings, rounded=percent, rounded_s=now_s)
             percent = roundings.percent
-        charge = _charged(context, state.name, charge, percent, message.charge_state, now_s)
+        charge = _charged(context, state, charge, percent, message.charge_state, now_s)
+    power = replace(
+        old, packs=packs, battery=charge, roundings=roundings, battery_faults=message.faults, told_s=now_s
+    )  # fmt: skip
     if message.voltage_v and single:
-        volts = _measured(context, state, Report(message.voltage_v, message.current_a, message.cells_v), now_s)
-    return replace(old, packs=packs, battery=charge, roundings=roundings, volts=volts, battery_faults=message.faults)
+        return _measured(context, state, power, Report(message.voltage_v, message.current_a, message.cells_v), now_s)
+    return replace(power, volts=volts)
 
 
 def status_told(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> Power:
     """Take what SYS_STATUS says of a battery, where nothing better says it."""
     old = state.power
-    charge, roundings, volts = old.battery, old.roundings, old.volts
-    # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs.
-    unreported = now_s - charge.reported_s > context.limits.battery_stale_s
-    if message.remaining_pct is not None and unreported:
-        charge = _charged(context, state.name, charge, message.remaining_pct, 0, now_s)
+    charge, roundings = old.battery, old.roundings
+    # SYS_STATUS rounds in another way than BATTERY_STATUS, and stands for any one of several packs. Older firmware, and
+    # a link that asks for little, have nothing else.
+    alone = now_s - old.told_s > context.limits.battery_stale_s
+    if message.remaining_pct is not None and alone:
+        charge = _charged(context, state, charge, message.remaining_pct, 0, now_s)
     elif message.remaining_pct is not None and len(old.packs) == 1 and _rounds_twice(context, state.name, charge):
         roundings = replace(roundings, ceiled=message.remaining_pct, ceiled_s=now_s)
-        charge = _charged(context, state.name, charge, roundings.percent, charge.charge_state, now_s)
-    if message.voltage_v and now_s - volts.reported_s > context.limits.battery_stale_s:
-        volts = _measured(context, state, Report(message.voltage_v), now_s)
-    if charge is old.battery and roundings is old.roundings and volts is old.volts:
+        charge = _charged(context, state, charge, roundings.percent, charge.charge_state, now_s)
+    if charge is not old.battery or roundings is not old.roundings:
+        old = replace(old, battery=charge, roundings=roundings)
+    if message.voltage_v and alone:
+        return _measured(context, state, old, Report(message.voltage_v, message.current_a), now_s)
+    return old
+
+
+def setting_told(state: VehicleState, message: Setting) -> Power:
+    """Take a parameter that may say something of its pack."""
+    old = state.power
+    facts = resting.told(old.pack.facts, message.name, message.value)
+    if facts == old.pack.facts:
         return old
-    return replace(old, battery=charge, roundings=roundings, volts=volts)
+    battery = account.with_setting(old.battery, facts.capacity_ah)
+    return replace(old, pack=replace(old.pack, facts=facts), battery=battery)
 
 
-def _measured(context: Scene, state: VehicleState, report: Report, now_s: float) -> VoltageState:
+def facts_of(context: Scene, state: VehicleState) -> PackFacts:
+    """Return what is said of a vehicle's pack: the site file's word counts more than its parameters."""
+    setup = context.vehicles.get(state.name)
+    return state.power.pack.facts if setup is None else state.power.pack.facts.under(setup.pack)
+
+
+def _measured(context: Scene, state: VehicleState, power: Power, report: Report, now_s: float) -> Power:
     limits = context.limits
     known = report.current_a is not None and report.current_a > 0
     step = limits.voltage_step if known else limits.voltage_step_blind
     thresholds = Thresholds(step, limits.cell_low_v, limits.cell_spread_v)
-    return measured(state.power.volts, report, thresholds, now_s, flying=state.armed and state.sortie.took_off)
+    flying = state.armed and state.sortie.took_off
+    volts = measured(power.volts, report, thresholds, now_s, flying=flying)
+    volts = replace(volts, set_cells=facts_of(context, state).cells)
+    claimed_pct = power.battery.remaining_pct
+    current_a = report.current_a if known or power.pack.sag is not None or not flying else None
+    seen = pack.measured(power.pack, report.voltage_v, current_a, claimed_pct, now_s, idle=not flying)
+    return replace(power, volts=volts, pack=seen)
+
+
+def _seen_to_fly(context: Scene, state: VehicleState, now_s: float) -> bool:
+    """Return whether the model says what a vehicle should use.
+
+    On the ground, and without positions, it says nothing; where a plan is flown the watchpoints wait for positions.
+    """
+    setup, fix = context.vehicles.get(state.name), state.motion.fix
+    if setup is None or setup.planned:
+        return state.armed
+    return state.armed and state.sortie.took_off and fix is not None and now_s - fix.at_s <= account.GAP_S
 
 
 def _rounds_twice(context: Scene, name: str, charge: BatteryState) -> bool:
@@ -66,11 +109,16 @@ def _rounds_twice(context: Scene, name: str, charge: BatteryState) -> bool:
 
 
 def _charged(
-    context: Scene, name: str, known: BatteryState, remaining_pct: float, charge_state: int, now_s: float
+    context: Scene, state: VehicleState, known: BatteryState, remaining_pct: float, charge_state: int, now_s: float
 ) -> BatteryState:
-    setup = context.vehicles.get(name)
+    setup = context.vehicles.get(state.name)
     prior = account.NO_PRIOR if setup is None else setup.prior
     middle_pct = 0.0 if setup is None else setup.dialect.percent_middle
+    if setup is not None and not setup.planned and known.remaining_pct is not None:
+        if not _seen_to_fly(context, state, now_s):
+            return account.begun_anew(known, remaining_pct, charge_state, now_s, prior, middle_pct)
+        if setup.dialect.rounds_twice and (now_s - known.anew_s < SETTLES_S or remaining_pct >= FULL_PCT):
+            return account.waited(known, remaining_pct, charge_state, now_s, prior, middle_pct)
     # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:
         return account.swapped(known, remaining_pct, charge_state, now_s, prior, middle_pct)

@@ -11,7 +11,7 @@ from executor.core.battery import account
 from executor.core.context import Scene
 from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
 from executor.core.hearing import evidence
-from executor.core.hearing.charge import powered, status_told
+from executor.core.hearing.charge import powered, setting_told, status_told
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
     Attitude,
@@ -236,6 +236,8 @@ def _evident(state: VehicleState, message: evidence.Told, now_s: float) -> Vehic
     known = replace(state, evidence=evidence.evident(state.evidence, message, now_s))
     if isinstance(message, OwnFailsafe) and message.active:
         return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))
+    if isinstance(message, Setting):
+        return replace(known, power=setting_told(state, message))
     return known
 
 

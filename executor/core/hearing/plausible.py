@@ -78,28 +78,23 @@ def _home(said: Home) -> Home | None:
 
 
 def _battery(said: Battery) -> Battery:
-    wrong: dict[str, Any] = {
-        name: None
-        for name, least, most in (
-            ("remaining_pct", 0.0, 100.0),
-            ("voltage_v", LEAST_V, MOST_V),
-            ("current_a", 0.0, MOST_A),
-            ("consumed_ah", 0.0, MOST_AH),
-        )
-        if not _within(getattr(said, name), least, most)
-    }
+    wrong = _wrong(said, (*_OF_A_PACK, ("consumed_ah", 0.0, MOST_AH)))
     if not all(LEAST_CELL_V <= cell < MOST_CELL_V for cell in said.cells_v):
         wrong["cells_v"] = ()
     return replace(said, **wrong) if wrong else said
 
 
 def _status(said: SystemStatus) -> SystemStatus:
-    percent, volts = _within(said.remaining_pct, 0.0, 100.0), _within(said.voltage_v, LEAST_V, MOST_V)
-    if percent and volts:
-        return said
-    return replace(
-        said, remaining_pct=said.remaining_pct if percent else None, voltage_v=said.voltage_v if volts else None
-    )
+    wrong = _wrong(said, _OF_A_PACK)
+    return replace(said, **wrong) if wrong else said
+
+
+_OF_A_PACK = (("remaining_pct", 0.0, 100.0), ("voltage_v", LEAST_V, MOST_V), ("current_a", 0.0, MOST_A))
+
+
+def _wrong(said: Battery | SystemStatus, ranges: tuple[tuple[str, float, float], ...]) -> dict[str, Any]:
+    """Return the fields that are outside of their ranges, as unknown."""
+    return {name: None for name, least, most in ranges if not _within(getattr(said, name), least, most)}
 
 
 def _attitude(said: Attitude) -> Attitude | None:

@@ -63,6 +63,10 @@ class Facts:
     """Other ground stations whose heartbeats came over its link."""
     doubles: tuple[DoubleHeard, ...] = ()
     """Other vehicles with its number."""
+    voltage_v: float | None = None
+    """Of its pack at rest."""
+    cells: int | None = None
+    """How many cells it tells apart."""
 
     @property
     def words(self) -> str:

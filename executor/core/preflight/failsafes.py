@@ -22,6 +22,7 @@ def names(dialect: Dialect) -> tuple[str, ...]:
         wanted += [level.action, level.threshold, level.voltage]
     wanted += [*fence.enabled_by, fence.height, fence.radius, fence.kinds[0] if fence.kinds is not None else None]
     wanted += [tuning.parameter for tuning in dialect.tunings]
+    wanted += dialect.pack_parameters
     return tuple(dict.fromkeys(name for name in wanted if name is not None))
 
 

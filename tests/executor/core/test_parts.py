@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.battery.account import Charge
+from executor.core.battery.counter import Charge
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import Prior
 from executor.core.battery.roundings import Roundings

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
+from executor.core.battery.pack import Pack
+from executor.core.battery.sag import Sag
 from executor.core.battery.voltage import VoltageState
 from executor.core.messages import Heartbeat
 from executor.core.own_words import failure_said
@@ -48,6 +50,11 @@ def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **
     return VoltageState(**(told | changes))  # type: ignore[arg-type]
 
 
+def nearly_empty() -> Pack:
+    """Return a pack whose four cells rest at 3.65 V under their load."""
+    return Pack(sag=Sag(14.5, 0.02, 1e-4, 0.0, 1e-6, NOW_S, 20.0), loaded_s=NOW_S)
+
+
 def flying(**changes: object) -> VehicleState:
     """Return a vehicle in the midst of its mission, with nothing wrong."""
     healthy: dict[str, object] = {
@@ -62,6 +69,7 @@ def flying(**changes: object) -> VehicleState:
         "anchor": at(),
         "battery": pack(90.0, 90.0),
         "volts": volts(),
+        "told_s": NOW_S,
         "waypoint": 2,
     }
     return vehicle(FLEET, "uav1", **(healthy | changes))

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.battery.account import BatteryState, Charge
+from executor.core.battery.account import BatteryState
+from executor.core.battery.counter import Charge
 from executor.core.battery.cusum import Drift
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
@@ -34,6 +35,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "usual_long": 1.0,
             "slow": Drift(),
             "charge": Charge(),
+            "still_pct": 0.0,
+            "stood": False,
+            "anew_s": -math.inf,
         },
     ),
 ]

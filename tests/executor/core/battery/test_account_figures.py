@@ -9,11 +9,8 @@ from typing import Any
 import pytest
 
 from executor.core.battery import account
-from executor.core.battery.account import (
-    BatteryState,
-    Charge,
-    PercentEnd,
-)
+from executor.core.battery.account import BatteryState
+from executor.core.battery.counter import Charge, PercentEnd
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from tests.executor.core.steps import rounded

@@ -13,7 +13,7 @@ from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
 from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
-from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, pack
+from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, nearly_empty, pack
 
 GOOD = Radio(120, 110, 40, 40, 90)
 
@@ -38,6 +38,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("battery-silent", flying(battery=pack(90.0, 90.0, age_s=9.0))),
     ("battery-low", flying(battery=pack(20.0, charge_state=2))),
     ("reserve", flying(battery=pack(16.0, 16.0))),
+    ("pack", flying(battery=pack(62.0, 62.0), pack=nearly_empty())),
     ("battery-besides", flying(stage=Stage.RETURNING, fault=FALLS, battery=pack(20.0, charge_state=3))),
     ("position", flying(jump=(33.0, NOW_S))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),

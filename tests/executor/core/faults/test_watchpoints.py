@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.faults import watchpoints
+from executor.core.faults import batteries, watchpoints
 from executor.core.faults.watching import Finding, Verdict, View, Watchpoint
 from executor.core.faults.watchpoints import TABLE, judge
 from executor.core.messages import Heartbeat
@@ -28,6 +28,7 @@ from tests.executor.core.vehicles import (
     SETUP,
     at,
     flying,
+    nearly_empty,
     pack,
     says,
     volts,
@@ -128,6 +129,12 @@ ROWS = [
         hangs=flying(battery=falling_pack(11)),
     ),
     Row(
+        "pack",
+        flying(battery=pack(62.0, 62.0), pack=nearly_empty()),
+        "its pack rests at 3.65 V a cell, about 8 %, and reports 62 %",
+        unknown=flying(battery=pack(62.0, 62.0), pack=nearly_empty(), volts=volts(age_s=7.5)),
+    ),
+    Row(
         "reserve",
         flying(battery=pack(14.0, 14.0)),
         "would land with 9 % of its battery, give or take 2.7, reserve 15 %: below it by 100 % probability",
@@ -207,7 +214,7 @@ def off_pad(state: VehicleState) -> Finding:
 
 WAITS_S = {
     "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
-    "battery-plunge": 0.4, "battery-drain": 2.5, "reserve": 5.0, "mode": 1.0,
+    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 8.0, "reserve": 5.0, "mode": 1.0,
 }  # fmt: skip
 
 
@@ -369,7 +376,7 @@ def test_a_drain_by_the_counter_of_charge() -> None:
         state = account.with_consumed(state, used_ah, at_s)
         state = account.with_remaining(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
         known = flying(battery=state)
-        finding = watchpoints.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
+        finding = batteries.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
         if finding.verdict is Verdict.FAIL:
             break
     assert 300 < second < 340

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from executor.core.battery.account import BatteryState, Charge
+from executor.core.battery.account import BatteryState
+from executor.core.battery.counter import Charge
 from executor.core.battery.cusum import Drift
 from executor.core.vehicle import VehicleState
 from tests.executor.builders import with_facts

@@ -7,10 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.battery.account import BatterySample, Charge, PercentEnd
+from executor.core.battery.account import BatterySample
+from executor.core.battery.counter import Charge, PercentEnd
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
+from executor.core.battery.pack import Pack
 from executor.core.battery.roundings import Roundings
+from executor.core.battery.sag import Sag
 from executor.core.messages import (
     Battery,
     SystemStatus,
@@ -28,6 +31,10 @@ from tests.executor.core.vehicles import (
 
 PX4_FLEET = fleet_of(autopilot="px4")
 PX4_CONTEXT = PX4_FLEET.context
+UNDER_LOAD = Pack(loaded_s=NOW_S)
+"""A voltage without its current says no more than that."""
+FIRST_PAIR = replace(UNDER_LOAD, sag=Sag(15.0, 0.0, 4.5009, 0.224955, 0.0112522, NOW_S, 20.0))
+"""Of 15 V and 20 A: as good as nothing is known of the resistance yet."""
 RESTS = landed(stage=Stage.LANDED)
 BLIND = replace(pack(90.0, 90.0), charge=Charge())
 
@@ -55,8 +62,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "still_pct": 0.0,
                 },
                 "packs": ((0, 89.0),),
+                "pack": FIRST_PAIR,
                 "volts": {"began_s": NOW_S, "cells_v": (3.75, 3.75, 3.75, 3.75)},
             },
         ),
@@ -85,6 +94,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "still_pct": 0.0,
                     "charge": Charge(
                         consumed_ah=1.5,
                         at_s=NOW_S,
@@ -92,9 +102,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         began_ah=1.5,
                         first=PercentEnd(remaining_pct=90.0, consumed_ah=1.5),
                         last=PercentEnd(remaining_pct=90.0, consumed_ah=1.5),
+                        began_s=NOW_S,
+                        mark=(90.0, 1.5),
                     ),
                 },
                 "packs": ((0, 89.0),),
+                "pack": FIRST_PAIR,
                 "volts": {"began_s": NOW_S},
                 "battery_faults": 4,
             },
@@ -123,8 +136,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
+                    "still_pct": 0.0,
                 },
                 "packs": ((0, 89.0),),
+                "pack": FIRST_PAIR,
                 "volts": {"usual_v": None, "drop": 0.0},
             },
         ),
@@ -132,7 +147,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a battery without a percentage",
         lambda: folded(flying(), Battery(0, None, 15.0, None, None, 0, 0)),
-        ({"volts": {"began_s": NOW_S, "known_load": False}},),
+        ({"volts": {"began_s": NOW_S, "known_load": False}, "pack": UNDER_LOAD},),
     ),
     (
         "a second battery",
@@ -163,6 +178,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         jumped_s=NOW_S,
                         jumped_pct=10.0,
                     ),
+                    "still_pct": 0.0,
                 },
                 "packs": ((0, 80.0), (1, 89.0)),
             },
@@ -215,6 +231,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "drift": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
                     "slow": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
+                    "still_pct": 0.0,
                 },
                 "packs": ((0, 89.0),),
                 "roundings": {"rounded": 89.0, "rounded_s": NOW_S},
@@ -248,6 +265,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "drift": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
                     "slow": Drift(excess_pct=0.75, used_pct=0.75, since_s=NOW_S, reports=1, biggest_pct=0.75),
+                    "still_pct": 0.0,
                 },
                 "roundings": {"ceiled": 90.0, "ceiled_s": NOW_S},
             },
@@ -264,7 +282,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a status",
         lambda: [
             folded(
-                flying(battery=pack(90.0, age_s=age_s), volts=volts(age_s=age_s)), SystemStatus(85.0, 14.0, 32, None)
+                flying(battery=pack(90.0, age_s=age_s), volts=volts(age_s=age_s), told_s=NOW_S - age_s),
+                SystemStatus(85.0, 14.0, 32, None),
             )
             for age_s in (7.0, 7.1)
         ],
@@ -291,6 +310,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         "slow": Drift(excess_pct=5.0, used_pct=5.0, since_s=992.9, reports=1, biggest_pct=5.0),
                     },
                     "volts": {"reported_s": NOW_S, "voltage_v": 14.0, "began_s": NOW_S, "known_load": False},
+                    "pack": UNDER_LOAD,
+                    "unhealthy": 32,
                 },
             ),
         ],

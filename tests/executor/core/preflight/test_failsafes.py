@@ -128,6 +128,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "LAND_ALT_LOW",
                 "WPNAV_SPEED",
                 "RTL_SPEED",
+                "MOT_BAT_VOLT_MAX",
             ),
             (
                 "NAV_DLL_ACT",
@@ -146,6 +147,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "MPC_Z_VEL_MAX_DN",
                 "MPC_TKO_SPEED",
                 "MPC_XY_CRUISE",
+                "BAT1_CAPACITY",
+                "BAT1_N_CELLS",
             ),
         ],
     ),

@@ -1,0 +1,126 @@
+"""packs.json: what replayed flights say of packs, one entry a flight; further logs add to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from executor.analysis.documents import Document, Number, Whole
+from executor.replay.packs import PackFlight
+from executor.replay.result import LogReplay
+
+FORMAT = "faultline-packs/1"
+
+
+class PackEntry(Document):
+    """One flight of one pack; None where the log does not say."""
+
+    log: str
+    """Its file's name."""
+    vehicle: str
+    pack: Annotated[Whole, Field(ge=1)]
+    """Which of the vehicle's packs in this log, from 1."""
+    began_usec: Whole
+    """By the log's clock."""
+    minutes: Number
+    cells: Annotated[Whole, Field(ge=1)]
+    rest_cell_v: Number | None
+    """Before the flight."""
+    end_cell_v: Number
+    """At its end, as it would rest."""
+    began_pct: Number
+    ended_pct: Number
+    """By its own report."""
+    sag_cell_v: Number | None
+    ohm: Number | None
+    ohm_sd: Number | None
+    counted_ah: Number | None
+    set_ah: Number | None
+    """What its autopilot counts by."""
+    least_ah: Number | None
+    most_ah: Number | None
+    """Its capacity by its voltage, within what the chemistry and the curves leave open."""
+
+
+class PacksDocument(Document):
+    """What is known of packs."""
+
+    format: Literal["faultline-packs/1"]
+    flights: tuple[PackEntry, ...]
+
+
+def read_packs(path: Path) -> PacksDocument:
+    """Read packs.json.
+
+    Raises:
+        LogError: one line that names the file, the key and what was expected.
+    """
+    return PacksDocument.read(path, "what flights taught about packs")
+
+
+def packs_of(replays: Iterable[LogReplay], before: PacksDocument | None = None) -> PacksDocument:
+    """Return what is known after further logs; a flight that was known is told anew."""
+    known = {} if before is None else {_key(one): one for one in before.flights}
+    for replayed in replays:
+        for vehicle in replayed.vehicles:
+            for flight in vehicle.packs:
+                entry = _entry(replayed, vehicle.name, flight)
+                known[_key(entry)] = entry
+    return PacksDocument(format=FORMAT, flights=tuple(known[key] for key in sorted(known)))
+
+
+def _key(entry: PackEntry) -> tuple[str, str, int]:
+    return entry.vehicle, entry.log, entry.began_usec
+
+
+def _entry(replayed: LogReplay, vehicle: str, flight: PackFlight) -> PackEntry:
+    least_ah, most_ah = flight.capacity_ah or (None, None)
+    return PackEntry(
+        log=replayed.path.name,
+        vehicle=vehicle,
+        pack=flight.number,
+        began_usec=replayed.began_usec + round(flight.began_s * 1e6),
+        minutes=round((flight.ended_s - flight.began_s) / 60.0, 2),
+        cells=flight.cells,
+        rest_cell_v=_short(flight.began_cell_v),
+        end_cell_v=round(flight.ended_cell_v, 3),
+        began_pct=flight.began_pct,
+        ended_pct=flight.ended_pct,
+        sag_cell_v=_short(flight.sag_cell_v),
+        ohm=_short(flight.ohm, 4),
+        ohm_sd=_short(flight.ohm_sd, 4),
+        counted_ah=_short(flight.counted_ah),
+        set_ah=_short(flight.set_ah),
+        least_ah=_short(least_ah, 2),
+        most_ah=_short(most_ah, 2),
+    )
+
+
+def _short(value: float | None, digits: int = 3) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def pack_lines(document: PacksDocument) -> Iterable[str]:
+    """Yield a table of flights by vehicle and pack, for people."""
+    yield (
+        f"{'vehicle':<10} {'pack':>4} {'log':<28} {'min':>5} {'cells':>5} {'rest V':>6} {'end V':>6} "
+        f"{'reported %':>11} "
+        f"{'sag V':>6} {'mOhm':>11} {'used Ah':>7} {'set Ah':>6} {'by voltage Ah':>13}"
+    )
+    for one in document.flights:
+        reported = f"{one.began_pct:.0f} to {one.ended_pct:.0f}"
+        ohm = "-" if one.ohm is None else f"{1000 * one.ohm:.0f} +- {1000 * (one.ohm_sd or 0.0):.0f}"
+        capacity = "-" if one.least_ah is None else f"{one.least_ah:.1f} to {one.most_ah:.1f}"
+        yield (
+            f"{one.vehicle:<10} {one.pack:>4} {one.log[-28:]:<28} {one.minutes:>5.1f} {one.cells:>5} "
+            f"{_figure(one.rest_cell_v, 2):>6} {one.end_cell_v:>6.2f} {reported:>11} "
+            f"{_figure(one.sag_cell_v, 2):>6} {ohm:>11} {_figure(one.counted_ah, 2):>7} {_figure(one.set_ah, 1):>6} "
+            f"{capacity:>13}"
+        )
+
+
+def _figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

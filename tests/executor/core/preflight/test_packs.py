@@ -1,0 +1,83 @@
+"""Packs before a flight: what they count by, and what their voltage says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from executor.core.battery.resting import Chemistry, PackFacts
+from executor.core.check_codes import CheckCode
+from executor.core.context import Context
+from executor.core.messages import Position
+from executor.core.preflight import packs
+from executor.core.preflight.checks import Facts, Severity
+from missions import PX4
+from tests.executor.core.vehicles import DISARMED, FLEET
+
+PLACE = Position(5.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
+FACTS = Facts("uav1", DISARMED, PLACE, 76.0, None, {}, voltage_v=11.1)
+FOUR = replace(FACTS, cells=4)
+SOUND = replace(FOUR, remaining_pct=98.0, voltage_v=16.6)
+
+
+def said(facts: Facts, site: PackFacts | None = None, context: Context = FLEET.context) -> list[tuple[Severity, str]]:
+    setup = replace(context.vehicles["uav1"], pack=site or PackFacts())
+    context = replace(context, vehicles={**context.vehicles, "uav1": setup})
+    found = packs.checks(context, facts)
+    assert {one.code for one in found} <= {CheckCode.PACK}
+    return [(one.severity, one.text) for one in found]
+
+
+def test_a_pack_that_is_emptier_than_it_counts() -> None:
+    text = "its pack rests at 3.70 V a cell, about 12 %, and reports 76 % (at least 3 cells, as nobody says how many)"
+    assert said(FACTS) == [(Severity.WARNING, text)]
+
+
+@pytest.mark.parametrize(
+    ("facts", "site"),
+    [
+        (replace(FACTS, parameters={"MOT_BAT_VOLT_MAX": 12.6}), None),
+        (FACTS, PackFacts(cells=3)),
+        (replace(FACTS, cells=3), None),
+    ],
+)
+def test_cells_are_said_by_a_parameter_or_the_site_or_itself(facts: Facts, site: PackFacts | None) -> None:
+    text = "its pack rests at 3.70 V a cell, about 12 %, and reports 76 % (3 cells)"
+    assert said(facts, site) == [(Severity.WARNING, text)]
+
+
+def test_lithium_ion_is_judged_by_its_own_curve() -> None:
+    [(_, text)] = said(FACTS, PackFacts(cells=3, chemistry=Chemistry.LI_ION))
+    assert "about 52 %" in text
+
+
+def test_a_sound_pack() -> None:
+    text = "its pack rests at 4.15 V a cell, about 94 %, and reports 98 % (4 cells)"
+    assert said(SOUND) == [(Severity.OK, text)]
+
+
+def test_a_pack_of_another_size_than_the_plans() -> None:
+    """The site counts with the 5 Ah of its drone."""
+    found = said(replace(SOUND, parameters={"BATT_CAPACITY": 3300.0}))
+    assert found[0] == (
+        Severity.WARNING,
+        (
+            "it counts by a pack of 3.3 Ah, the plan by 5 Ah ([energy] capacity_ah): its percentage will fall 1.5 "
+            "times as fast as planned"
+        ),
+    )
+    assert len(said(replace(SOUND, parameters={"BATT_CAPACITY": 5100.0}))) == 1
+
+
+def test_px4s_percentage_may_be_read_off_the_very_same_voltage() -> None:
+    setup = replace(FLEET.context.vehicles["uav1"], dialect=PX4)
+    context = replace(FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": setup})
+    low = replace(FOUR, remaining_pct=100.0, voltage_v=16.0)
+    assert said(low, context=context)[0][0] is Severity.OK
+    counted = replace(low, parameters={"BAT1_CAPACITY": 5000.0})
+    assert said(counted, context=context)[0][0] is Severity.WARNING
+
+
+def test_a_vehicle_without_a_voltage() -> None:
+    assert said(replace(FACTS, voltage_v=None))[0][0] is Severity.OK
