@@ -1,0 +1,268 @@
+"""`faultline bench detection --logs FOLDER`: declarations in logs of real aircraft, held against them.
+
+Nobody injected anything into them: what is true is what the log says, read by `executor.replay.witness`, which shares
+no code with what is judged.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from executor.bench.detection import poisson_interval
+from executor.bench.store import Json
+from executor.core.vehicle import FaultKind
+from executor.errors import ExecutorError
+from executor.replay.ground_truth import read_recorded_truths, truth_for
+from executor.replay.logs import LINK_TIMEOUT_S, replay, rules_of
+from executor.replay.open_log import open_log
+from executor.replay.result import Declaration, LogReplay
+from executor.replay.tuning import few_lines
+from executor.replay.witness.statements import RIGHT, Stated, Statement, read_testimony, statements
+from executor.replay.witness.testimony import SECOND, Testimony
+from executor.replay.witness.verdicts import Outcome, hold
+
+SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
+LATE_S = 2.0
+"""So long after the autopilot's own text, or after the time-out, a declaration still counts."""
+TOO_LATE_S = 60.0
+LEAD_S = {Stated.CRASH: 30.0, Stated.BATTERY: 900.0, Stated.SILENCE: 0.0}
+"""So long before it a declaration of the right kind counts as one of the same thing."""
+DETECTORS = ("watchpoints", "few_lines")
+DRAWS = 4000
+PER_H = 50.0
+
+
+def logs_under(folder: Path) -> list[Path]:
+    """Return every log under a folder that has no truth beside it, in the order of their names."""
+    truths: dict[Path, Mapping[str, object]] = {}
+    found = []
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() not in SUFFIXES or not path.is_file():
+            continue
+        if path.parent not in truths:
+            truths[path.parent] = read_recorded_truths(path.parent)
+        if truth_for(path, truths[path.parent]) is None:  # type: ignore[arg-type]  # as it was read
+            found.append(path)
+    return found
+
+
+def aircraft_of(path: Path, folder: Path, systems: Sequence[int]) -> str:
+    """Return which aircraft flew a log: OWNER+REPOSITORY of its name, its folder, or the number of its system."""
+    owner, found, _ = path.name.partition("__")
+    if found and "+" in owner:
+        return owner
+    if path.parent != folder:
+        return path.parent.relative_to(folder).as_posix()
+    return f"system {min(systems)}" if systems else "unknown"
+
+
+def judge_log(path: Path, folder: Path) -> Json:
+    """Replay one log and hold what is declared against it; whatever is wrong with it is told, not raised."""
+    row: Json = {"log": path.relative_to(folder).as_posix(), "aircraft": aircraft_of(path, folder, ()), "hours": 0.0,
+                 "vehicles": 0, "notes": [], "failed": "", "declared": [], "stated": []}  # fmt: skip
+    try:
+        opened = open_log(path)
+        found = replay(opened.file, path, rules_of(None), on_board=opened.on_board)
+        simple, _ = few_lines(path)
+        told = read_testimony(path)
+    except ExecutorError as error:
+        row["notes"] = [str(error).replace(f"{path}: ", "")]
+        return row
+    except Exception as error:  # noqa: BLE001 - a campaign over foreign logs goes on, and counts it
+        row["failed"] = f"{type(error).__name__}: {error}"
+        return row
+    return row | _judged(path, folder, found, simple, told)
+
+
+def _judged(
+    path: Path, folder: Path, found: LogReplay, simple: Sequence[tuple[int, FaultKind]], told: Mapping[int, Testimony]
+) -> Json:
+    said: dict[str, list[tuple[int, Declaration]]] = {
+        "watchpoints": [(vehicle.sysid, one) for vehicle in found.vehicles for one in vehicle.declarations],
+        "few_lines": [
+            (_system_at(told, usec), Declaration(kind, "few lines", usec, "")) for usec, kind in simple
+        ],
+    }  # fmt: skip
+    began = found.began_usec
+    return {
+        "aircraft": aircraft_of(path, folder, [vehicle.sysid for vehicle in found.vehicles]),
+        "vehicles": len(found.vehicles),
+        "hours": sum(vehicle.flown_s for vehicle in found.vehicles) / 3600,
+        "notes": list(found.notes),
+        "declared": [
+            {"by": by, **_declared(one, told.get(system), began)} for by, those in said.items() for system, one in those
+        ],
+        "stated": [
+            {
+                "what": one.what.value, "at_s": _s(one.t_usec, began), "words": one.words,
+                **{by: _found(one, [other for number, other in said[by] if number == system]) for by in DETECTORS},
+            }
+            for system, testimony in told.items()
+            for one in statements(testimony, LINK_TIMEOUT_S)
+        ],
+    }  # fmt: skip
+
+
+def _s(usec: int, began: int) -> float:
+    return round((usec - began) / 1e6, 2)
+
+
+def _system_at(told: Mapping[int, Testimony], usec: int) -> int:
+    armed = [system for system, one in told.items() if one.is_armed(usec)]
+    return next(iter(armed or told), 0)
+
+
+def _declared(one: Declaration, told: Testimony | None, began: int) -> Json:
+    verdict = None if told is None else hold(one, told, LINK_TIMEOUT_S)
+    return {
+        "at_s": _s(one.t_usec, began), "kind": one.kind.value, "reason": one.reason, "evidence": one.evidence,
+        "verdict": (Outcome.UNDECIDED if verdict is None else verdict.outcome).value,
+        "because": "the judge could not read the log" if verdict is None else verdict.because,
+    }  # fmt: skip
+
+
+def _found(stated: Statement, declared: Sequence[Declaration]) -> Json:
+    """Return whether what a log states was declared, and how long after its text, or before it."""
+    due = stated.t_usec + round((LINK_TIMEOUT_S if stated.what is Stated.SILENCE else 0.0) * SECOND)
+    first = due - round(LEAD_S[stated.what] * SECOND)
+    last = due + round(TOO_LATE_S * SECOND)
+    if stated.until_usec is not None:
+        last = stated.until_usec + SECOND
+    right = sorted(one.t_usec for one in declared if one.kind in RIGHT[stated.what] and first <= one.t_usec <= last)
+    if not right:
+        return {"outcome": "missed", "after_s": None}
+    after_s = (right[0] - due) / 1e6
+    return {"outcome": "declared" if after_s <= LATE_S else "late", "after_s": round(after_s, 2)}
+
+
+def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambda *_: None) -> list[Json]:
+    """Judge every log under a folder; one whose process dies is counted, and the others go on."""
+    paths = logs_under(folder)
+    # The longest first: at the end no process waits for one.
+    order = sorted(range(len(paths)), key=lambda number: -paths[number].stat().st_size)
+    rows: dict[int, Json] = {}
+    while len(rows) < len(order):
+        left = [number for number in order if number not in rows]
+        alone = len(left) < len(order)
+        with ProcessPoolExecutor(1 if alone else max(1, jobs)) as pool:
+            waiting = [(number, pool.submit(judge_log, paths[number], folder)) for number in left]
+            for number, future in waiting:
+                try:
+                    rows[number] = future.result()
+                except BrokenProcessPool:
+                    if alone:  # one process, one log after the other: it was this one
+                        rows[number] = _dead(paths[number], folder)
+                    break
+                told(len(rows), len(paths))
+    return [rows[number] for number in range(len(paths))]
+
+
+def _dead(path: Path, folder: Path) -> Json:
+    return {"log": path.relative_to(folder).as_posix(), "aircraft": aircraft_of(path, folder, ()), "hours": 0.0,
+            "vehicles": 0, "notes": [], "failed": "its process died", "declared": [], "stated": []}  # fmt: skip
+
+
+def real_summary(rows: Sequence[Json]) -> Json:
+    """Return the figures of a campaign over real logs as JSON has them."""
+    followed = [row for row in rows if row["vehicles"]]
+    return {
+        "logs": len(rows),
+        "followed": len(followed),
+        "flown": sum(row["hours"] > 0 for row in rows),
+        "not_followed": dict(Counter(_reason(row) for row in rows if not row["vehicles"] and not row["failed"])),
+        "failed": [f"{row['log']}: {row['failed']}" for row in rows if row["failed"]],
+        "aircraft": len({row["aircraft"] for row in rows if row["hours"] > 0}),
+        "flight_hours": round(sum(row["hours"] for row in rows), 3),
+        **{by: _figures(rows, by) for by in DETECTORS},
+    }
+
+
+def _reason(row: Mapping[str, Any]) -> str:
+    """Return why a log was not followed, without what differs from log to log."""
+    notes = [note for note in row["notes"] if not note.startswith("no vehicle in it that can be followed")]
+    text = "; ".join(notes or row["notes"]) or "no reason given"
+    return re.sub(r"^system \d+ is not followed: ", "", text)
+
+
+def _figures(rows: Sequence[Json], by: str) -> Json:
+    declared = [one for row in rows for one in row["declared"] if one["by"] == by]
+    names = sorted({_name(one) for one in declared})
+    return {
+        **_outcomes(rows, by, None),
+        "kinds": {name: _outcomes(rows, by, name) for name in names},
+        "stated": {what.value: _stated(rows, by, what.value) for what in Stated},
+    }
+
+
+def _name(one: Mapping[str, Any]) -> str:
+    return f"{one['kind']}: {one['reason']}"
+
+
+def _outcomes(rows: Sequence[Json], by: str, name: str | None) -> Json:
+    chosen = [
+        (row["aircraft"], one)
+        for row in rows
+        for one in row["declared"]
+        if one["by"] == by and name in {None, _name(one)}
+    ]
+    counts = Counter(one["verdict"] for _, one in chosen)
+    wrong = Counter(aircraft for aircraft, one in chosen if one["verdict"] == Outcome.REFUTED)
+    hours: Counter[str] = Counter()
+    for row in rows:
+        hours[row["aircraft"]] += row["hours"]
+    total = sum(hours.values())
+    low, high = clustered_interval(wrong, hours)
+    return {
+        "declared": len(chosen),
+        **{outcome.value: counts[outcome.value] for outcome in Outcome},
+        "refuted_per_50_h": round(PER_H * counts[Outcome.REFUTED] / total, 2) if total else None,
+        "refuted_per_50_h_95": [round(low, 2), round(high, 2)] if total else None,
+    }
+
+
+def clustered_interval(wrong: Mapping[str, int], hours: Mapping[str, float]) -> tuple[float, float]:
+    """Return the 95 % interval of how many are refuted in 50 hours.
+
+    Flights of one aircraft are wrong together, so aircraft are drawn, with replacement, not flights. Where nothing was
+    refuted, or one aircraft flew alone, drawing shows nothing: then it is Poisson's, as for independent flights.
+    """
+    flown = [name for name in hours if hours[name] > 0]
+    total, count = sum(hours.values()), sum(wrong.values())
+    if not total:
+        return 0.0, float("inf")
+    low, high = (PER_H * bound / total for bound in poisson_interval(count))
+    if not count or len(flown) < 2:
+        return low, high
+    rng = np.random.default_rng(1)
+    drawn = rng.integers(0, len(flown), size=(DRAWS, len(flown)))
+    counts, flights = np.array([wrong.get(name, 0) for name in flown]), np.array([hours[name] for name in flown])
+    rates = PER_H * counts[drawn].sum(axis=1) / flights[drawn].sum(axis=1)
+    return float(np.quantile(rates, 0.025)), float(np.quantile(rates, 0.975))
+
+
+def _stated(rows: Sequence[Json], by: str, what: str) -> Json:
+    """Return how what logs state was found: in logs that are followed, and in those that are not."""
+    those = [(row, one[by]) for row in rows for one in row["stated"] if one["what"] == what]
+    outcomes = Counter(one["outcome"] for _, one in those)
+    after = [one["after_s"] for _, one in those if one["after_s"] is not None]
+    lead = [-value for value in after if value < 0]
+    delay = [value for value in after if value >= 0]
+    return {
+        "stated": len(those),
+        "declared": outcomes["declared"],
+        "late": outcomes["late"],
+        "missed": outcomes["missed"],
+        "missed_not_followed": sum(one["outcome"] == "missed" and not row["vehicles"] for row, one in those),
+        "delay_s_median": round(float(np.median(delay)), 2) if delay else None,
+        "delay_s_most": round(max(delay), 2) if delay else None,
+        "before_the_text": len(lead),
+        "lead_s_median": round(float(np.median(lead)), 2) if lead else None,
+    }
