@@ -225,10 +225,17 @@ class Radio:
 
 @dataclass(frozen=True, slots=True)
 class OrderSeen:
-    """A ground station told the vehicle what to do, in a log that holds both directions."""
+    """A ground station told the vehicle what to do, in a log that holds both directions; or the vehicle accepted it.
+
+    COMMAND_ACK is an order's shadow: a log that holds only what the vehicle sends shows nothing else of it.
+    """
 
     command: int
     """MAV_CMD; 176 also for the older SET_MODE."""
+    custom_mode: int | None = None
+    """The mode that it orders, if it names one."""
+    by: int | None = None
+    """The system that orders; None where only the vehicle's acceptance was seen."""
 
 
 class Actor(Enum):
@@ -271,7 +278,7 @@ class Setting:
 class OwnFailsafe:
     """The autopilot's own record of a failsafe: ERR of DataFlash, failsafe flags of PX4."""
 
-    kind: str
+    what: str
     """battery, crash, ekf, gps, compass, motor, rc, ground station, fence, terrain, vibration, attitude or other."""
     active: bool
     words: str
@@ -339,6 +346,10 @@ FlightMessage = (
     | OrderSeen
     | StationHeard
     | DoubleHeard
+    | ModeChange
+    | RcChannels
+    | Setting
+    | OwnFailsafe
 )
 """What the core follows in flight; it is logged and replayed."""
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from executor.core.messages import FlightMessage
+from executor.core.messages import FlightMessage, RcChannels
 
 Record = tuple[int, int, FlightMessage | None]
 """Microseconds on the log's own clock, the system that speaks (0 for the link as a whole), and what it says; None is
@@ -52,3 +53,42 @@ class RecordedFile(Protocol):
     def records(self) -> Iterator[Record]:
         """Yield what it says, in its order."""
         ...
+
+
+MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})
+"""MAV_CMD that a ground station changes a mode with, or what the vehicle does in it."""
+_SETTINGS = re.compile(
+    r"(BATT\d*|BAT\d*|FLTMODE\d*|MODE|FS|RC_MAP|COM|NAV|GF|FENCE|CBRK)_|FLTMODE\d$|RC\d+_OPTION$|CH\d+_OPT$|ARMING|SYSID_|"
+    r"MAV_|MOT_BAT|RTL_|LAND_SPEED|FRAME"
+)
+
+
+def is_wanted_setting(name: str) -> bool:
+    """Return whether a parameter says something of modes, switches, batteries or failsafes; there are a thousand."""
+    return _SETTINGS.match(name) is not None
+
+
+STICKS = 4
+"""Channels 1 to 4 are moved all the time; a switch is any other."""
+SWITCHED_US = 40
+"""More than a receiver's noise."""
+STICKS_USEC = 1_900_000
+
+
+@dataclass(slots=True)
+class RcWatch:
+    """One vehicle's channels: a switch is told at once, sticks every other second."""
+
+    told: tuple[int, ...] = ()
+    at_usec: int = 0
+
+    def news(self, t_usec: int, values_us: tuple[int, ...]) -> RcChannels | None:
+        """Return what the channels say, unless it is what they said."""
+        if self.told and 0 <= t_usec - self.at_usec < STICKS_USEC:
+            before = self.told[STICKS:]
+            if len(values_us) == len(self.told) and all(
+                abs(now - was) < SWITCHED_US for now, was in zip(values_us[STICKS:], before, strict=True)
+            ):
+                return None
+        self.told, self.at_usec = values_us, t_usec
+        return RcChannels(values_us)

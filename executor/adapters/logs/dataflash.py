@@ -20,17 +20,23 @@ from typing import Any
 
 from pymavlink import DFReader
 
+from executor.adapters.logs.ardupilot_codes import MODE_REASONS, disarmed_by, failsafe_of
 from executor.core import words
 from executor.core.hearing.plausible import plausible
 from executor.core.messages import (
+    Actor,
     Battery,
     FlightMessage,
     Heartbeat,
     MissionCurrent,
+    ModeChange,
+    OwnFailsafe,
     Position,
+    RcChannels,
+    Setting,
     StatusText,
 )
-from executor.core.recording import Record, Skipped
+from executor.core.recording import RcWatch, Record, Skipped, is_wanted_setting
 from executor.errors import LogError
 from missions import ARDUPILOT
 
@@ -42,7 +48,8 @@ STANDBY, ACTIVE = 3, 4
 EV_ARMED, EV_DISARMED = frozenset({10, 15, 28}), 11
 """LogEvent: armed, auto-armed and not-landed; a log that begins with the arming misses the first of them."""
 ARMS = "Arming motors"
-WANTED = ("MODE", "ARM", "EV", "BAT", "CURR", "POS", "GPS", "XKF1", "MSG", "CMD", "PARM", "MISE")
+WANTED = ("MODE", "ARM", "EV", "ERR", "RCIN", "BAT", "CURR", "POS", "GPS", "XKF1", "MSG", "CMD", "PARM", "MISE")
+CHANNELS = 14
 SYSTEM_PARAMETERS = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
 STDERR = 2
 """The descriptor, which C writes to."""
@@ -66,6 +73,7 @@ class DataFlashFile:
     _beat_usec: int = -BEAT_USEC
     _velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _items: int = 0
+    _rc: RcWatch = field(default_factory=RcWatch)
     _noise: io.StringIO = field(default_factory=io.StringIO)
     """What the library prints."""
 
@@ -138,6 +146,10 @@ class DataFlashFile:
             self.skipped.impossible += 1
         elif told is not None and self._heartbeat:
             yield t_usec, self.system, told
+        if kind == "MODE" and hasattr(message, "Rsn"):
+            yield t_usec, self.system, ModeChange(self._mode, MODE_REASONS.get(message.Rsn, Actor.UNKNOWN))
+        elif kind == "ARM" and not self._armed and (why := disarmed_by(getattr(message, "Method", 0))) is not None:
+            yield t_usec, self.system, why
 
     def _beat(self) -> Heartbeat:
         return Heartbeat(ARDUPILOT.number, self._mode, self._armed, ACTIVE if self._armed else STANDBY, QUADROTOR)
@@ -158,6 +170,16 @@ class DataFlashFile:
     def _armed_or_not(self, message: Any) -> Heartbeat:  # noqa: ANN401
         self._armed = bool(message.ArmState)
         return self._beat()
+
+    def _failed(self, message: Any) -> OwnFailsafe | None:  # noqa: ANN401
+        return failsafe_of(int(message.Subsys), int(message.ECode))
+
+    def _transmitted(self, message: Any) -> RcChannels | None:  # noqa: ANN401
+        values = tuple(int(getattr(message, f"C{one}", 0)) for one in range(1, CHANNELS + 1))
+        return self._rc.news(message.TimeUS, values)
+
+    def _set(self, message: Any) -> Setting | None:  # noqa: ANN401
+        return Setting(message.Name, float(message.Value)) if is_wanted_setting(message.Name) else None
 
     def _powered(self, message: Any) -> Battery:  # noqa: ANN401
         remaining = getattr(message, "RemPct", None)
@@ -237,6 +259,9 @@ _READERS: dict[str, Callable[[DataFlashFile, Any], FlightMessage | None]] = {
     "MODE": DataFlashFile._moded,  # noqa: SLF001
     "EV": DataFlashFile._happened,  # noqa: SLF001
     "ARM": DataFlashFile._armed_or_not,  # noqa: SLF001
+    "ERR": DataFlashFile._failed,  # noqa: SLF001
+    "RCIN": DataFlashFile._transmitted,  # noqa: SLF001
+    "PARM": DataFlashFile._set,  # noqa: SLF001
     "BAT": DataFlashFile._powered,  # noqa: SLF001
     "CURR": DataFlashFile._powered,  # noqa: SLF001
     "POS": DataFlashFile._placed,  # noqa: SLF001

@@ -8,6 +8,7 @@ in pieces, so a log of any length takes the same memory.
 
 from __future__ import annotations
 
+import math
 import struct
 from binascii import crc_hqx
 from collections.abc import Callable, Generator, Iterator
@@ -15,7 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from executor.adapters.mavlink import integers
 from executor.adapters.mavlink.texts import Texts
+from executor.core import words
 from executor.core.hearing.plausible import plausible
 from executor.core.hearing.speaker import Speaker, speaker_after
 from executor.core.messages import (
@@ -28,11 +31,13 @@ from executor.core.messages import (
     OrderSeen,
     Position,
     Radio,
+    RcChannels,
+    Setting,
     StatusText,
     SystemStatus,
     Traffic,
 )
-from executor.core.recording import Record, Skipped
+from executor.core.recording import MODE_COMMANDS, RcWatch, Record, Skipped, is_wanted_setting
 from missions import AUTOPILOTS
 
 V1, V2 = 0xFE, 0xFD
@@ -60,8 +65,9 @@ GCS_TYPE, NO_AUTOPILOT = 6, 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
 """MAV_AUTOPILOT."""
 DO_SET_MODE = 176
-MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})
-"""MAV_CMD that a ground station changes a mode with, or what the vehicle does in it."""
+PX4 = 12
+ACCEPTED = frozenset({0, 5})
+"""MAV_RESULT: accepted, in progress."""
 PREARM_CHECK = 0x10000000
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 _HEAD = struct.Struct(">Q10B")
@@ -162,6 +168,18 @@ def _landed(_: int, state: int) -> LandedState:
     return LandedState({1: True, 2: False, 3: False, 4: False}.get(state))
 
 
+NO_CHANNEL = 65535
+"""Of RC_CHANNELS and RC_CHANNELS_RAW."""
+
+
+def _channels_raw(_: int, *fields: int) -> RcChannels:
+    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in fields[:8]))
+
+
+def _channels(_: int, *fields: int) -> RcChannels:
+    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in fields[: min(18, fields[18])]))
+
+
 STAND_IN_USEC = 4_000_000
 """SYS_STATUS stands in for BATTERY_STATUS; beside it one in five seconds is enough."""
 
@@ -171,6 +189,7 @@ def _never(*_: object) -> None:
 
 
 HEARTBEAT, SYSTEM, POSITION, BATTERY, STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET_MODE = 0, 1, 33, 147, 253, 76, 75, 11
+COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS = 77, 22, 35, 65
 KINDS: dict[int, MessageKind] = {
     HEARTBEAT: MessageKind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
     SYSTEM: MessageKind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
@@ -184,6 +203,10 @@ KINDS: dict[int, MessageKind] = {
     COMMAND_LONG: MessageKind(152, struct.Struct("<7fHBB"), _never, special=True),
     COMMAND_INT: MessageKind(158, struct.Struct("<4fiifHBB"), _never, special=True),
     SET_MODE: MessageKind(89, struct.Struct("<IBB"), _never, special=True),
+    COMMAND_ACK: MessageKind(143, struct.Struct("<HB"), _never, special=True),
+    PARAM_VALUE: MessageKind(220, struct.Struct("<fHH16sB"), _never, special=True),
+    RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, special=True),
+    RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, special=True),
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
@@ -227,6 +250,8 @@ class TelemetryFile:
     _newest: dict[int, int] = field(default_factory=dict)
     """When a message was read last, by its source and id."""
     _stamp: int = 0
+    _rc: dict[int, RcWatch] = field(default_factory=dict)
+    _autopilots: dict[int, int] = field(default_factory=dict)
 
     def records(self) -> Iterator[Record]:
         """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.
@@ -333,10 +358,9 @@ class TelemetryFile:
                 for text in self._said((system, component), fields):
                     yield stamp, system, text
         elif number in ORDERS:
-            command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
-            if command in MODE_COMMANDS:
-                yield stamp, target, OrderSeen(command)
+            yield from self._ordered(stamp, system, number, fields)
         elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
+            self._autopilots[system] = message.autopilot
             source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
             if source.received + source.missing >= ENOUGH_FRAMES:
                 yield stamp, system, Traffic(source.received, source.missing)
@@ -344,11 +368,42 @@ class TelemetryFile:
             yield stamp, system, message
         elif isinstance(message, Radio):
             yield stamp, 0, message
+        elif source.vehicle and (told := self._of_vehicle(stamp, system, number, fields, message)) is not None:
+            yield stamp, system, told
         else:
             if number == HEARTBEAT and fields[1] == GCS_TYPE:
                 self.stations.add(system)
             self.skipped.impossible += number == POSITION and message is None
             yield stamp, 0, None
+
+    def _ordered(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+        """Yield an order to change the mode, as of whom it is for."""
+        command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
+        if command in MODE_COMMANDS:
+            yield stamp, target, OrderSeen(command, self._ordered_mode(number, fields, target), by)
+
+    def _ordered_mode(self, number: int, fields: tuple[Any, ...], target: int) -> int | None:
+        if number == SET_MODE:
+            return int(fields[0])
+        if fields[7] != DO_SET_MODE or not all(0 <= value < HALF for value in fields[1:3]):
+            return None
+        main, sub = int(fields[1]), int(fields[2])
+        return main << 16 | sub << 24 if self._autopilots.get(target) == PX4 else main
+
+    def _of_vehicle(
+        self, stamp: int, system: int, number: int, fields: tuple[Any, ...], message: FlightMessage | None
+    ) -> FlightMessage | None:
+        """Return what a vehicle says of an order, of its settings and of its pilot's transmitter."""
+        if number == COMMAND_ACK:
+            command = DO_SET_MODE if fields[0] == SET_MODE else fields[0]  # ArduPilot 3 names the message
+            return OrderSeen(command) if command in MODE_COMMANDS and fields[1] in ACCEPTED else None
+        if number == PARAM_VALUE:
+            name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
+            value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
+            return Setting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+        if isinstance(message, RcChannels):
+            return self._rc.setdefault(system, RcWatch()).news(stamp, message.values_us)
+        return None
 
     def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""

@@ -15,7 +15,17 @@ from pymavlink.generator.mavcrc import x25crc
 
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.tlog_reader import CHUNK, KINDS, ORDERS, STATUSTEXT, TelemetryFile, checksum
-from executor.core.messages import Battery, Heartbeat, OrderSeen, Position, Radio, StatusText, Traffic
+from executor.core.messages import (
+    Battery,
+    Heartbeat,
+    OrderSeen,
+    Position,
+    Radio,
+    RcChannels,
+    Setting,
+    StatusText,
+    Traffic,
+)
 from tests.recorded import BEGAN_USEC, Writer, battery, flight, heartbeat, position, station, text
 
 
@@ -102,7 +112,9 @@ def test_both_directions_and_several_vehicles(tmp_path: Path) -> None:
     records, file = read(writer.write(tmp_path / "a.tlog"))
     assert file.stations == {255}
     assert {system for _, system, said in records if isinstance(said, Heartbeat)} == {3, 4}
-    assert [(system, said) for _, system, said in records if isinstance(said, OrderSeen)] == [(3, OrderSeen(20))]
+    assert [(system, said) for _, system, said in records if isinstance(said, OrderSeen)] == [
+        (3, OrderSeen(20, by=255))
+    ]
     assert [(system, said) for _, system, said in records if isinstance(said, Radio)] == [
         (0, Radio(120, 110, 30, 40, 90))
     ]
@@ -233,3 +245,49 @@ def test_the_older_version_of_mavlink(tmp_path: Path) -> None:
 
 def test_what_is_special_is_not_read_by_itself() -> None:
     assert all(KINDS[number].special for number in (STATUSTEXT, *ORDERS))
+
+
+def test_an_accepted_order_is_seen_where_only_the_vehicle_was_recorded(tmp_path: Path) -> None:
+    answers = [
+        mav.MAVLink_command_ack_message(command, result) for command, result in ((176, 0), (11, 0), (176, 4), (511, 0))
+    ]
+    records, _ = read(written(tmp_path, heartbeat(), *answers))
+    assert [said for _, system, said in records if system == 7 and isinstance(said, OrderSeen)] == [OrderSeen(176)] * 2
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), [(3, 6), (12, 4 << 16 | 5 << 24)])
+def test_an_order_and_its_mode(autopilot: int, mode: int, tmp_path: Path) -> None:
+    writer, main, sub = Writer(), mode & 255 or 4, mode >> 24
+    writer.say(0.0, 7, heartbeat(autopilot=autopilot))
+    writer.say(1.0, 254, mav.MAVLink_command_long_message(7, 1, 176, 0, 1, main, sub, 0, 0, 0, 0))
+    writer.say(2.0, 254, mav.MAVLink_set_mode_message(7, 1, mode))
+    records, _ = read(writer.write(tmp_path / "a.tlog"))
+    orders = [(system, said) for _, system, said in records if isinstance(said, OrderSeen)]
+    assert orders == [(7, OrderSeen(176, mode, 254))] * 2
+
+
+def test_parameters_are_settings(tmp_path: Path) -> None:
+    named = ((b"BATT_CAPACITY", 5100.0), (b"FLTMODE_CH", 5.0), (b"INS_GYROFFS_X", 0.1))
+    messages = [mav.MAVLink_param_value_message(name, value, 9, 600, 1) for name, value in named]
+    records, _ = read(written(tmp_path, heartbeat(), *messages))
+    said = [one for _, _, one in records if isinstance(one, Setting)]
+    assert said == [Setting("BATT_CAPACITY", 5100.0), Setting("FLTMODE_CH", 5.0)]
+
+
+@pytest.mark.parametrize("older", [True, False])
+def test_a_switch_is_told_at_once(older: bool, tmp_path: Path) -> None:
+    writer = Writer()
+    writer.say(0.0, 7, heartbeat())
+    for tenth in range(1, 15):
+        switch = 1100 if tenth < 8 else 1900
+        values = [1500 + tenth, 1500, 1100, 1500, switch, 65535, 65535, 65535]
+        message = (
+            mav.MAVLink_rc_channels_raw_message(0, 0, *values, 255)
+            if older
+            else mav.MAVLink_rc_channels_message(0, 8, *values, *[0] * 10, 255)
+        )
+        writer.say(tenth / 10, 7, message)
+    records, _ = read(writer.write(tmp_path / "a.tlog"))
+    assert [said.values_us[3:6] for _, _, said in records if isinstance(said, RcChannels)] == [
+        (1500, 1100, 0), (1500, 1900, 0),
+    ]  # fmt: skip
