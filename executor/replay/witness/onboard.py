@@ -15,7 +15,7 @@ from typing import Any
 
 from pymavlink import DFReader
 
-from executor.replay.witness.testimony import SECOND, Failing, Hand, Line, ModeSet, Moment, Power, Testimony
+from executor.replay.witness.testimony import SECOND, Failing, Hand, Line, ModeSet, Moment, Move, Power, Testimony
 
 TYPES = ("MODE", "EV", "ERR", "ARM", "MSG", "BAT", "CURR", "POS", "GPS", "CTUN", "ATT", "RCIN", "PARM", "CMD", "XKF1",
          "NKF1", "NTUN")  # fmt: skip
@@ -203,10 +203,9 @@ def _attitude(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noq
 def _transmitter(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     number = int(told.settings.get("FLTMODE_CH", 5) or 5)
     value = int(getattr(row, f"C{number}", getattr(row, f"Ch{number}", 0)))
-    told.sees_switches = True
     before, state.switch_us = state.switch_us, value
     if before and value and sum(before >= edge for edge in BANDS) != sum(value >= edge for edge in BANDS):
-        told.switches.append(Line(t_usec, f"mode switch (channel {number}) from {before} to {value}"))
+        told.switches.append(Move(t_usec, f"mode switch (channel {number}) from {before} to {value}", number))
 
 
 def _parameter(told: Testimony, _: _State, __: int, row: Any) -> None:  # noqa: ANN401

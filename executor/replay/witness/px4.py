@@ -10,7 +10,7 @@ from typing import Any
 from pyulog import ULog
 
 from executor.replay.witness.onboard import quiet
-from executor.replay.witness.testimony import Failing, Hand, Line, ModeSet, Moment, Power, Testimony
+from executor.replay.witness.testimony import Failing, Hand, Line, ModeSet, Moment, Move, Power, Testimony
 
 TOPICS = ["vehicle_status", "battery_status", "vehicle_local_position", "vehicle_global_position", "vehicle_attitude",
           "vehicle_command", "manual_control_setpoint", "manual_control_switches", "mission_result"]  # fmt: skip
@@ -116,12 +116,11 @@ def _command(told: Testimony, rows: list[Row]) -> None:
 
 
 def _switches(told: Testimony, rows: list[Row]) -> None:
-    told.sees_switches = told.sees_switches or bool(rows and "mode_slot" in rows[0])
     before: tuple[int, ...] | None = None
     for row in rows:
         now = tuple(int(row.get(name, 0)) for name in ("mode_slot", "return_switch", "loiter_switch", "mode_switch"))
         if before is not None and now != before:
-            told.switches.append(Line(int(row["timestamp"]), "a mode switch was moved"))
+            told.switches.append(Move(int(row["timestamp"]), "a mode switch was moved"))
         before = now
 
 

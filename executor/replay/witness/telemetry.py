@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.replay.witness.testimony import SECOND, Line, ModeSet, Moment, Power, Silence, Testimony
+from executor.replay.witness.testimony import SECOND, Line, ModeSet, Moment, Move, Power, Silence, Testimony
 
 STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
@@ -29,6 +29,8 @@ MODE_ORDERS = frozenset({11, 16, 17, 18, 19, 20, 21, 22, 85, 176, 185, 192, 193,
 MODE_SWITCH = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
 ARDUPILOT_SWITCH = 5
 CHANNELS = 8
+OVERTAKEN, SAME = 128, 255
+"""A sequence number that is ahead by more is one that was overtaken, or comes again."""
 
 
 def read_telemetry(path: Path) -> dict[int, Testimony]:
@@ -76,6 +78,7 @@ class _Vehicle:
     followed: bool = False
     percent: float | None = None
     consumed_mah: float | None = None
+    sequence: int | None = None
 
 
 @dataclass(slots=True)
@@ -105,6 +108,7 @@ class _Reading:
         if vehicle is None or component not in {0, 1}:
             return
         self._heard(vehicle, t_usec)
+        self._counted(vehicle, t_usec, frame[2] if first else frame[4])
         if message is not None and number in _TELLS:
             _TELLS[number](vehicle, t_usec, message)
 
@@ -132,6 +136,19 @@ class _Reading:
         if t_usec - vehicle.heard_usec >= SILENT_USEC:
             vehicle.told.silences.append(Silence(vehicle.heard_usec, t_usec, vehicle.others))
         vehicle.heard_usec, vehicle.told.ended_usec, vehicle.others = t_usec, t_usec, False
+
+    @staticmethod
+    def _counted(vehicle: _Vehicle, t_usec: int, sequence: int) -> None:
+        """Count what came and what is missing, by the sequence numbers of frames."""
+        minute = vehicle.told.frames.setdefault((t_usec - vehicle.told.began_usec) // (60 * SECOND), [0, 0])
+        minute[0] += 1
+        if vehicle.sequence is not None:
+            missing = (sequence - vehicle.sequence - 1) % 256
+            if missing < OVERTAKEN:
+                minute[1] += missing
+            elif missing != SAME:
+                return  # overtaken on its way: it was counted as missing
+        vehicle.sequence = sequence
 
     def _ordered(self, t_usec: int, system: int, message: Any) -> None:  # noqa: ANN401
         """Take an order to a vehicle, or a vehicle's answer to one."""
@@ -219,7 +236,6 @@ def _channels(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: AN
     now = tuple(getattr(message, f"chan{number}_raw") for number in range(1, CHANNELS + 1))
     if not any(now):
         return
-    told.sees_switches = True
     before, vehicle.channels = vehicle.channels, now
     if not before:
         return
@@ -231,7 +247,7 @@ def _channels(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: AN
         turned = _band(was) != _band(is_) and abs(was - is_) > 20 if number == chosen else abs(was - is_) > MOVED_US
         if turned:
             name = "mode switch" if number == chosen else "a switch"
-            told.switches.append(Line(t_usec, f"{name} (channel {number}) from {was} to {is_}"))
+            told.switches.append(Move(t_usec, f"{name} (channel {number}) from {was} to {is_}", number))
 
 
 def _band(value: int) -> int:

@@ -32,6 +32,15 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
+class Move:
+    """A switch of the pilot's transmitter was moved."""
+
+    t_usec: int
+    words: str
+    channel: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Failing:
     """The autopilot's own record of a failsafe."""
 
@@ -108,10 +117,8 @@ class Testimony:
     texts: list[Line] = field(default_factory=list)
     orders: list[Line] = field(default_factory=list)
     """Accepted by the vehicle, or sent to it."""
-    switches: list[Line] = field(default_factory=list)
-    """Of the pilot's transmitter, moved."""
-    sees_switches: bool = False
-    """Whether the log holds the transmitter's channels at all."""
+    switches: list[Move] = field(default_factory=list)
+    """Of the pilot's transmitter."""
     failings: list[Failing] = field(default_factory=list)
     tilts: list[tuple[int, float]] = field(default_factory=list)
     """Degrees from upright."""
@@ -123,6 +130,8 @@ class Testimony:
     streams: dict[str, list[int]] = field(default_factory=dict)
     """When messages of a kind came."""
     settings: dict[str, float] = field(default_factory=dict)
+    frames: dict[int, list[int]] = field(default_factory=dict)
+    """Frames received and missing, by minute of the log."""
 
     def is_armed(self, at_usec: int) -> bool:
         """Return whether it was armed then."""
