@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,7 @@ STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
 """A stamp that is farther from the one before is damage."""
 SILENT_USEC = 2 * SECOND
+MIDST_USEC = SECOND // 2
 SWITCH_BANDS = (1231, 1361, 1491, 1621, 1750)
 """Where ArduPilot's mode switch changes its position (RC_Channel::read_6pos_switch), microseconds."""
 MOVED_US = 250
@@ -73,9 +75,6 @@ class _Vehicle:
     told: Testimony
     heard_usec: int = 0
     channels: tuple[int, ...] = ()
-    others: bool = False
-    """Whether somebody else was heard since it was."""
-    followed: bool = False
     percent: float | None = None
     consumed_mah: float | None = None
     sequence: int | None = None
@@ -85,8 +84,8 @@ class _Vehicle:
 class _Reading:
     vehicles: dict[int, _Vehicle] = field(default_factory=dict)
     decoder: Any = field(default_factory=lambda: mav.MAVLink(None))
-    elsewhere: bool = False
-    """Whether a ground station is in the log."""
+    stations: list[int] = field(default_factory=list)
+    """When ground stations were heard."""
     last_usec: int = 0
 
     def take(self, t_usec: int, frame: bytes) -> None:
@@ -100,7 +99,8 @@ class _Reading:
         if number in _READ and message is None:
             return
         if message is not None and number == mav.MAVLINK_MSG_ID_HEARTBEAT and not self._known(system, message):
-            self._stranger(message)
+            if message.type == STATION:
+                self.stations.append(t_usec)
             return
         if message is not None and number in _ORDERED:
             self._ordered(t_usec, system, message)
@@ -126,16 +126,16 @@ class _Reading:
             self.vehicles[system] = _Vehicle(told, heard_usec=self.last_usec)
         return True
 
-    def _stranger(self, beat: Any) -> None:  # noqa: ANN401
-        if beat.type == STATION:
-            self.elsewhere = True
-            for vehicle in self.vehicles.values():
-                vehicle.others = True
-
     def _heard(self, vehicle: _Vehicle, t_usec: int) -> None:
         if t_usec - vehicle.heard_usec >= SILENT_USEC:
-            vehicle.told.silences.append(Silence(vehicle.heard_usec, t_usec, vehicle.others))
-        vehicle.heard_usec, vehicle.told.ended_usec, vehicle.others = t_usec, t_usec, False
+            vehicle.told.silences.append(self._silence(vehicle.heard_usec, t_usec))
+        vehicle.heard_usec = vehicle.told.ended_usec = t_usec
+
+    def _silence(self, from_usec: int, to_usec: int) -> Silence:
+        """Return a silence, and whether a station was heard in the midst of it: else the recorder may have paused."""
+        first = bisect_left(self.stations, from_usec + MIDST_USEC)
+        midst = first < len(self.stations) and self.stations[first] <= to_usec - MIDST_USEC
+        return Silence(from_usec, to_usec, midst if self.stations else None)
 
     @staticmethod
     def _counted(vehicle: _Vehicle, t_usec: int, sequence: int) -> None:
@@ -171,9 +171,7 @@ class _Reading:
         for system, vehicle in self.vehicles.items():
             told = vehicle.told
             if self.last_usec - vehicle.heard_usec >= SILENT_USEC:
-                told.silences.append(Silence(vehicle.heard_usec, self.last_usec, vehicle.others))
-            if not self.elsewhere:
-                told.silences = [Silence(one.from_usec, one.to_usec, None) for one in told.silences]
+                told.silences.append(self._silence(vehicle.heard_usec, self.last_usec))
             found[system] = told
         return found
 
