@@ -149,20 +149,26 @@ def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambd
     # The longest first: at the end no process waits for one.
     order = sorted(range(len(paths)), key=lambda number: -paths[number].stat().st_size)
     rows: dict[int, Json] = {}
-    while len(rows) < len(order):
-        left = [number for number in order if number not in rows]
-        alone = len(left) < len(order)
-        with ProcessPoolExecutor(1 if alone else max(1, jobs)) as pool:
-            waiting = [(number, pool.submit(judge_log, paths[number], folder)) for number in left]
+    try:
+        with ProcessPoolExecutor(max(1, jobs)) as pool:
+            waiting = [(number, pool.submit(judge_log, paths[number], folder)) for number in order]
             for number, future in waiting:
-                try:
-                    rows[number] = future.result()
-                except BrokenProcessPool:
-                    if alone:  # one process, one log after the other: it was this one
-                        rows[number] = _dead(paths[number], folder)
-                    break
+                rows[number] = future.result()
+                told(len(rows), len(paths))
+    except BrokenProcessPool:  # nobody knows by which: what is left is judged one after the other
+        for number in order:
+            if number not in rows:
+                rows[number] = _alone(paths[number], folder)
                 told(len(rows), len(paths))
     return [rows[number] for number in range(len(paths))]
+
+
+def _alone(path: Path, folder: Path) -> Json:
+    try:
+        with ProcessPoolExecutor(1) as pool:
+            return pool.submit(judge_log, path, folder).result()
+    except BrokenProcessPool:
+        return _dead(path, folder)
 
 
 def _dead(path: Path, folder: Path) -> Json:

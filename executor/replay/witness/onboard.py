@@ -37,6 +37,7 @@ CRASHES = frozenset({1, 2})
 OTHER = re.compile(r"^(Ardu|APM:)? ?(Plane|Rover|Sub|Tracker|Blimp)\b", re.IGNORECASE)
 """Firmware of other vehicles, as it names itself."""
 BANDS = (1231, 1361, 1491, 1621, 1750)
+MOST_BROKEN = 1000
 EV_ARMED, EV_DISARMED = frozenset({10, 15, 28}), 11
 
 
@@ -53,10 +54,7 @@ class _State:
 def read_onboard(path: Path) -> dict[int, Testimony]:
     """Return what ArduPilot's own log says; nothing if it is none."""
     told, state = Testimony(1, on_board=True), _State()
-    t_usec = 0
-    for message in _messages(path):
-        # Old firmware wrote events, errors and modes without a time: they are as old as what stands before them.
-        t_usec = time_of(message) or t_usec
+    for t_usec, message in _timed(_messages(path)):
         told.began_usec = told.began_usec or t_usec
         told.ended_usec = max(told.ended_usec, t_usec)
         try:
@@ -70,6 +68,21 @@ def read_onboard(path: Path) -> dict[int, Testimony]:
     return {number: told} if told.ended_usec else {}
 
 
+def _timed(messages: Iterator[Any]) -> Iterator[tuple[int, Any]]:
+    """Yield messages with their times: old firmware wrote events, errors and modes without, as old as what is before."""
+    waiting: list[Any] = []
+    last = 0
+    for message in messages:
+        t_usec = time_of(message)
+        if t_usec is None and not last:
+            waiting.append(message)
+            continue
+        last = t_usec or last
+        yield from ((last, one) for one in waiting)
+        waiting.clear()
+        yield last, message
+
+
 def _messages(path: Path) -> Iterator[Any]:
     with quiet():
         try:
@@ -77,8 +90,17 @@ def _messages(path: Path) -> Iterator[Any]:
             log = DFReader.DFReader_text(str(path)) if text else DFReader.DFReader_binary(str(path))
         except Exception:  # noqa: BLE001 - damaged, whatever the library thinks of it
             return
+    try:
+        yield from _every(log)
+    finally:
+        for one in ("data_map", "filehandle"):
+            if hasattr(log, one):
+                getattr(log, one).close()
+
+
+def _every(log: Any) -> Iterator[Any]:  # noqa: ANN401 - pymavlink is untyped
     broken = 0
-    while broken < 1000:
+    while broken < MOST_BROKEN:
         try:
             with redirect_stderr(io.StringIO()), redirect_stdout(io.StringIO()):
                 message = log.recv_match(type=list(TYPES))
