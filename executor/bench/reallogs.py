@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +26,12 @@ from executor.replay.logs import LINK_TIMEOUT_S, replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.result import Declaration, LogReplay
 from executor.replay.tuning import few_lines
-from executor.replay.witness.statements import RIGHT, Stated, Statement, read_testimony, statements
-from executor.replay.witness.testimony import SECOND, Testimony
+from executor.replay.witness.scoring import found
+from executor.replay.witness.statements import Stated, Statement, read_testimony, statements
+from executor.replay.witness.testimony import Testimony
 from executor.replay.witness.verdicts import Outcome, hold
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
-LATE_S = 2.0
-"""So long after the autopilot's own text, or after the time-out, a declaration still counts."""
-TOO_LATE_S = 60.0
-LEAD_S = {Stated.CRASH: 30.0, Stated.BATTERY: 900.0, Stated.SILENCE: 0.0}
-"""So long before it a declaration of the right kind counts as one of the same thing."""
 DETECTORS = ("watchpoints", "few_lines")
 DRAWS = 4000
 PER_H = 50.0
@@ -70,7 +67,7 @@ def judge_log(path: Path, folder: Path) -> Json:
                  "vehicles": 0, "notes": [], "failed": "", "declared": [], "stated": []}  # fmt: skip
     try:
         opened = open_log(path)
-        found = replay(opened.file, path, rules_of(None), on_board=opened.on_board)
+        done = replay(opened.file, path, rules_of(None), on_board=opened.on_board)
         simple, _ = few_lines(path)
         told = read_testimony(path)
     except ExecutorError as error:
@@ -79,24 +76,24 @@ def judge_log(path: Path, folder: Path) -> Json:
     except Exception as error:  # noqa: BLE001 - a campaign over foreign logs goes on, and counts it
         row["failed"] = f"{type(error).__name__}: {error}"
         return row
-    return row | _judged(path, folder, found, simple, told)
+    return row | _judged(path, folder, done, simple, told)
 
 
 def _judged(
-    path: Path, folder: Path, found: LogReplay, simple: Sequence[tuple[int, FaultKind]], told: Mapping[int, Testimony]
+    path: Path, folder: Path, done: LogReplay, simple: Sequence[tuple[int, FaultKind]], told: Mapping[int, Testimony]
 ) -> Json:
     said: dict[str, list[tuple[int, Declaration]]] = {
-        "watchpoints": [(vehicle.sysid, one) for vehicle in found.vehicles for one in vehicle.declarations],
+        "watchpoints": [(vehicle.sysid, one) for vehicle in done.vehicles for one in vehicle.declarations],
         "few_lines": [
             (_system_at(told, usec), Declaration(kind, "few lines", usec, "")) for usec, kind in simple
         ],
     }  # fmt: skip
-    began = found.began_usec
+    began = done.began_usec
     return {
-        "aircraft": aircraft_of(path, folder, [vehicle.sysid for vehicle in found.vehicles]),
-        "vehicles": len(found.vehicles),
-        "hours": sum(vehicle.flown_s for vehicle in found.vehicles) / 3600,
-        "notes": list(found.notes),
+        "aircraft": aircraft_of(path, folder, [vehicle.sysid for vehicle in done.vehicles]),
+        "vehicles": len(done.vehicles),
+        "hours": sum(vehicle.flown_s for vehicle in done.vehicles) / 3600,
+        "notes": list(done.notes),
         "declared": [
             {"by": by, **_declared(one, told.get(system), began)} for by, those in said.items() for system, one in those
         ],
@@ -130,17 +127,7 @@ def _declared(one: Declaration, told: Testimony | None, began: int) -> Json:
 
 
 def _found(stated: Statement, declared: Sequence[Declaration]) -> Json:
-    """Return whether what a log states was declared, and how long after its text, or before it."""
-    due = stated.t_usec + round((LINK_TIMEOUT_S if stated.what is Stated.SILENCE else 0.0) * SECOND)
-    first = due - round(LEAD_S[stated.what] * SECOND)
-    last = due + round(TOO_LATE_S * SECOND)
-    if stated.until_usec is not None:
-        last = stated.until_usec + SECOND
-    right = sorted(one.t_usec for one in declared if one.kind in RIGHT[stated.what] and first <= one.t_usec <= last)
-    if not right:
-        return {"outcome": "missed", "after_s": None}
-    after_s = (right[0] - due) / 1e6
-    return {"outcome": "declared" if after_s <= LATE_S else "late", "after_s": round(after_s, 2)}
+    return asdict(found(stated, [(one.t_usec, one.kind) for one in declared], LINK_TIMEOUT_S))
 
 
 def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambda *_: None) -> list[Json]:

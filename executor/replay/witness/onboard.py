@@ -69,7 +69,7 @@ def read_onboard(path: Path) -> dict[int, Testimony]:
 
 
 def _timed(messages: Iterator[Any]) -> Iterator[tuple[int, Any]]:
-    """Yield messages with their times: old firmware wrote events, errors and modes without, as old as what is before."""
+    """Yield messages with their times: old firmware wrote events and modes without, as old as what is before."""
     waiting: list[Any] = []
     last = 0
     for message in messages:

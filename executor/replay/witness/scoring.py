@@ -1,0 +1,38 @@
+"""Whether what a log states was declared: with its kind, and not too late."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from executor.core.vehicle import FaultKind
+from executor.replay.witness.statements import RIGHT, Stated, Statement
+from executor.replay.witness.testimony import SECOND
+
+LATE_S = 2.0
+"""So long after the autopilot's own text, or after the time-out, a declaration still counts."""
+TOO_LATE_S = 60.0
+LEAD_S = {Stated.CRASH: 30.0, Stated.BATTERY: 900.0, Stated.SILENCE: 0.0}
+"""So long before it a declaration of the right kind counts as one of the same thing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How something that a log states was declared."""
+
+    outcome: str
+    """declared, late or missed."""
+    after_s: float | None
+    """After the text, or after the time-out; negative is before it."""
+
+
+def found(stated: Statement, declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float) -> Found:
+    """Return how a statement was declared, by times and kinds of what was."""
+    due = stated.t_usec + round((link_timeout_s if stated.what is Stated.SILENCE else 0.0) * SECOND)
+    first = due - round(LEAD_S[stated.what] * SECOND)
+    last = due + round(TOO_LATE_S * SECOND) if stated.until_usec is None else stated.until_usec + SECOND
+    right = sorted(t_usec for t_usec, kind in declared if kind in RIGHT[stated.what] and first <= t_usec <= last)
+    if not right:
+        return Found("missed", None)
+    after_s = (right[0] - due) / 1e6
+    return Found("declared" if after_s <= LATE_S else "late", round(after_s, 2))
