@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
@@ -71,6 +72,7 @@ class Scene:
         return self.draws_pct_s[min(round(10 * speed_m_s), len(self.draws_pct_s) - 1)]
 
 
+@cache
 def draws_pct_s(drone: Drone) -> tuple[float, ...]:
     """Return what a second costs at 0, 0.1, 0.2 ... m/s, up to what the battery can give.
 

@@ -29,6 +29,12 @@ class Skipped:
     """Values that cannot be true: a place at 0, 0."""
     time_back: int = 0
     """How often the log's clock jumped back."""
+    gaps: int = 0
+    """How often nothing at all was recorded for minutes, or by a vehicle's own log for seconds."""
+    dropouts: int = 0
+    """How often the autopilot could not write its own log."""
+    before_heartbeat: int = 0
+    """Messages of a system before it said what it is."""
     not_followed: int = 0
     """Messages of systems that are no known autopilot."""
 
@@ -49,6 +55,9 @@ class RecordedFile(Protocol):
     """Systems that sent a ground station's HEARTBEAT."""
     heard: dict[int, int]
     """When anything of a system came last, in the log's microseconds, whether or not it was worth a record."""
+
+    notes: list[str]
+    """What is odd about it, in words; complete once it was read."""
 
     def records(self) -> Iterator[Record]:
         """Yield what it says, in its order."""

@@ -18,8 +18,9 @@ from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.link_loss import SLEPT_S
 from executor.core.faults.passive import Declared, Degraded, Finding
+from executor.core.hearing.firmware import autopilot_words, vehicle_words
 from executor.core.limits import Limits
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, SystemStatus
+from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position, Setting, SystemStatus
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
 from executor.replay.result import Declaration, Impaired, LogReplay, ReplaySample, Trace, VehicleReplay
@@ -50,6 +51,8 @@ BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
 """In a longer pause nothing is decided any more that was not decided before."""
+MOST_EARLY, MOST_SETTINGS = 16, 500
+"""Systems, and parameters of each, that are kept until its first HEARTBEAT."""
 STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
 """In which a HEARTBEAT that is as the last one changes nothing."""
 REPEATS_S = 2.5
@@ -113,7 +116,10 @@ class _Player:
         self._beats: dict[str, float] = {}
         """Heartbeats without news since the last tick."""
         self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
+        self._statuses: dict[str, tuple[float, SystemStatus]] = {}
         self._ticked_s = 0.0
+        self._early: dict[int, dict[str, Setting]] = {}
+        """Parameters of systems of which no HEARTBEAT came yet."""
 
     def take(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
@@ -140,16 +146,35 @@ class _Player:
             for name in self._names.values():
                 self._heard(name, message, now_s)
             return
+        self._route(system, message, now_s)
+
+    def _route(self, system: int, message: FlightMessage, now_s: float) -> None:
+        """Hand what a system says to its vehicle, or count why nobody takes it."""
         name = self._names.get(system) or self._join(system, message)
         if name:
             self._heard(name, message, now_s)
-        else:
+            for setting in self._early.pop(system, {}).values():
+                self._heard(name, setting, now_s)
+        elif system in self._others:
             self._file.skipped.not_followed += 1
+        elif isinstance(message, Setting):
+            self._keep(system, message)
+        else:
+            self._file.skipped.before_heartbeat += 1
+
+    def _keep(self, system: int, setting: Setting) -> None:
+        """Keep what a log says of a vehicle's parameters before it says what it is."""
+        kept = self._early.setdefault(system, {})
+        if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or setting.name in kept):
+            kept[setting.name] = setting
+        else:
+            self._file.skipped.before_heartbeat += 1
 
     def _pass(self, now_s: float) -> None:
         """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
         gap_s = now_s - self._now_s
         if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
+            self._file.skipped.gaps += 1
             self._next_s = now_s
         while self._next_s <= now_s:
             self._next_s += self._tick(self._next_s)
@@ -210,6 +235,8 @@ class _Player:
                 return same and known.telemetry.item == (seq, total)
             case Battery():
                 return self._battery_repeats(known.name, message, now_s)
+            case SystemStatus():
+                return self._status_repeats(known.name, message, now_s)
             case _:
                 return False
 
@@ -228,6 +255,17 @@ class _Player:
         self._batteries[name, message.battery] = (now_s, message)
         return False
 
+    def _status_repeats(self, name: str, message: SystemStatus, now_s: float) -> bool:
+        at_s, known = self._statuses.get(name, (-REPEATS_S, message))
+        same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
+            known.remaining_pct, known.unhealthy, known.prearm_ok,
+        )  # fmt: skip
+        alike = abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
+        if same and alike and now_s - at_s < REPEATS_S:
+            return True
+        self._statuses[name] = (now_s, message)
+        return False
+
     def _takes_off(self, vehicle: VehicleState) -> None:
         """Note where a vehicle starts: it is the place to come home to."""
         if vehicle.motion.fix is not None:
@@ -241,10 +279,13 @@ class _Player:
         dialect = dialect_of(message.autopilot)
         if dialect is None or message.vehicle_type not in COPTERS:
             self._others[system] = (
-                f"system {system} is not followed: MAV_AUTOPILOT {message.autopilot}, MAV_TYPE {message.vehicle_type}; "
+                f"system {system} is not followed: {vehicle_words(message.vehicle_type)} with "
+                f"{autopilot_words(message.autopilot)} (MAV_TYPE {message.vehicle_type}, "
+                f"MAV_AUTOPILOT {message.autopilot}); "
                 f"known are copters with {' or '.join(one.title for one in AUTOPILOTS)}"
             )
             return ""
+        self._others.pop(system, None)  # what it said before it knew its frame
         setup = _setup(self._rules, system, dialect, on_board=self._on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
         self._state = passive.with_vehicle(self._state, setup.name)
@@ -260,7 +301,8 @@ class _Player:
         if self._on_board:
             found = [one for one in found if one.kind is not FaultKind.LINK]
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
-        notes = list(self._others.values())
+        notes = [*self._others.values(), *self._file.notes]
+        notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
         return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
@@ -297,7 +339,7 @@ class _Player:
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
     """Return whether nothing is to be expected of a vehicle in the next moments."""
-    if vehicle.stage is Stage.LOST:
+    if vehicle.stage in {Stage.LOST, Stage.GROUND, Stage.LANDED}:
         return True
     silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S
     return not (silent or vehicle.watches or _drains(vehicle))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,10 @@ ULOG_MAGIC = b"ULog\x01\x12\x35"
 DATAFLASH_MAGIC = b"\xa3\x95"
 MARKS = frozenset({0xFD, 0xFE})
 STAMP = 8
+HEAD = 4096
 KNOWN = {".tlog", ".bin", ".ulg"}
+DESCRIBES = re.compile(rb"^ *FMT *, *\d+ *, *\d+ *, *[A-Z]", re.MULTILINE)
+"""A line of a DataFlash log in text says what its other lines hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,7 @@ def open_log(path: Path) -> OpenedLog:
     """
     try:
         with path.open("rb") as file:
-            head = file.read(64)
+            head = file.read(HEAD)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     kind = _kind(head, path.suffix.lower())
@@ -41,17 +45,19 @@ def open_log(path: Path) -> OpenedLog:
         from executor.adapters.mavlink.tlog_reader import TelemetryFile
 
         return OpenedLog(TelemetryFile(path), on_board=False)
-    if kind == ".bin":
+    if kind in {".bin", ".log"}:
         from executor.adapters.logs.dataflash import DataFlashFile
 
-        return OpenedLog(DataFlashFile(path), on_board=True)
+        return OpenedLog(DataFlashFile(path, text=kind == ".log"), on_board=True)
     if kind == ".ulg":
         need(Extra.LOGS, f"{path}: a ULog")
         from executor.adapters.logs.ulog import UlogFile
 
         return OpenedLog(UlogFile(path), on_board=True)
+    if kind == ".raw":
+        raise LogError(f"{path}: holds MAVLink without times: expected the telemetry log (.tlog) beside it")
     raise LogError(
-        f"{path}: expected a telemetry log (.tlog), a DataFlash log (.BIN), a ULog (.ulg) or a run directory"
+        f"{path}: expected a telemetry log (.tlog), a DataFlash log (.BIN, .log), a ULog (.ulg) or a run directory"
     )
 
 
@@ -62,4 +68,16 @@ def _kind(head: bytes, suffix: str) -> str:
         return ".bin"
     if len(head) > STAMP and head[STAMP] in MARKS:
         return ".tlog"
+    if DESCRIBES.search(head):
+        return ".log"
+    if _is_raw(head):
+        return ".raw"
     return suffix if suffix in KNOWN else ""
+
+
+def _is_raw(head: bytes) -> bool:
+    """Return whether frames follow each other without a time between them."""
+    if len(head) < STAMP or head[0] not in MARKS:
+        return False
+    behind = head[1] + (12 if head[0] == 0xFD else 8)
+    return len(head) > behind and head[behind] in MARKS

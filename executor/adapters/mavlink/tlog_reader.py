@@ -55,11 +55,13 @@ POSITION_USEC = 1_900_000
 """Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
+RC_USEC = 190_000
 GAP_USEC = 900_000
 """Where nothing came of a system for so long, it is said that time passed before its next message."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
+MOST_NAMED = 8
 """A sequence number that is ahead by more is one that was overtaken on the way."""
 GCS_TYPE, NO_AUTOPILOT = 6, 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
@@ -196,7 +198,7 @@ KINDS: dict[int, MessageKind] = {
     POSITION: MessageKind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
     42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
     46: MessageKind(11, struct.Struct("<H"), MissionReached),
-    109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, special=True),
+    109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, POSITION_USEC, special=True),
     BATTERY: MessageKind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
     245: MessageKind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
     STATUSTEXT: MessageKind(83, struct.Struct("<B50sHB"), _never, special=True),
@@ -205,11 +207,12 @@ KINDS: dict[int, MessageKind] = {
     SET_MODE: MessageKind(89, struct.Struct("<IBB"), _never, special=True),
     COMMAND_ACK: MessageKind(143, struct.Struct("<HB"), _never, special=True),
     PARAM_VALUE: MessageKind(220, struct.Struct("<fHH16sB"), _never, special=True),
-    RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, special=True),
-    RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, special=True),
+    RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, RC_USEC, special=True),
+    RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, RC_USEC, special=True),
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
+TOLD_BY_VEHICLES = frozenset({COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS})
 
 
 @dataclass(slots=True)
@@ -223,14 +226,6 @@ class _Source:
     rounds_twice: bool = False
     """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
 
-    def passed(self, seq: int) -> None:
-        """Count a frame, and those that its sequence number says are missing."""
-        gap = (seq - self.seq) & 255
-        if 0 < gap < HALF:
-            self.missing += gap - 1
-            self.received += 1
-            self.seq = seq
-
 
 @dataclass(slots=True)
 class TelemetryFile:
@@ -243,6 +238,7 @@ class TelemetryFile:
     heard: dict[int, int] = field(default_factory=dict)
     """When any frame of a vehicle's autopilot came last, whether or not it was handed on."""
     frames: int = 0
+    notes: list[str] = field(default_factory=list)
     _texts: Texts = field(default_factory=Texts)
     _sources: dict[int, _Source] = field(default_factory=dict)
     _speakers: dict[int, Speaker] = field(default_factory=dict)
@@ -266,10 +262,26 @@ class TelemetryFile:
                 base = yield from self._piece(buffer, last=not more)
                 if not more:
                     break
+        self._explain()
 
-    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912
+    def _explain(self) -> None:
+        """Note why there is nobody to follow, if nobody is."""
+        if any(source.vehicle for source in self._sources.values()):
+            return
+        systems = sorted({key >> 8 for key in self._sources} - self.stations)
+        if not self.path.stat().st_size:
+            self.notes.append("it is empty")
+        elif not self.frames:
+            self.notes.append("there is no MAVLink frame in it")
+        elif not systems:
+            self.notes.append("only ground stations were recorded")
+        else:
+            named = ", ".join(str(one) for one in systems[:MOST_NAMED])
+            self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
+
+    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:  # noqa: C901, PLR0912, PLR0915
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
-        at, size, known, in_garbage = 0, len(buffer), self._stamp, False
+        at, size, known, in_garbage, frames = 0, len(buffer), self._stamp, False, 0
         stop = size if last else size - 2 * LONGEST
         sources, kinds, newest, heard, head = self._sources, KINDS, self._newest, self.heard, _HEAD.unpack_from
         while at < stop:
@@ -289,20 +301,22 @@ class TelemetryFile:
                 and mark in MARKS
                 and -STAMP_TOLERANCE_USEC < stamp - (known or stamp) < STAMP_TOLERANCE_USEC
                 and (mark == V1 or flags < 2)
-            ) and not self._begins(buffer, at, end, size):
+            ) and not self._begins(buffer, at, end, known):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
                 in_garbage = True
                 at += 1
                 continue
             in_garbage = False
-            self.frames += 1
-            self._stamp = known = stamp
+            frames += 1
+            known = stamp
             key = system << 8 | component
             source = sources.get(key)
             if source is None:
                 sources[key] = source = _Source(seq)
-            else:
-                source.passed(seq)
+            elif 0 < (ahead := (seq - source.seq) & 255) < HALF:
+                source.missing += ahead - 1  # that its sequence number says are lost
+                source.received += 1
+                source.seq = seq
             if source.vehicle:
                 if not 0 <= stamp - heard.get(system, 0) < GAP_USEC:
                     yield stamp, 0, None
@@ -324,6 +338,8 @@ class TelemetryFile:
                         else:
                             yield from self._special((stamp, system, component, number), fields, message, source)
             at = end
+        self._stamp = known
+        self.frames += frames
         return at
 
     def _stands_in_usec(self, key: int, stamp: int, source: _Source) -> int:
@@ -333,15 +349,16 @@ class TelemetryFile:
         beside = 0 <= stamp - self._newest.get(key - SYSTEM + BATTERY, -STAND_IN_USEC) < STAND_IN_USEC
         return STAND_IN_USEC if beside else SLOW_USEC
 
-    def _begins(self, buffer: bytes, at: int, end: int, size: int) -> bool:
+    def _begins(self, buffer: bytes, at: int, end: int, known: int) -> bool:
         """Return whether a whole record lies here, where what follows it does not show that."""
+        size = len(buffer)
         if buffer[at + 8] not in MARKS or (buffer[at + 8] == V2 and buffer[at + 10] & ~1):
             return False
         if end > size:
             self.skipped.truncated = 1
             return False
         stamp = int.from_bytes(buffer[at : at + 8], "big")
-        far = self._stamp and abs(stamp - self._stamp) >= STAMP_TOLERANCE_USEC
+        far = known and abs(stamp - known) >= STAMP_TOLERANCE_USEC
         if far:
             # A clock that is set in flight may leap by years: then the next record must agree.
             following = int.from_bytes(buffer[end : end + 8], "big")
@@ -354,9 +371,7 @@ class TelemetryFile:
         """Yield what is about the link, about orders to others, or begins a vehicle."""
         stamp, system, component, number = head
         if number == STATUSTEXT:
-            if component == self._speakers.get(system, Speaker()).component:
-                for text in self._said((system, component), fields):
-                    yield stamp, system, text
+            yield from self._texted(stamp, system, component, fields)
         elif number in ORDERS:
             yield from self._ordered(stamp, system, number, fields)
         elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
@@ -368,8 +383,10 @@ class TelemetryFile:
             yield stamp, system, message
         elif isinstance(message, Radio):
             yield stamp, 0, message
-        elif source.vehicle and (told := self._of_vehicle(stamp, system, number, fields, message)) is not None:
-            yield stamp, system, told
+        elif number in TOLD_BY_VEHICLES:
+            told = self._of_vehicle(stamp, system, number, fields, message) if source.vehicle else None
+            if told is not None:
+                yield stamp, system, told
         else:
             if number == HEARTBEAT and fields[1] == GCS_TYPE:
                 self.stations.add(system)
@@ -401,9 +418,12 @@ class TelemetryFile:
             name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return Setting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
-        if isinstance(message, RcChannels):
-            return self._rc.setdefault(system, RcWatch()).news(stamp, message.values_us)
-        return None
+        if not isinstance(message, RcChannels):
+            return None
+        watch = self._rc.setdefault(system, RcWatch())
+        if len(message.values_us) < len(watch.told):
+            return None  # ArduPilot sends the first eight channels once more
+        return watch.news(stamp, message.values_us)
 
     def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
@@ -412,6 +432,12 @@ class TelemetryFile:
         if speaker.component != known.component and (before := self._sources.get(system << 8 | known.component)):
             before.vehicle = False
         return speaker.component == component
+
+    def _texted(self, stamp: int, system: int, component: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+        """Yield what a vehicle's autopilot says in words."""
+        if component == self._speakers.get(system, Speaker()).component:
+            for text in self._said((system, component), fields):
+                yield stamp, system, text
 
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields

@@ -49,7 +49,7 @@ def test_a_mode_and_its_reason(reason: int, by: Actor, tmp_path: Path) -> None:
 def test_an_old_mode_without_a_reason(tmp_path: Path) -> None:
     file = dataflash(tmp_path, ("MODE", "QMh", "TimeUS,Mode,ThrCrs", SECOND, 6, 500))
     assert told(file, ModeChange) == []
-    assert [beat.custom_mode for beat in told(DataFlashFile(file.path), Heartbeat)] == [6, 6]
+    assert [beat.custom_mode for beat in told(DataFlashFile(file.path), Heartbeat)] == [6]
 
 
 def test_what_failed_and_is_well_again(tmp_path: Path) -> None:

@@ -1,0 +1,266 @@
+"""One boot of an ArduPilot vehicle: the records of its DataFlash log, by and by, to our messages.
+
+Older firmware has fewer fields, other names and other units; what is not there stays unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from executor.adapters.logs.ardupilot_codes import MODE_REASONS, disarmed_by, failsafe_of
+from executor.adapters.logs.dataflash_rows import Fields, Wanted
+from executor.core import words
+from executor.core.messages import (
+    Actor,
+    Attitude,
+    Battery,
+    FlightMessage,
+    Gps,
+    Heartbeat,
+    LandedState,
+    MissionCurrent,
+    ModeChange,
+    OrderSeen,
+    Position,
+    Setting,
+    StatusText,
+)
+from executor.core.recording import MODE_COMMANDS, RcWatch, is_wanted_setting
+from missions import ARDUPILOT
+from missions.autopilots.modes import mode_name
+
+STANDBY, ACTIVE = 3, 4
+ARMED_EVENTS, DISARMED, LANDED, NOT_LANDED = frozenset({10, 15, 28}), 11, 18, 28
+"""LogEvent: armed, auto-armed and not-landed; a log that begins with the arming misses the first of them."""
+ARMS = "Arming motors"
+FAILURE = 2
+"""MAV_SEVERITY of a text that a .BIN keeps without one."""
+NO_MODE = 255
+"""No mode has this number: the log does not say which one it was in."""
+MODE_WAIT_USEC = 10_000_000
+"""A log that was begun at the arming says its mode within its first seconds."""
+THRUST = 0.05
+THRUST_ROWS = 3
+"""So many seconds of thrust without a word of arming: the log begins in the air."""
+STALE_USEC = 3_000_000
+"""After so long without it, the second best source of a place or a speed is taken."""
+STEEP_DEG = 45.0
+ATTITUDE_USEC, GPS_USEC = 950_000, 5_000_000
+FIXED = 3
+"""GPS_FIX_TYPE: three-dimensional."""
+CHANNELS = 14
+DO_SET_MODE, ACCEPTED = 176, frozenset({0, 5})
+WANTED: Mapping[str, Wanted] = {
+    name: Wanted(frozenset(columns.split()), every_usec)
+    for name, columns, every_usec in (
+        ("MODE", "Mode ModeNum Rsn", 0),
+        ("ARM", "ArmState Method", 0),
+        ("EV", "Id", 0),
+        ("ERR", "Subsys ECode", 0),
+        ("RCIN", "C1 C2 C3 C4 C5 C6 C7 C8 C9 C10 C11 C12 C13 C14", 90_000),
+        ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000),
+        ("CURR", "Inst Volt Curr CurrTot", 450_000),
+        ("POS", "Lat Lng Alt RelHomeAlt RelAlt", 950_000),
+        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ", 950_000),
+        ("XKF1", "C VN VE VD", 450_000),
+        ("NKF1", "VN VE VD", 450_000),
+        ("EKF1", "VN VE VD", 450_000),
+        ("ATT", "Roll Pitch", 190_000),
+        ("CTUN", "ThO ThrOut Alt", 950_000),
+        ("MSG", "Message", 0),
+        ("MISE", "CTot CNum", 0),
+        ("MAVC", "Cmd P2 SS Res", 0),
+        ("PARM", "Name Value", 0),
+    )
+}
+"""What is read of which record, and how often."""
+_MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number for number in range(29)} | {
+    "AUTO": 3,
+    "BRAKE": 17,
+}
+"""A log in text has a mode's name in the place of its number."""
+Told = FlightMessage | tuple[FlightMessage, ...] | None
+
+
+@dataclass(slots=True)
+class Boot:
+    """What is known of the vehicle since it was switched on."""
+
+    first_usec: int | None = None
+    begun: bool = False
+    """Whether it can be followed: its mode is known, or will never be."""
+    mode: int = NO_MODE
+    armed: bool = False
+    arming_told: bool = False
+    changed: bool = False
+    """Whether a HEARTBEAT would say something new."""
+    rc: RcWatch = field(default_factory=RcWatch)
+    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """North, east, down, by the filter that POS is by."""
+    filtered_usec: int = -STALE_USEC
+    placed_usec: int = -STALE_USEC
+    height_m: float | None = None
+    """Above home, by CTUN."""
+    begun_msl_m: float | None = None
+    thrust_rows: int = 0
+    attitude_usec: int = -ATTITUDE_USEC
+    fix: tuple[int, int] = (-GPS_USEC, -1)
+    """When it was told last, and which one."""
+
+    def begins(self, t_usec: int) -> bool:
+        """Return whether it can be followed from now on."""
+        if not self.begun:
+            self.first_usec = t_usec if self.first_usec is None else self.first_usec
+            self.begun = self.changed = self.mode != NO_MODE or t_usec - self.first_usec > MODE_WAIT_USEC
+        return self.begun
+
+    def beat(self, vehicle_type: int) -> Heartbeat:
+        """Return the HEARTBEAT that it would send."""
+        return Heartbeat(ARDUPILOT.number, self.mode, self.armed, ACTIVE if self.armed else STANDBY, vehicle_type)
+
+    def arm(self, *, armed: bool) -> None:
+        """Note that the log says that it is armed, or that it is not."""
+        self.arming_told = True
+        self.changed = self.changed or armed != self.armed
+        self.armed = armed
+
+
+def _moded(boot: Boot, _: int, fields: Fields) -> Told:
+    named = fields.get("ModeNum", fields["Mode"])
+    number = _MODE_NUMBERS.get(str(named).replace("_", "").replace(" ", "").upper())
+    boot.mode, boot.changed = int(float(named)) if number is None else number, True
+    if "Rsn" not in fields:
+        return None
+    return ModeChange(boot.mode, MODE_REASONS.get(int(fields["Rsn"]), Actor.UNKNOWN))
+
+
+def _happened(boot: Boot, _: int, fields: Fields) -> Told:
+    event = int(fields["Id"])
+    if event in ARMED_EVENTS or event == DISARMED:
+        boot.arm(armed=event != DISARMED)
+    return LandedState(event == LANDED) if event in {LANDED, NOT_LANDED} else None
+
+
+def _armed_or_not(boot: Boot, _: int, fields: Fields) -> Told:
+    boot.arm(armed=bool(fields["ArmState"]))
+    return None if boot.armed else disarmed_by(int(fields.get("Method", 0)))
+
+
+def _failed(_: Boot, __: int, fields: Fields) -> Told:
+    return failsafe_of(int(fields["Subsys"]), int(fields["ECode"]))
+
+
+def _transmitted(boot: Boot, t_usec: int, fields: Fields) -> Told:
+    return boot.rc.news(t_usec, tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
+
+
+def _set_to(_: Boot, __: int, fields: Fields) -> Told:
+    name, value = words.shown(fields["Name"]), float(fields["Value"])
+    return Setting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+
+
+def _ordered(_: Boot, __: int, fields: Fields) -> Told:
+    command = int(fields["Cmd"])
+    if command not in MODE_COMMANDS or int(fields["Res"]) not in ACCEPTED:
+        return None
+    mode = int(fields["P2"]) if command == DO_SET_MODE and math.isfinite(fields["P2"]) else None
+    return OrderSeen(command, mode, int(fields["SS"]))
+
+
+def _powered(_: Boot, __: int, fields: Fields) -> Told:
+    remaining, consumed = fields.get("RemPct"), fields.get("CurrTot")
+    volts, amperes = (_hundredths(fields[name]) for name in ("Volt", "Curr"))
+    # MONITOR 3 has no current: both counters stay at nothing.
+    counts = consumed is not None and (consumed > 0 or amperes > 0)
+    return Battery(
+        battery=int(fields.get("Inst", fields.get("Instance", 0))),
+        remaining_pct=float(remaining) if remaining is not None and 0 <= remaining <= 100 else None,
+        voltage_v=volts or None,
+        current_a=amperes if counts and amperes >= 0 else None,
+        consumed_ah=consumed / 1e3 if counts and consumed is not None else None,
+        charge_state=0,
+        faults=0,
+    )
+
+
+def _hundredths(value: float) -> float:
+    """Return a voltage or a current: whole numbers, of old firmware, count hundredths."""
+    return value / 100.0 if isinstance(value, int) else value
+
+
+def _placed(boot: Boot, t_usec: int, fields: Fields) -> Told:
+    boot.placed_usec = t_usec
+    return _position(t_usec, fields, fields.get("RelHomeAlt", fields.get("RelAlt", math.nan)), boot.velocity_m_s)
+
+
+def _received(boot: Boot, t_usec: int, fields: Fields) -> Told:
+    """Read what the satellites say: a place where the log has no better one, with their own speed."""
+    if fields.get("I", 0) != 0:
+        return None
+    fix, told = int(fields["Status"]), list[FlightMessage]()
+    if fix != boot.fix[1] or t_usec - boot.fix[0] >= GPS_USEC:
+        boot.fix = (t_usec, fix)
+        told.append(Gps(fix, int(fields["NSats"])))
+    if fix < FIXED:
+        return tuple(told)
+    course, speed_m_s = math.radians(fields["GCrs"]), fields["Spd"]
+    velocity = (speed_m_s * math.cos(course), speed_m_s * math.sin(course), fields.get("VZ", 0.0))
+    if t_usec - boot.filtered_usec > STALE_USEC:
+        boot.velocity_m_s = velocity
+    if t_usec - boot.placed_usec > STALE_USEC:
+        boot.begun_msl_m = fields["Alt"] if boot.begun_msl_m is None else boot.begun_msl_m
+        height_m = fields.get("RelAlt", boot.height_m)
+        told.append(
+            _position(t_usec, fields, fields["Alt"] - boot.begun_msl_m if height_m is None else height_m, velocity)
+        )
+    return tuple(told)
+
+
+def _position(t_usec: int, fields: Fields, height_m: float, velocity_m_s: tuple[float, float, float]) -> Position:
+    north, east, down = velocity_m_s
+    return Position(t_usec / 1e6, fields["Lat"], fields["Lng"], fields["Alt"], height_m, north, east, down, None)
+
+
+def _moved(boot: Boot, t_usec: int, fields: Fields) -> Told:
+    if fields.get("C", 0) == 0:
+        boot.velocity_m_s, boot.filtered_usec = (fields["VN"], fields["VE"], fields["VD"]), t_usec
+    return None
+
+
+def _tilted(boot: Boot, t_usec: int, fields: Fields) -> Told:
+    roll, pitch = fields["Roll"], fields["Pitch"]
+    if max(abs(roll), abs(pitch)) < STEEP_DEG and t_usec - boot.attitude_usec < ATTITUDE_USEC:
+        return None
+    boot.attitude_usec = t_usec
+    return Attitude(roll, pitch)
+
+
+def _controlled(boot: Boot, _: int, fields: Fields) -> Told:
+    boot.height_m = fields.get("Alt")
+    share = fields.get("ThO", fields.get("ThrOut", 0))
+    share = share / 1000 if share > 1 else share  # per mille in old firmware
+    boot.thrust_rows = boot.thrust_rows + 1 if share > THRUST else 0
+    if boot.thrust_rows >= THRUST_ROWS and not boot.arming_told and not boot.armed:
+        boot.changed = boot.armed = True
+    return None
+
+
+def _said(boot: Boot, _: int, fields: Fields) -> Told:
+    text = words.shown(str(fields["Message"]))
+    if text == ARMS:
+        boot.arm(armed=True)
+    return StatusText(FAILURE, text)
+
+
+def _item(_: Boot, __: int, fields: Fields) -> Told:
+    return MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
+
+
+READERS: Mapping[str, Callable[[Boot, int, Fields], Told]] = {
+    "MODE": _moded, "EV": _happened, "ARM": _armed_or_not, "ERR": _failed, "RCIN": _transmitted, "PARM": _set_to,
+    "MAVC": _ordered, "BAT": _powered, "CURR": _powered, "POS": _placed, "GPS": _received, "XKF1": _moved,
+    "NKF1": _moved, "EKF1": _moved, "ATT": _tilted, "CTUN": _controlled, "MSG": _said, "MISE": _item,
+}  # fmt: skip
+"""By the kind of the record."""

@@ -1,0 +1,314 @@
+"""A PX4 vehicle: the rows of its ULog, topic by topic in the order of their time, to our messages.
+
+Topics and fields came, went and changed their names between 1.5 and 1.17; what a log does not have stays unknown.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+from executor.adapters.logs.px4_codes import (
+    CRITICAL,
+    DO_SET_MODE,
+    FAILED,
+    MODE_SWITCHES,
+    ORDERED_USEC,
+    REQUESTED_BY,
+    SWITCH_MODE,
+    UNNAMED,
+    VALID,
+)
+from executor.core import words
+from executor.core.messages import (
+    Actor,
+    Attitude,
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    LandedState,
+    MissionCurrent,
+    ModeChange,
+    OrderSeen,
+    OwnFailsafe,
+    Position,
+    RcChannels,
+    StatusText,
+)
+from executor.core.recording import MODE_COMMANDS, RcWatch
+from missions import PX4
+
+QUADROTOR = 2
+TYPES: Mapping[int, int] = {2: 1, 3: 10, 4: 7}
+"""vehicle_status.vehicle_type to MAV_TYPE, but for rotary wings: fixed wing, rover, airship."""
+STANDBY, ACTIVE, CRITICAL_STATE = 3, 4, 5
+HALF = 128
+CHANNELS = 18
+CELLS = 14
+ARMED = 2
+"""vehicle_status.arming_state."""
+BEAT_USEC = 950_000
+MODES: Mapping[int, int] = {
+    0: 1 << 16, 1: 2 << 16, 2: 3 << 16, 3: 4 << 24 | 4 << 16, 4: 3 << 24 | 4 << 16, 5: 5 << 24 | 4 << 16,
+    10: 5 << 16, 12: 6 << 24 | 4 << 16, 13: 10 << 16, 14: 6 << 16, 15: 7 << 16, 17: 2 << 24 | 4 << 16,
+    18: 6 << 24 | 4 << 16, 19: 8 << 24 | 4 << 16, 20: 9 << 24 | 4 << 16,
+}  # fmt: skip
+"""vehicle_status.nav_state (VehicleStatus.msg) to custom_mode (px4_custom_mode.h); 12, DESCEND, is a landing."""
+WARNINGS: Mapping[int, int] = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
+"""battery_status.warning to MAV_BATTERY_CHARGE_STATE: none, low, critical, emergency, failed."""
+STALE_USEC = 3_000_000
+"""After so long without the filter's place, the receiver's is taken."""
+FIXED = 3
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+
+
+class Row(Protocol):
+    """One row of a topic."""
+
+    def __getitem__(self, name: str) -> float:
+        """Return a field."""
+        ...
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether this version has a field."""
+        ...
+
+    def get(self, name: str, default: float) -> float:
+        """Return a field, or what stands for it in a version that has none."""
+        ...
+
+
+Told: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
+
+
+@dataclass(slots=True)
+class Px4:
+    """What is known of the vehicle."""
+
+    beat: tuple[int, bool] | None = None
+    """Mode, and whether it is armed."""
+    beat_usec: int = -BEAT_USEC
+    velocity_m_s: tuple[float, float, float] | None = None
+    """North, east, down, by the local position."""
+    height_m: float | None = None
+    """By the local position: above where the filter began."""
+    begun_msl_m: float | None = None
+    placed_usec: int = -STALE_USEC
+    landed: bool | None = None
+    item: tuple[int, int] | None = None
+    rc: RcWatch = field(default_factory=RcWatch)
+    failing: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Flags that are up in the order in which they rose, with what they are about."""
+    failed: OwnFailsafe | None = None
+    """What acts now."""
+    asked: tuple[int, Actor] = (-ORDERED_USEC, Actor.UNKNOWN)
+    """When a mode was asked for last, and by whom."""
+    switches: tuple[int, ...] | None = None
+    finished: bool = False
+
+
+def _status(vehicle: Px4, t_usec: int, row: Row) -> Told:
+    mode = MODES.get(int(row["nav_state"]), 0)
+    armed, acts = int(row["arming_state"]) == ARMED, bool(row.get("failsafe", 0))
+    _flagged(vehicle, t_usec, row)
+    told: list[FlightMessage] = list(_failsafe(vehicle, acts=acts and armed))
+    if vehicle.beat is None or mode != vehicle.beat[0]:
+        told.append(ModeChange(mode, _who(vehicle, t_usec, row, acts=acts)))
+    beat = (mode, armed)
+    if beat != vehicle.beat or told or t_usec - vehicle.beat_usec >= BEAT_USEC:
+        vehicle.beat, vehicle.beat_usec = beat, t_usec
+        status = CRITICAL_STATE if acts and armed else ACTIVE if armed else STANDBY
+        kind = TYPES.get(int(row.get("vehicle_type", 0)), QUADROTOR)
+        told.append(Heartbeat(PX4.number, mode, armed, status, kind))
+    return tuple(told)
+
+
+def _who(vehicle: Px4, t_usec: int, row: Row, *, acts: bool) -> Actor:
+    """Return who chose a mode that has just changed."""
+    if acts:
+        return Actor.FAILSAFE
+    if t_usec - vehicle.asked[0] <= ORDERED_USEC:
+        return vehicle.asked[1]
+    return Actor.MISSION if int(row.get("executor_in_charge", 0)) else Actor.UNKNOWN
+
+
+def _failsafe(vehicle: Px4, *, acts: bool) -> Iterator[OwnFailsafe]:
+    """Yield what began to act or ended; the flag that rose last is the reason."""
+    if acts:
+        what, said = next(reversed(vehicle.failing.values()), UNNAMED)
+        if vehicle.failed is None or (vehicle.failed.what != what and what != UNNAMED[0]):
+            vehicle.failed = OwnFailsafe(what, active=True, words=said)
+            yield vehicle.failed
+    elif vehicle.failed is not None:
+        yield OwnFailsafe(vehicle.failed.what, active=False, words=vehicle.failed.words)
+        vehicle.failed = None
+
+
+def _flagged(vehicle: Px4, _: int, row: Row) -> Told:
+    """Note which flags are up."""
+    up = {name: meaning for name, meaning in FAILED.items() if row.get(name, 0)}
+    up |= {name: meaning for name, meaning in VALID.items() if name in row and not row[name]}
+    if row.get("battery_warning", 0) >= CRITICAL:
+        up["battery_warning"] = ("battery", "battery critical")
+    known = [name for name in (*FAILED, *VALID, "battery_warning") if name in row]
+    for name in known:
+        if name not in up:
+            vehicle.failing.pop(name, None)
+        elif name not in vehicle.failing:
+            vehicle.failing[name] = up[name]
+    return None
+
+
+def _commanded(vehicle: Px4, t_usec: int, row: Row) -> Told:
+    command = int(row["command"])
+    if command not in MODE_COMMANDS:
+        return None
+    if not row.get("from_external", 1):
+        vehicle.asked = (t_usec, Actor.MISSION)  # the navigator flies an item: a return, a landing
+        return None
+    vehicle.asked = (t_usec, Actor.GROUND_STATION)
+    main, sub = row["param2"], row["param3"]
+    named = command == DO_SET_MODE and 0 <= main < HALF and 0 <= sub < HALF
+    return OrderSeen(
+        command, int(main) << 16 | int(sub) << 24 if named else None, int(row.get("source_system", 0)) or None
+    )
+
+
+def _requested(vehicle: Px4, t_usec: int, row: Row) -> Told:
+    if int(row["action"]) == SWITCH_MODE:
+        vehicle.asked = (t_usec, REQUESTED_BY.get(int(row["source"]), Actor.UNKNOWN))
+    return None
+
+
+def _switched(vehicle: Px4, t_usec: int, row: Row) -> Told:
+    """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
+    switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
+    if vehicle.switches is not None and switches != vehicle.switches:
+        vehicle.asked = (t_usec, Actor.PILOT)
+    vehicle.switches = switches
+    return None
+
+
+def _transmitted(vehicle: Px4, t_usec: int, row: Row) -> RcChannels | None:
+    if row.get("rc_lost", 0):
+        return None
+    count = min(int(row["channel_count"]), CHANNELS)
+    return vehicle.rc.news(t_usec, tuple(int(row[f"values[{one}]"]) for one in range(count)))
+
+
+def _battery(_: Px4, __: int, row: Row) -> Battery | None:
+    if not row.get("connected", 1):
+        return None
+    remaining, volts = row.get("remaining", math.nan), row["voltage_v"]
+    amperes, discharged = row.get("current_a", math.nan), row.get("discharged_mah", -1.0)
+    cells = [float(row.get(f"voltage_cell_v[{cell}]", 0.0)) for cell in range(CELLS)]
+    known = tuple(cell for cell in cells if math.isfinite(cell) and 1.0 < cell < 5.0)
+    sensed = math.isfinite(amperes) and amperes >= 0
+    return Battery(
+        battery=max(0, int(row.get("id", 1)) - 1),
+        remaining_pct=100.0 * float(remaining) if 0.0 <= remaining <= 1.0 else None,
+        voltage_v=float(volts) if math.isfinite(volts) and volts > 0 else None,
+        current_a=float(amperes) if sensed else None,
+        consumed_ah=float(discharged) / 1e3 if sensed and discharged >= 0 else None,
+        charge_state=WARNINGS.get(int(row.get("warning", 0)), 0),
+        faults=0,
+        # Where cells are not measured PX4 divides the voltage by their number.
+        cells_v=known if len(set(known)) > 1 else (),
+    )
+
+
+def _moved(vehicle: Px4, _: int, row: Row) -> Told:
+    if row.get("v_xy_valid", 1):
+        vehicle.velocity_m_s = (float(row["vx"]), float(row["vy"]), float(row["vz"]))
+    vehicle.height_m = -float(row["z"])
+    return None
+
+
+def _placed(vehicle: Px4, t_usec: int, row: Row) -> Position:
+    vehicle.placed_usec = t_usec
+    return _position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
+
+
+def _received(vehicle: Px4, t_usec: int, row: Row) -> Position | None:
+    """Read the receiver's place, where the log has none of the filter."""
+    if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
+        return None
+    if "latitude_deg" in row:
+        place = (float(row["latitude_deg"]), float(row["longitude_deg"]), float(row["altitude_msl_m"]))
+    else:
+        place = (row["lat"] / 1e7, row["lon"] / 1e7, row["alt"] / 1e3)
+    return _position(vehicle, t_usec, place, row)
+
+
+def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row: Row) -> Position:
+    lat_deg, lon_deg, alt_m = place
+    vehicle.begun_msl_m = alt_m if vehicle.begun_msl_m is None else vehicle.begun_msl_m
+    own = tuple(float(row.get(name, row.get(f"{name}_m_s", 0.0))) for name in ("vel_n", "vel_e", "vel_d"))
+    north, east, down = vehicle.velocity_m_s or own
+    height_m = alt_m - vehicle.begun_msl_m if vehicle.height_m is None else vehicle.height_m
+    return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
+
+
+def _tilted(_: Px4, __: int, row: Row) -> Attitude:
+    w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    return Attitude(math.degrees(roll), math.degrees(math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))))
+
+
+def _touched(vehicle: Px4, _: int, row: Row) -> LandedState | None:
+    landed = bool(row["landed"])
+    if landed == vehicle.landed:
+        return None
+    vehicle.landed = landed
+    return LandedState(landed)
+
+
+def _progressed(vehicle: Px4, t_usec: int, row: Row) -> MissionCurrent | None:
+    finished = bool(row.get("finished", 0))
+    if finished and not vehicle.finished:
+        vehicle.asked = (t_usec, Actor.MISSION)
+    vehicle.finished = finished
+    item = (int(row["seq_current"]), int(row.get("seq_total", 0)))
+    if item == vehicle.item or item[1] <= 0:
+        return None
+    vehicle.item = item
+    return MissionCurrent(*item)
+
+
+def said(level: int, text: str) -> StatusText:
+    """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
+    return StatusText(level - ord("0") if level >= ord("0") else level, words.shown(_COLOUR.sub("", text)))
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """How a topic is read."""
+
+    read: Callable[[Px4, int, Row], Told]
+    every_usec: int = 0
+    """One row in so long is enough."""
+    changing: tuple[str, ...] = ()
+    """Fields of which only changes matter."""
+
+
+TOPICS: Mapping[str, Topic] = {
+    "vehicle_status": Topic(_status),
+    "battery_status": Topic(_battery, 450_000),
+    "vehicle_local_position": Topic(_moved, 200_000),
+    "vehicle_global_position": Topic(_placed, 950_000),
+    "vehicle_gps_position": Topic(_received, 950_000),
+    "vehicle_attitude": Topic(_tilted, 450_000),
+    "vehicle_land_detected": Topic(_touched),
+    "failsafe_flags": Topic(_flagged),
+    "vehicle_status_flags": Topic(_flagged),
+    "vehicle_command": Topic(_commanded),
+    "action_request": Topic(_requested),
+    "manual_control_switches": Topic(_switched, 0, MODE_SWITCHES),
+    "manual_control_setpoint": Topic(_switched, 0, MODE_SWITCHES),
+    "input_rc": Topic(_transmitted, 190_000),
+    "mission_result": Topic(_progressed),
+}
+"""By their names."""
