@@ -107,7 +107,7 @@ def table(found: Vehicle) -> dict[str, Any]:
     capacity = found.capacity_ah.mean if found.capacity_ah is not None else found.told_capacity_ah
     content: dict[str, Any] = {"logs": found.logs, "minutes": round(found.minutes, 2)}
     for name, figure in (
-        ("hover_a", found.hover_a), ("hover_w", found.hover_w), ("climb_share_per_m_s", found.climb_share),
+        ("hover_a", found.hover_a), ("hover_w", found.hover_w), ("climb_share", found.climb_share),
         ("capacity_ah", found.capacity_ah), ("resistance_ohm", found.resistance_ohm),
         ("link_loss_pct", found.link_loss_pct),
     ):  # fmt: skip

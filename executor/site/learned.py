@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Amount = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 Deviation = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class _Table(BaseModel):
@@ -16,7 +16,7 @@ class _Table(BaseModel):
 
 
 class FigureTable(_Table):
-    """One learned figure."""
+    """One learned figure; the other figures have the same keys."""
 
     mean: Amount
     """What was found."""
@@ -44,9 +44,9 @@ class SwitchTable(_Table):
     """Of the transmitter."""
     source: Annotated[str, Field(max_length=60)]
     """Parameter that names it, or `seen`: it moved before changes of mode."""
-    moved: Annotated[int, Field(ge=0)] = 0
+    moved: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     """Changes of mode that it moved before."""
-    changes: Annotated[int, Field(ge=0)] = 0
+    changes: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     """Changes of mode in the logs."""
 
 
@@ -63,7 +63,7 @@ class LearnedTable(_Table):
     """Power in hover."""
     level: tuple[SpeedTable, ...] = ()
     """Level flight, by speed."""
-    climb_share_per_m_s: FigureTable | None = None
+    climb_share: FigureTable | None = None
     """Extra consumption for each m/s of climb, as a share of level flight's."""
     capacity_ah: FigureTable | None = None
     """What the counter of charge gives for the percentage that is shown."""

@@ -108,7 +108,7 @@ def test_what_is_learned_is_what_the_vehicle_is(
     still = pct_per_s(DRONE, 0.0) * CONSUMPTION
     close(found["hover_a"], 36.0 * still * DRONE.capacity_ah, 20)
     close(found["capacity_ah"], DRONE.capacity_ah, 3)
-    close(found["climb_share_per_m_s"], CLIMB_SHARE_PER_M_S, 10)
+    close(found["climb_share"], CLIMB_SHARE_PER_M_S, 10)
     close(found["link_loss_pct"], 100 * LOSS, 10)
     volts = 3.7 * DRONE.cells
     sag = 0.03 * volts**2 / power_w(DRONE, 0.0)
