@@ -26,8 +26,8 @@ from executor.replay.logs import LINK_TIMEOUT_S, replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.result import Declaration, LogReplay
 from executor.replay.tuning import few_lines
-from executor.replay.witness.scoring import found
-from executor.replay.witness.statements import Stated, Statement, read_testimony, statements
+from executor.replay.witness.scoring import found_all
+from executor.replay.witness.statements import Stated, read_testimony, statements
 from executor.replay.witness.testimony import Testimony
 from executor.replay.witness.verdicts import Outcome, hold
 
@@ -97,14 +97,7 @@ def _judged(
         "declared": [
             {"by": by, **_declared(one, told.get(system), began)} for by, those in said.items() for system, one in those
         ],
-        "stated": [
-            {
-                "what": one.what.value, "at_s": _s(one.t_usec, began), "words": one.words,
-                **{by: _found(one, [other for number, other in said[by] if number == system]) for by in DETECTORS},
-            }
-            for system, testimony in told.items()
-            for one in statements(testimony, LINK_TIMEOUT_S)
-        ],
+        "stated": [row for system, one in told.items() for row in _stated_in(one, _of(said, system), began)],
     }  # fmt: skip
 
 
@@ -126,8 +119,21 @@ def _declared(one: Declaration, told: Testimony | None, began: int) -> Json:
     }  # fmt: skip
 
 
-def _found(stated: Statement, declared: Sequence[Declaration]) -> Json:
-    return asdict(found(stated, [(one.t_usec, one.kind) for one in declared], LINK_TIMEOUT_S))
+def _of(said: Mapping[str, Sequence[tuple[int, Declaration]]], system: int) -> dict[str, list[tuple[int, FaultKind]]]:
+    return {by: [(one.t_usec, one.kind) for number, one in those if number == system] for by, those in said.items()}
+
+
+def _stated_in(told: Testimony, said: Mapping[str, Sequence[tuple[int, FaultKind]]], began: int) -> list[Json]:
+    """Return what a log states, and how either detector declared it."""
+    stated = statements(told, LINK_TIMEOUT_S)
+    outcomes = {by: found_all(told, stated, those, LINK_TIMEOUT_S) for by, those in said.items()}
+    return [
+        {
+            "what": one.what.value, "at_s": _s(one.t_usec, began), "words": one.words,
+            **{by: asdict(outcomes[by][number]) for by in DETECTORS},
+        }
+        for number, one in enumerate(stated)
+    ]  # fmt: skip
 
 
 def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambda *_: None) -> list[Json]:

@@ -93,15 +93,16 @@ def _scored(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
 
 def _witnessed(said: Declared, told: Mapping[int, Testimony], link_timeout_s: float, flown_s: float) -> Score:
     """Hold what was declared in a log that nobody planned against what it says itself."""
-    false, delays, faults = 0, [], 0
+    false, faults = 0, 0
+    delays: list[float] = []
     for system, one in said:
         false += system in told and hold(one, told[system], link_timeout_s).outcome is Outcome.REFUTED
     for system, testimony in told.items():
         mine = [(one.t_usec, one.kind) for number, one in said if number == system]
-        for stated in statements(testimony, link_timeout_s):
-            faults += 1
-            after_s = scoring.found(stated, mine, link_timeout_s).after_s
-            delays += [] if after_s is None else [after_s]
+        stated = statements(testimony, link_timeout_s)
+        faults += len(stated)
+        outcomes = scoring.found_all(testimony, stated, mine, link_timeout_s)
+        delays += [one.after_s for one in outcomes if one.after_s is not None]
     return Score(false, tuple(delays), faults, flown_s)
 
 

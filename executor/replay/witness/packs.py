@@ -24,7 +24,8 @@ STEP_V = 0.12
 """So much a cell lost at once, under the same load, is a step."""
 BACK_V = 0.03
 """A pack that has so nearly its old voltage again lost nothing: the load was heavy for a moment."""
-STAYS_S = 30.0
+STAYS_S, OUTLASTS_S = 30.0, 900.0
+"""How much longer it flies: too short to say anything, and longer than any pack that was at its end."""
 GROUND_M = 1.5
 IDLE_A = 3.0
 MORE, AS_BEFORE = 1.4, 1.2
@@ -102,11 +103,13 @@ def _by_voltage(declared: Declaration, told: Testimony, at: int, confirmed: Say[
     last = _load(told, max(at, end - 25 * SECOND), end - 5 * SECOND)
     if (end - at) / 1e6 < STAYS_S or last is None or last.volts is None:
         return None
-    cell = last.volts / cells
-    if cell < LOW_V:
-        return confirmed(f"{cell:.2f} V a cell under load {(end - at) / 1e6:.0f} s later, at the end of the flight")
+    cell, later_s = last.volts / cells, (end - at) / 1e6
+    if later_s > OUTLASTS_S:
+        return refuted(f"it flew on for {later_s / 60:.0f} minutes")
+    if cell < LOW_V and later_s <= SAID_AFTER_S:
+        return confirmed(f"{cell:.2f} V a cell under load {later_s:.0f} s later, at the end of the flight")
     if cell >= SOUND_V:
-        return refuted(f"{cell:.2f} V a cell under load {(end - at) / 1e6:.0f} s later, at the end of the flight")
+        return refuted(f"{cell:.2f} V a cell under load {later_s:.0f} s later, at the end of the flight")
     return None
 
 

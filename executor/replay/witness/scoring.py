@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from executor.core.vehicle import FaultKind
 from executor.replay.witness.statements import RIGHT, Stated, Statement
-from executor.replay.witness.testimony import SECOND
+from executor.replay.witness.testimony import SECOND, Testimony
 
 LATE_S = 2.0
 """So long after the autopilot's own text, or after the time-out, a declaration still counts."""
@@ -26,8 +26,23 @@ class Found:
     """After the text, or after the time-out; negative is before it."""
 
 
-def found(stated: Statement, declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float) -> Found:
-    """Return how a statement was declared, by times and kinds of what was."""
+def found_all(
+    told: Testimony, stated: Sequence[Statement], declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float
+) -> list[Found]:
+    """Return how each statement of a log was declared, by times and kinds of what was.
+
+    A declaration is of the same flight. One crash is declared once: the one before it had its own.
+    """
+    said, outcomes, crashed_usec = list(declared), [], 0
+    for one in stated:
+        since = told.armed_since(one.t_usec) or told.armed_since(one.t_usec - 3 * SECOND) or 0
+        since = max(since, crashed_usec) if one.what is Stated.CRASH else since
+        crashed_usec = one.t_usec + SECOND if one.what is Stated.CRASH else crashed_usec
+        outcomes.append(_found(one, [pair for pair in said if pair[0] >= since], link_timeout_s))
+    return outcomes
+
+
+def _found(stated: Statement, declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float) -> Found:
     due = stated.t_usec + round((link_timeout_s if stated.what is Stated.SILENCE else 0.0) * SECOND)
     first = due - round(LEAD_S[stated.what] * SECOND)
     last = due + round(TOO_LATE_S * SECOND) if stated.until_usec is None else stated.until_usec + SECOND
