@@ -42,7 +42,8 @@ JUMP_M = 10.0
 STILL_M = 5.0
 STILL_S = 25.0
 SAID_S = 10.0
-FALLS_M_S = 2.5
+FALLS_M_S, DROPS_M_S = 2.5, 8.0
+"""Sinking that somebody may have ordered, and sinking that no copter does by itself."""
 LANDED_M = 2.5
 HIGH_M = 5.0
 
@@ -142,6 +143,9 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Verdict:
         return refuted(f"it had not left the ground: {max(flown):.1f} m at most since it was armed")
     if tilted >= TUMBLED_DEG:
         return confirmed(f"tilted by {tilted:.0f} degrees")
+    sinks = min((one.climb_m_s for one in near(told.moments, at, 4.0, FLOWN_ON_S + 2.0)), default=0.0)
+    if sinks <= -DROPS_M_S:
+        return confirmed(f"sinks at {-sinks:.0f} m/s")
     later = told.moment_at(at + round(FLOWN_ON_S * SECOND))
     if told.is_armed(at + round(FLOWN_ON_S * SECOND)) and later is not None and (later.height_m or 0.0) > GROUND_M:
         return refuted(f"it flew on, {later.height_m:.0f} m high {FLOWN_ON_S:g} s later")
