@@ -14,7 +14,7 @@ from executor.replay.result import Declaration
 from executor.replay.witness.hands import hand_of
 from executor.replay.witness.packs import pack_verdict
 from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, Stated, statements
-from executor.replay.witness.testimony import SECOND, Hand, Testimony, between, last_before, near, pairs_between
+from executor.replay.witness.testimony import SECOND, Hand, Moment, Testimony, between, last_before, near, pairs_between
 
 
 class Outcome(StrEnum):
@@ -154,6 +154,10 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Verdict:
         return (
             confirmed(f"sank at {-sunk:.1f} m/s") if sunk < -FALLS_M_S else refuted(f"sank at {-sunk:.1f} m/s at most")
         )
+    return _disarmed(where)
+
+
+def _disarmed(where: Moment | None) -> Verdict:
     if where is None or where.height_m is None:
         return undecided("where it was is not in the log")
     if where.height_m >= HIGH_M and (where.climb_m_s < -1.0 or where.speed_m_s > 1.0):
