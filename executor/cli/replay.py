@@ -96,22 +96,6 @@ def replay_logs(
         raise typer.Exit(1)
 
 
-def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
-    from executor.replay.learnedfile import learn, learned_toml, table, told
-
-    system, found, others = learn([path for path in paths if not path.is_dir()])
-    drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
-    content = learned_toml(found, drone, base)
-    if output is not None:
-        writable(output, lambda: output.write_text(content, encoding="utf-8"))
-    if as_json:
-        print(json.dumps({"system": system, "left_out": others, **table(found)}))
-    elif output is None:
-        print(content, end="")
-    else:
-        print("\n".join(told(system, found, others)))
-
-
 def _logs_in(path: Path) -> list[Path]:
     if not path.exists():
         raise LogError(f"{path}: no such file; expected a log, a run directory or a folder of logs")
@@ -228,3 +212,19 @@ def _write(done: Sequence[_Done], folder: Path) -> None:
             write_replay_page(one.replay, one.truth, picture, page)
         except OSError as error:
             raise SiteError(f"{folder}: cannot be written: {error.strerror}") from error
+
+
+def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
+    from executor.replay.learnedfile import learn, learned_toml, table, told
+
+    system, found, others = learn([path for path in paths if not path.is_dir()])
+    drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
+    content = learned_toml(found, drone, base)
+    if output is not None:
+        writable(output, lambda: output.write_text(content, encoding="utf-8"))
+    if as_json:
+        print(json.dumps({"system": system, "left_out": others, **table(found)}))
+    elif output is None:
+        print(content, end="")
+    else:
+        print("\n".join(told(system, found, others)))
