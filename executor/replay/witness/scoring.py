@@ -31,14 +31,14 @@ def found_all(
 ) -> list[Found]:
     """Return how each statement of a log was declared, by times and kinds of what was.
 
-    A declaration is of the same flight. One crash is declared once: the one before it had its own.
+    A declaration is of the same flight, give or take what old logs leave open of its beginning. One crash is declared once: the one before it had its own.
     """
     said, outcomes, crashed_usec = list(declared), [], 0
     for one in stated:
         since = told.armed_since(one.t_usec) or told.armed_since(one.t_usec - 3 * SECOND) or 0
         since = max(since, crashed_usec) if one.what is Stated.CRASH else since
-        crashed_usec = one.t_usec + SECOND if one.what is Stated.CRASH else crashed_usec
-        outcomes.append(_found(one, [pair for pair in said if pair[0] >= since], link_timeout_s))
+        crashed_usec = one.t_usec + 2 * SECOND if one.what is Stated.CRASH else crashed_usec
+        outcomes.append(_found(one, [pair for pair in said if pair[0] >= since - SECOND], link_timeout_s))
     return outcomes
 
 

@@ -107,7 +107,7 @@ def statements(told: Testimony, link_timeout_s: float) -> list[Statement]:
 def _gaps(told: Testimony, link_timeout_s: float) -> list[Statement]:
     """Return silences that were the link's: others were heard meanwhile, or nobody else is ever heard."""
     return [
-        Statement(Stated.SILENCE, one.from_usec, f"silent for {one.lasted_s:.1f} s", one.to_usec)
+        Statement(Stated.SILENCE, one.from_usec, f"nothing of it for {one.lasted_s:.1f} s", one.to_usec)
         for one in told.silences
         if one.lasted_s >= link_timeout_s + MARGIN_S and one.others is True and told.is_armed(one.from_usec)
     ]

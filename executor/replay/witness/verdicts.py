@@ -96,7 +96,7 @@ def _link(told: Testimony, at: int, timeout_s: float) -> Verdict:
                 return refuted(f"nobody at all was recorded for {one.lasted_s:.1f} s: the recorder paused")
             if one.lasted_s >= timeout_s - 0.1:
                 return confirmed(f"nothing of it for {one.lasted_s:.1f} s")
-            return refuted(f"silent for {one.lasted_s:.1f} s only, the time-out is {timeout_s:g} s")
+            return refuted(f"nothing of it for {one.lasted_s:.1f} s only, the time-out is {timeout_s:g} s")
     return refuted("its frames came all the time")
 
 
