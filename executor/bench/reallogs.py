@@ -29,7 +29,7 @@ from executor.replay.tuning import few_lines
 from executor.replay.witness.scoring import found_all
 from executor.replay.witness.statements import Stated, read_testimony, statements
 from executor.replay.witness.testimony import Testimony
-from executor.replay.witness.verdicts import Outcome, hold
+from executor.replay.witness.verdicts import Stand, hold_against
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
 DETECTORS = ("watchpoints", "few_lines")
@@ -111,10 +111,10 @@ def _system_at(told: Mapping[int, Testimony], usec: int) -> int:
 
 
 def _declared(one: Declaration, told: Testimony | None, began: int) -> Json:
-    verdict = None if told is None else hold(one, told, LINK_TIMEOUT_S)
+    verdict = None if told is None else hold_against(one, told, LINK_TIMEOUT_S)
     return {
         "at_s": _s(one.t_usec, began), "kind": one.kind.value, "reason": one.reason, "evidence": one.evidence,
-        "verdict": (Outcome.UNDECIDED if verdict is None else verdict.outcome).value,
+        "verdict": (Stand.UNDECIDED if verdict is None else verdict.outcome).value,
         "because": "the judge could not read the log" if verdict is None else verdict.because,
     }  # fmt: skip
 
@@ -213,7 +213,7 @@ def _outcomes(rows: Sequence[Json], by: str, name: str | None) -> Json:
         if one["by"] == by and name in {None, _name(one)}
     ]
     counts = Counter(one["verdict"] for _, one in chosen)
-    wrong = Counter(aircraft for aircraft, one in chosen if one["verdict"] == Outcome.REFUTED)
+    wrong = Counter(aircraft for aircraft, one in chosen if one["verdict"] == Stand.REFUTED)
     hours: Counter[str] = Counter()
     for row in rows:
         hours[row["aircraft"]] += row["hours"]
@@ -221,8 +221,8 @@ def _outcomes(rows: Sequence[Json], by: str, name: str | None) -> Json:
     low, high = clustered_interval(wrong, hours)
     return {
         "declared": len(chosen),
-        **{outcome.value: counts[outcome.value] for outcome in Outcome},
-        "refuted_per_50_h": round(PER_H * counts[Outcome.REFUTED] / total, 2) if total else None,
+        **{outcome.value: counts[outcome.value] for outcome in Stand},
+        "refuted_per_50_h": round(PER_H * counts[Stand.REFUTED] / total, 2) if total else None,
         "refuted_per_50_h_95": [round(low, 2), round(high, 2)] if total else None,
     }
 

@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 
 from executor.errors import LogError
-from executor.replay.learning import Figure, Notes, Vehicle, learned, notes_of
+from executor.replay.learning import Aircraft, Figure, Notes, learned, notes_of
 from planner import Drone, InstanceError, pct_per_s
 
 DIGITS = 4
@@ -23,7 +23,7 @@ HEAD = """\
 """
 
 
-def learn(paths: Sequence[Path]) -> tuple[int, Vehicle, tuple[int, ...]]:
+def learn(paths: Sequence[Path]) -> tuple[int, Aircraft, tuple[int, ...]]:
     """Return what logs say of the vehicle that flies most in them: its system, its figures, and who is left out.
 
     Raises:
@@ -37,7 +37,7 @@ def learn(paths: Sequence[Path]) -> tuple[int, Vehicle, tuple[int, ...]]:
     return flown[0], learned(notes[flown[0]]), others
 
 
-def learned_toml(found: Vehicle, drone: str, base: Drone) -> str:
+def learned_toml(found: Aircraft, drone: str, base: Drone) -> str:
     """Return the file."""
     logs = f"{found.logs} log" + "s" * (found.logs != 1)
     return "\n".join(
@@ -45,7 +45,7 @@ def learned_toml(found: Vehicle, drone: str, base: Drone) -> str:
     )
 
 
-def _energy(found: Vehicle, drone: str, base: Drone) -> list[str]:
+def _energy(found: Aircraft, drone: str, base: Drone) -> list[str]:
     lines = ["[energy]", f'drone = "{drone}"  # mass, rotors and propellers: not in any log']
     if found.cells is not None:
         lines.append(f"cells = {found.cells}")
@@ -72,7 +72,7 @@ def _energy(found: Vehicle, drone: str, base: Drone) -> list[str]:
     return lines
 
 
-def fitted(found: Vehicle, drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
+def fitted(found: Aircraft, drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
     """Return the efficiency with which the model uses what was used in level flight, and how sure it is."""
     observed = [
         (speed, figure.mean / capacity_ah / 36.0, figure.sd / figure.mean, figure.samples)
@@ -102,7 +102,7 @@ def fitted(found: Vehicle, drone: Drone, capacity_ah: float) -> tuple[float, flo
     return low, max(share * low, 10.0**-DIGITS)
 
 
-def table(found: Vehicle) -> dict[str, Any]:
+def table(found: Aircraft) -> dict[str, Any]:
     """Return the table `[learned]`, as a site file has it."""
     capacity = found.capacity_ah.mean if found.capacity_ah is not None else found.told_capacity_ah
     content: dict[str, Any] = {"logs": found.logs, "minutes": round(found.minutes, 2)}
@@ -136,7 +136,7 @@ def _short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def told(system: int, found: Vehicle, others: Sequence[int]) -> list[str]:
+def told(system: int, found: Aircraft, others: Sequence[int]) -> list[str]:
     """Return what was found in a few lines."""
     lines = [f"system {system}: {found.minutes:.1f} min in the air, {found.logs} logs"]
     rows = (

@@ -79,7 +79,7 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True)
-class Vehicle:
+class Aircraft:
     """What logs say of one vehicle."""
 
     logs: int
@@ -188,7 +188,7 @@ def notes_of(paths: Iterable[Path]) -> dict[int, Notes]:
     return notes
 
 
-def learned(notes: Notes) -> Vehicle:
+def learned(notes: Notes) -> Aircraft:
     """Return what the notes of one vehicle say of it."""
     blocks, climbs = (
         [block for number, flight in enumerate(notes.flights) for block in _blocks(number, flight, length_s)]
@@ -197,7 +197,7 @@ def learned(notes: Notes) -> Vehicle:
     steady = [one for one in blocks if abs(one.climb_m_s) < LEVEL_M_S]
     level = _level(steady)
     hovers = [one for one in steady if one.speed_m_s < HOVER_M_S]
-    return Vehicle(
+    return Aircraft(
         logs=notes.logs,
         minutes=notes.flown_s / 60,
         cells=_cells(notes),

@@ -24,7 +24,7 @@ from executor.replay.result import Declaration, LogReplay, RecordedTruth
 from executor.replay.witness import scoring
 from executor.replay.witness.statements import read_testimony, statements
 from executor.replay.witness.testimony import Testimony
-from executor.replay.witness.verdicts import Outcome, hold
+from executor.replay.witness.verdicts import Stand, hold_against
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -96,7 +96,7 @@ def _witnessed(said: Declared, told: Mapping[int, Testimony], link_timeout_s: fl
     false, faults = 0, 0
     delays: list[float] = []
     for system, one in said:
-        false += system in told and hold(one, told[system], link_timeout_s).outcome is Outcome.REFUTED
+        false += system in told and hold_against(one, told[system], link_timeout_s).outcome is Stand.REFUTED
     for system, testimony in told.items():
         mine = [(one.t_usec, one.kind) for number, one in said if number == system]
         stated = statements(testimony, link_timeout_s)

@@ -15,7 +15,17 @@ from typing import Any
 
 from pymavlink import DFReader
 
-from executor.replay.witness.testimony import SECOND, Failing, Hand, Line, ModeSet, Moment, Move, Power, Testimony
+from executor.replay.witness.testimony import (
+    SECOND,
+    Failing,
+    Hand,
+    Line,
+    ModeSet,
+    Move,
+    PowerReport,
+    Testimony,
+    Whereabouts,
+)
 
 TYPES = ("MODE", "EV", "ERR", "ARM", "MSG", "BAT", "CURR", "POS", "GPS", "CTUN", "ATT", "RCIN", "PARM", "CMD", "XKF1",
          "NKF1", "NTUN")  # fmt: skip
@@ -73,7 +83,7 @@ def _timed(messages: Iterator[Any]) -> Iterator[tuple[int, Any]]:
     waiting: list[Any] = []
     last = 0
     for message in messages:
-        t_usec = time_of(message)
+        t_usec = stamp_of(message)
         if t_usec is None and not last:
             waiting.append(message)
             continue
@@ -127,7 +137,7 @@ def quiet() -> Iterator[None]:
         os.close(nowhere)
 
 
-def time_of(message: Any) -> int | None:  # noqa: ANN401 - pymavlink is untyped
+def stamp_of(message: Any) -> int | None:  # noqa: ANN401 - pymavlink is untyped
     """Return when it was written, since the vehicle's start: old firmware counted milliseconds."""
     for name, factor in (("TimeUS", 1), ("TimeMS", 1000)):
         value = getattr(message, name, None)
@@ -181,7 +191,7 @@ def _battery(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa
     amperes = amperes / 100 if isinstance(row.Curr, int) else amperes
     told.streams.setdefault("battery", []).append(t_usec)
     told.powers.append(
-        Power(t_usec, volts or None, amperes if amperes >= 0 else None, float(row.CurrTot),
+        PowerReport(t_usec, volts or None, amperes if amperes >= 0 else None, float(row.CurrTot),
               None if percent is None else float(percent))
     )  # fmt: skip
 
@@ -193,7 +203,7 @@ def _fix(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa
     height = getattr(row, "RelAlt", getattr(row, "RAlt", None))
     state.height_m = float(height) if height is not None and not told.streams.get("position") else state.height_m
     if not told.streams.get("position"):
-        told.moments.append(Moment(t_usec, float(row.Lat), float(row.Lng), state.height_m, state.speed_m_s,
+        told.moments.append(Whereabouts(t_usec, float(row.Lat), float(row.Lng), state.height_m, state.speed_m_s,
                                    state.climb_m_s))  # fmt: skip
 
 
@@ -201,7 +211,7 @@ def _place(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # no
     told.streams.setdefault("position", []).append(t_usec)
     height = float(getattr(row, "RelHomeAlt", math.nan))
     told.moments.append(
-        Moment(t_usec, float(row.Lat), float(row.Lng), height if math.isfinite(height) else state.height_m,
+        Whereabouts(t_usec, float(row.Lat), float(row.Lng), height if math.isfinite(height) else state.height_m,
                state.speed_m_s, state.climb_m_s)
     )  # fmt: skip
 

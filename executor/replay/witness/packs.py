@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from executor.replay.result import Declaration
 from executor.replay.witness.statements import BATTERY, Stated, statements
-from executor.replay.witness.testimony import SECOND, Moment, Power, Testimony, between, near
+from executor.replay.witness.testimony import SECOND, PowerReport, Testimony, Whereabouts, between, near
 
 V = TypeVar("V")
 Say = Callable[[str], V]
@@ -82,7 +82,7 @@ def _own_words(told: Testimony, at: int) -> str:
 
 
 def _on_ground(told: Testimony, since: int, at: int) -> bool:
-    seen: Sequence[Moment] = [one for one in between(told.moments, since, at + SECOND) if one.height_m is not None]
+    seen: Sequence[Whereabouts] = [one for one in between(told.moments, since, at + SECOND) if one.height_m is not None]
     drawn = [one.amperes for one in between(told.powers, since, at) if one.amperes is not None]
     idle = not drawn or max(drawn) < IDLE_A
     if not seen:
@@ -129,14 +129,14 @@ def _stepped(told: Testimony, at: int, cells: int, confirmed: Say[V], refuted: S
     return refuted(f"{fell:+.2f} V a cell between 13 s before and 8 s after")
 
 
-def _load(told: Testimony, from_usec: int, to_usec: int) -> Power | None:
+def _load(told: Testimony, from_usec: int, to_usec: int) -> PowerReport | None:
     """Return the median voltage and current of a time."""
-    rows: Sequence[Power] = between(told.powers, from_usec, to_usec)
+    rows: Sequence[PowerReport] = between(told.powers, from_usec, to_usec)
     volts = [one.volts for one in rows if one.volts]
     drawn = [one.amperes for one in rows if one.amperes is not None]
     if not volts:
         return None
-    return Power(from_usec, median(volts), median(drawn) if drawn else None, None, None)
+    return PowerReport(from_usec, median(volts), median(drawn) if drawn else None, None, None)
 
 
 def _by_counter(told: Testimony, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:

@@ -10,7 +10,7 @@ from typing import Any
 from pyulog import ULog
 
 from executor.replay.witness.onboard import quiet
-from executor.replay.witness.testimony import Failing, Hand, Line, ModeSet, Moment, Move, Power, Testimony
+from executor.replay.witness.testimony import Failing, Hand, Line, ModeSet, Move, PowerReport, Testimony, Whereabouts
 
 TOPICS = ["vehicle_status", "battery_status", "vehicle_local_position", "vehicle_global_position", "vehicle_attitude",
           "vehicle_command", "manual_control_setpoint", "manual_control_switches", "mission_result"]  # fmt: skip
@@ -84,7 +84,7 @@ def _battery(told: Testimony, rows: list[Row]) -> None:
         volts, amperes, share = float(row["voltage_v"]), float(row["current_a"]), float(row["remaining"])
         told.streams.setdefault("battery", []).append(t_usec)
         told.powers.append(
-            Power(t_usec, volts if volts > 1 else None, amperes if amperes >= 0 else None,
+            PowerReport(t_usec, volts if volts > 1 else None, amperes if amperes >= 0 else None,
                   float(row.get("discharged_mah", 0.0)), 100 * share if 0 <= share <= 1 else None)
         )  # fmt: skip
 
@@ -98,7 +98,7 @@ def _local(told: Testimony, rows: list[Row]) -> None:
             continue
         # Degrees from where the estimator began: only differences are looked at.
         told.moments.append(
-            Moment(t_usec, north / METRES_A_DEGREE, east / METRES_A_DEGREE, -float(row["z"]),
+            Whereabouts(t_usec, north / METRES_A_DEGREE, east / METRES_A_DEGREE, -float(row["z"]),
                    math.hypot(float(row["vx"]), float(row["vy"])), -float(row["vz"]))
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ LEAD_S = {Stated.CRASH: 30.0, Stated.BATTERY: 900.0, Stated.SILENCE: 0.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Answered:
     """How something that a log states was declared."""
 
     outcome: str
@@ -28,10 +28,11 @@ class Found:
 
 def found_all(
     told: Testimony, stated: Sequence[Statement], declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float
-) -> list[Found]:
+) -> list[Answered]:
     """Return how each statement of a log was declared, by times and kinds of what was.
 
-    A declaration is of the same flight, give or take what old logs leave open of its beginning. One crash is declared once: the one before it had its own.
+    A declaration is of the same flight, whose beginning old logs leave open by a second. One crash is declared once:
+    the one before it had its own.
     """
     said, outcomes, crashed_usec = list(declared), [], 0
     for one in stated:
@@ -42,12 +43,12 @@ def found_all(
     return outcomes
 
 
-def _found(stated: Statement, declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float) -> Found:
+def _found(stated: Statement, declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float) -> Answered:
     due = stated.t_usec + round((link_timeout_s if stated.what is Stated.SILENCE else 0.0) * SECOND)
     first = due - round(LEAD_S[stated.what] * SECOND)
     last = due + round(TOO_LATE_S * SECOND) if stated.until_usec is None else stated.until_usec + SECOND
     right = sorted(t_usec for t_usec, kind in declared if kind in RIGHT[stated.what] and first <= t_usec <= last)
     if not right:
-        return Found("missed", None)
+        return Answered("missed", None)
     after_s = (right[0] - due) / 1e6
-    return Found("declared" if after_s <= LATE_S else "late", round(after_s, 2))
+    return Answered("declared" if after_s <= LATE_S else "late", round(after_s, 2))

@@ -12,7 +12,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.replay.witness.testimony import SECOND, Line, ModeSet, Moment, Move, Power, Silence, Testimony
+from executor.replay.witness.testimony import SECOND, Line, ModeSet, Move, PowerReport, Silence, Testimony, Whereabouts
 
 STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
@@ -202,7 +202,7 @@ def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
 def _place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     _noted(vehicle, "position", t_usec)
     vehicle.told.moments.append(
-        Moment(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
+        Whereabouts(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
                math.hypot(message.vx, message.vy) / 100, -message.vz / 100)
     )  # fmt: skip
 
@@ -217,7 +217,7 @@ def _status(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN4
     percent = message.battery_remaining
     vehicle.percent = float(percent) if 0 <= percent <= 100 else None
     vehicle.told.powers.append(
-        Power(t_usec, message.voltage_battery / 1e3 if 0 < message.voltage_battery < 65535 else None,
+        PowerReport(t_usec, message.voltage_battery / 1e3 if 0 < message.voltage_battery < 65535 else None,
               message.current_battery / 100 if message.current_battery >= 0 else None, vehicle.consumed_mah,
               vehicle.percent)
     )  # fmt: skip

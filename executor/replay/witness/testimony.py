@@ -61,7 +61,7 @@ class ModeSet:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class Whereabouts:
     """Where it was and how it moved."""
 
     t_usec: int
@@ -74,7 +74,7 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True)
-class Power:
+class PowerReport:
     """What its battery monitor said."""
 
     t_usec: int
@@ -122,8 +122,8 @@ class Testimony:
     failings: list[Failing] = field(default_factory=list)
     tilts: list[tuple[int, float]] = field(default_factory=list)
     """Degrees from upright."""
-    moments: list[Moment] = field(default_factory=list)
-    powers: list[Power] = field(default_factory=list)
+    moments: list[Whereabouts] = field(default_factory=list)
+    powers: list[PowerReport] = field(default_factory=list)
     items: list[tuple[int, int]] = field(default_factory=list)
     """Changes of the mission's item."""
     silences: list[Silence] = field(default_factory=list)
@@ -152,7 +152,7 @@ class Testimony:
         before = [one for one in self.modes if one.t_usec <= at_usec]
         return before[-1].mode if before else None
 
-    def moment_at(self, at_usec: int, *, within_s: float = 4.0) -> Moment | None:
+    def moment_at(self, at_usec: int, *, within_s: float = 4.0) -> Whereabouts | None:
         """Return where it was then, if that was said not long before."""
         index = bisect_right(self.moments, at_usec, key=_time) - 1
         if index < 0 or at_usec - self.moments[index].t_usec > within_s * SECOND:

@@ -14,10 +14,19 @@ from executor.replay.result import Declaration
 from executor.replay.witness.hands import hand_of
 from executor.replay.witness.packs import pack_verdict
 from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, Stated, statements
-from executor.replay.witness.testimony import SECOND, Hand, Moment, Testimony, between, last_before, near, pairs_between
+from executor.replay.witness.testimony import (
+    SECOND,
+    Hand,
+    Testimony,
+    Whereabouts,
+    between,
+    last_before,
+    near,
+    pairs_between,
+)
 
 
-class Outcome(StrEnum):
+class Stand(StrEnum):
     """How a declaration stands against the log."""
 
     CONFIRMED = "confirmed"
@@ -26,10 +35,10 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Ruling:
     """Of one declaration."""
 
-    outcome: Outcome
+    outcome: Stand
     because: str
     """The line of the log that says so."""
 
@@ -48,22 +57,22 @@ LANDED_M = 2.5
 HIGH_M = 5.0
 
 
-def confirmed(because: str) -> Verdict:
+def confirmed(because: str) -> Ruling:
     """Return that the log says the same."""
-    return Verdict(Outcome.CONFIRMED, because)
+    return Ruling(Stand.CONFIRMED, because)
 
 
-def refuted(because: str) -> Verdict:
+def refuted(because: str) -> Ruling:
     """Return that the log says otherwise."""
-    return Verdict(Outcome.REFUTED, because)
+    return Ruling(Stand.REFUTED, because)
 
 
-def undecided(because: str) -> Verdict:
+def undecided(because: str) -> Ruling:
     """Return that the log does not say."""
-    return Verdict(Outcome.UNDECIDED, because)
+    return Ruling(Stand.UNDECIDED, because)
 
 
-def hold(declared: Declaration, told: Testimony, link_timeout_s: float) -> Verdict:
+def hold_against(declared: Declaration, told: Testimony, link_timeout_s: float) -> Ruling:
     """Hold one declaration against what the log says of its vehicle."""
     at = declared.t_usec
     if declared.kind is FaultKind.LINK:
@@ -89,7 +98,7 @@ def _near_statement(told: Testimony, what: Stated, at: int, before_s: float, aft
     return ""
 
 
-def _link(told: Testimony, at: int, timeout_s: float) -> Verdict:
+def _link(told: Testimony, at: int, timeout_s: float) -> Ruling:
     for one in told.silences:
         if one.from_usec <= at <= one.to_usec + SECOND:
             if one.others is False:
@@ -100,7 +109,7 @@ def _link(told: Testimony, at: int, timeout_s: float) -> Verdict:
     return refuted("its frames came all the time")
 
 
-def _stream(told: Testimony, at: int, stream: str) -> Verdict:
+def _stream(told: Testimony, at: int, stream: str) -> Ruling:
     times = told.streams.get(stream, [])
     before = [t_usec for t_usec in times if t_usec <= at]
     if not before:
@@ -120,7 +129,7 @@ def _names_hand(declared: Declaration) -> Hand | None:
     return None
 
 
-def _mode(declared: Declaration, told: Testimony) -> Verdict:
+def _mode(declared: Declaration, told: Testimony) -> Ruling:
     changes = [one for one in told.modes if one.t_usec <= declared.t_usec + SECOND // 2]
     if len(changes) < 2:
         return refuted("its mode never changed")
@@ -135,7 +144,7 @@ def _mode(declared: Declaration, told: Testimony) -> Verdict:
     return refuted(f"{when} by {hand.value}: {words}")
 
 
-def _down(told: Testimony, at: int, *, falls: bool) -> Verdict:
+def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
     tilted = max((tilt for _, tilt in pairs_between(told.tilts, at - 3 * SECOND, at + 3 * SECOND)), default=0.0)
     where, since = told.moment_at(at), told.armed_since(at - SECOND)
     flown = [one.height_m or 0.0 for one in between(told.moments, since or told.began_usec, at)]
@@ -157,7 +166,7 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Verdict:
     return _disarmed(where)
 
 
-def _disarmed(where: Moment | None) -> Verdict:
+def _disarmed(where: Whereabouts | None) -> Ruling:
     if where is None or where.height_m is None:
         return undecided("where it was is not in the log")
     if where.height_m >= HIGH_M and (where.climb_m_s < -1.0 or where.speed_m_s > 1.0):
@@ -167,14 +176,14 @@ def _disarmed(where: Moment | None) -> Verdict:
     return undecided(f"{where.height_m:.1f} m high at {where.speed_m_s:.1f} m/s")
 
 
-def _terminated(told: Testimony, at: int) -> Verdict:
+def _terminated(told: Testimony, at: int) -> Ruling:
     known = last_before(told.statuses, at)
     if known is not None and known[1] in EMERGENCY_STATES:
         return confirmed(f"HEARTBEAT.system_status {known[1]}")
     return refuted(f"HEARTBEAT.system_status {known[1] if known else 'unknown'}")
 
 
-def _jumped(told: Testimony, at: int) -> Verdict:
+def _jumped(told: Testimony, at: int) -> Ruling:
     seen = near(told.moments, at, 6.0, 0.5)
     most = 0.0
     for before, after in pairwise(seen):
@@ -183,7 +192,7 @@ def _jumped(told: Testimony, at: int) -> Verdict:
     return confirmed(f"jumped by {most:.0f} m") if most >= JUMP_M else refuted(f"jumped by {most:.1f} m at most")
 
 
-def _stood(told: Testimony, at: int) -> Verdict:
+def _stood(told: Testimony, at: int) -> Ruling:
     since = told.armed_since(at)
     if since is None:
         return refuted("it was not armed")
@@ -204,7 +213,7 @@ def metres(one: object, other: object) -> float:
     return math.hypot(north, east)
 
 
-def _said(declared: Declaration, told: Testimony) -> Verdict:
+def _said(declared: Declaration, told: Testimony) -> Ruling:
     """Look for the autopilot's own words of that kind."""
     pattern = next((one for name, one in SAID.items() if name in declared.reason), None)
     failed = [one for one in near(told.failings, declared.t_usec, SAID_S, 2.0) if one.kind in declared.reason]
@@ -221,7 +230,7 @@ def _said(declared: Declaration, told: Testimony) -> Verdict:
 
 STREAMS = {"heartbeat": "HEARTBEAT", "positions": "position", "items": "item", "battery-reports": "battery"}
 CRASHES = frozenset({"off-pad", "falling", "crash", "crashed", "tumbled", "attitude"})
-BY_REASON: Mapping[str, Callable[[Testimony, int], Verdict]] = {
+BY_REASON: Mapping[str, Callable[[Testimony, int], Ruling]] = {
     "terminated": _terminated, "position": _jumped, "stall": _stood,
 }  # fmt: skip
 SAID: Mapping[str, re.Pattern[str]] = {

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import common as mav
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
 from executor.replay.witness.statements import Stated, read_testimony, statements
-from executor.replay.witness.verdicts import Outcome, hold
+from executor.replay.witness.verdicts import Stand, hold_against
 from tests.recorded import BEGAN_USEC, Writer, heartbeat, position, station, text
 
 AUTO, LOITER, RTL = 3, 5, 6
@@ -116,52 +116,52 @@ def tumbled() -> Writer:
     return writer
 
 
-ROWS: list[tuple[str, Callable[[], Writer], tuple[FaultKind, str, str], Outcome, str]] = [
-    ("a mode that was accepted", accepted, MODE, Outcome.REFUTED, "COMMAND_ACK"),
-    ("a mode that was refused before", refused, MODE, Outcome.UNDECIDED, "names nobody"),
-    ("a mode that a station set", set_by_a_station, MODE, Outcome.REFUTED, "SET_MODE of system 255"),
-    ("a mode that the pilot chose", switched, MODE, Outcome.REFUTED, "mode switch"),
-    ("a mode by a failsafe", lambda: said("Low Battery!", mode=to_rtl), MODE, Outcome.CONFIRMED, "Low Battery!"),
-    ("a mode of which nothing is said", lambda: flown(Writer(), mode=to_rtl), MODE, Outcome.UNDECIDED, "nobody"),
-    ("a mode that is as it was", lambda: flown(Writer()), MODE, Outcome.REFUTED, "never changed"),
-    ("a link that was lost", lambda: silent(with_station=True), LINK, Outcome.CONFIRMED, "16.0 s"),
-    ("a recorder that paused", lambda: silent(with_station=False), LINK, Outcome.REFUTED, "paused"),
-    ("a link that was there", lambda: flown(Writer()), LINK, Outcome.REFUTED, "all the time"),
-    ("a drain of a pack that lasts", lambda: flown(Writer()), DRAIN, Outcome.REFUTED, "3.80 V a cell"),
-    ("a drain of a pack that ends", lambda: fell(lambda s: 15.2 - max(0, s - 50) * 0.013), DRAIN, Outcome.CONFIRMED,
+ROWS: list[tuple[str, Callable[[], Writer], tuple[FaultKind, str, str], Stand, str]] = [
+    ("a mode that was accepted", accepted, MODE, Stand.REFUTED, "COMMAND_ACK"),
+    ("a mode that was refused before", refused, MODE, Stand.UNDECIDED, "names nobody"),
+    ("a mode that a station set", set_by_a_station, MODE, Stand.REFUTED, "SET_MODE of system 255"),
+    ("a mode that the pilot chose", switched, MODE, Stand.REFUTED, "mode switch"),
+    ("a mode by a failsafe", lambda: said("Low Battery!", mode=to_rtl), MODE, Stand.CONFIRMED, "Low Battery!"),
+    ("a mode of which nothing is said", lambda: flown(Writer(), mode=to_rtl), MODE, Stand.UNDECIDED, "nobody"),
+    ("a mode that is as it was", lambda: flown(Writer()), MODE, Stand.REFUTED, "never changed"),
+    ("a link that was lost", lambda: silent(with_station=True), LINK, Stand.CONFIRMED, "16.0 s"),
+    ("a recorder that paused", lambda: silent(with_station=False), LINK, Stand.REFUTED, "paused"),
+    ("a link that was there", lambda: flown(Writer()), LINK, Stand.REFUTED, "all the time"),
+    ("a drain of a pack that lasts", lambda: flown(Writer()), DRAIN, Stand.REFUTED, "3.80 V a cell"),
+    ("a drain of a pack that ends", lambda: fell(lambda s: 15.2 - max(0, s - 50) * 0.013), DRAIN, Stand.CONFIRMED,
      "V a cell"),
-    ("a drain before its failsafe", lambda: said("Battery Failsafe", AT_S + 100), DRAIN, Outcome.CONFIRMED,
+    ("a drain before its failsafe", lambda: said("Battery Failsafe", AT_S + 100), DRAIN, Stand.CONFIRMED,
      "Battery Failsafe, +98.8 s"),
-    ("a drain on the ground", lambda: flown(Writer(), range(50, 200), up_m=0.1), DRAIN, Outcome.REFUTED, "ground"),
-    ("a step that stays", lambda: fell(lambda s: 15.2 - (1.3 if s >= AT_S - 3 else 0)), STEP, Outcome.CONFIRMED,
+    ("a drain on the ground", lambda: flown(Writer(), range(50, 200), up_m=0.1), DRAIN, Stand.REFUTED, "ground"),
+    ("a step that stays", lambda: fell(lambda s: 15.2 - (1.3 if s >= AT_S - 3 else 0)), STEP, Stand.CONFIRMED,
      "not regained"),
     ("a step that is over", lambda: fell(lambda s: 15.2 - (1.3 if AT_S - 3 <= s < AT_S + 2 else 0)), STEP,
-     Outcome.REFUTED, "again within"),
+     Stand.REFUTED, "again within"),
     ("a failsafe that nobody speaks of", lambda: flown(Writer()), (FaultKind.BATTERY, "battery-failsafe", ""),
-     Outcome.REFUTED, "no text"),
-    ("a fall on the ground", lambda: flown(Writer(), up_m=0.2), FALLS, Outcome.REFUTED, "not left the ground"),
-    ("a fall that is flown on", lambda: flown(Writer()), FALLS, Outcome.REFUTED, "flew on"),
+     Stand.REFUTED, "no text"),
+    ("a fall on the ground", lambda: flown(Writer(), up_m=0.2), FALLS, Stand.REFUTED, "not left the ground"),
+    ("a fall that is flown on", lambda: flown(Writer()), FALLS, Stand.REFUTED, "flew on"),
     ("a crash that is spoken of", lambda: said("Crash: Disarming", armed=lambda s: s < AT_S), DISARMED,
-     Outcome.CONFIRMED, "Crash: Disarming"),
-    ("a crash that is seen", tumbled, DISARMED, Outcome.CONFIRMED, "tilted by"),
-    ("a heartbeat that came", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "heartbeat", ""), Outcome.REFUTED,
+     Stand.CONFIRMED, "Crash: Disarming"),
+    ("a crash that is seen", tumbled, DISARMED, Stand.CONFIRMED, "tilted by"),
+    ("a heartbeat that came", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "heartbeat", ""), Stand.REFUTED,
      "HEARTBEAT came"),
-    ("a place that did not jump", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "position", ""), Outcome.REFUTED,
+    ("a place that did not jump", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "position", ""), Stand.REFUTED,
      "jumped by"),
-    ("a flight that goes on", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "terminated", ""), Outcome.REFUTED,
+    ("a flight that goes on", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "terminated", ""), Stand.REFUTED,
      "system_status 4"),
-    ("a flight that moves", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "stall", ""), Outcome.REFUTED, "moved"),
+    ("a flight that moves", lambda: flown(Writer()), (FaultKind.INTERRUPTION, "stall", ""), Stand.REFUTED, "moved"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("what", "written", "claim", "outcome", "because"), ROWS, ids=[row[0] for row in ROWS])
 def test_a_declaration_against_its_log(
-    what: str, written: Callable[[], Writer], claim: tuple[FaultKind, str, str], outcome: Outcome, because: str,
+    what: str, written: Callable[[], Writer], claim: tuple[FaultKind, str, str], outcome: Stand, because: str,
     tmp_path: Path,
 ) -> None:  # fmt: skip
     told = read_testimony(written().write(tmp_path / "a.tlog"))[1]
     kind, reason, evidence = claim
-    verdict = hold(Declaration(kind, reason, BEGAN_USEC + round((AT_S + 1.2) * 1e6), evidence), told, TIMEOUT_S)
+    verdict = hold_against(Declaration(kind, reason, BEGAN_USEC + round((AT_S + 1.2) * 1e6), evidence), told, TIMEOUT_S)
     assert (verdict.outcome, because in verdict.because) == (outcome, True), verdict
 
 
