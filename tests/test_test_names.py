@@ -9,6 +9,21 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "tests/executor/bench/test_reallogs.py": (
+        "executor/bench/detectionbench.py",
+        "executor/bench/reallogspage.py",
+        "executor/replay/witness/onboard.py",
+        "executor/replay/witness/px4.py",
+        "executor/replay/witness/scoring.py",
+    ),
+    "tests/executor/replay/test_learning.py": ("executor/replay/learnedfile.py",),
+    "tests/executor/replay/witness/test_verdicts.py": (
+        "executor/replay/witness/hands.py",
+        "executor/replay/witness/packs.py",
+        "executor/replay/witness/statements.py",
+        "executor/replay/witness/telemetry.py",
+        "executor/replay/witness/testimony.py",
+    ),
     "tests/e2e/test_fleet.py": (
         "executor/flight/flight_order.py",
         "executor/flight/fly.py",

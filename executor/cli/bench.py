@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -309,18 +308,22 @@ def resume(
 
 @cli.command()
 def detection(
-    healthy: Annotated[int, typer.Option(min=1, help="Healthy flights, with wind, ageing, noise and losses.")] = 720,
-    faulty: Annotated[int, typer.Option(min=1, help="Flights per kind of fault.")] = 120,
+    healthy: Annotated[
+        int | None, typer.Option(min=1, help="Healthy flights, with wind, ageing, noise and losses (720).")
+    ] = None,
+    faulty: Annotated[int | None, typer.Option(min=1, help="Flights per kind of fault (120).")] = None,
     seed: SeedOption = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")] = None,
     logs: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Recorded flights with ground truth; by default ../shared/logs, if it is there."
+            metavar="DIR",
+            help="Recorded flights, with truths beside them or without; by default ../shared/logs, if it is there. "
+            "Named, they are judged alone, unless --healthy or --faulty ask for modelled flights too.",
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write detection.md and detection.json there.")
+        Path | None, typer.Option(metavar="DIR", help="Write detection.md, real-logs.md and their .json there.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -330,35 +333,19 @@ def detection(
     faulty ones have steps, drains of 1.3 to 4 times the normal, failing cells and silent links of 2 to 200 s. A
     baseline detector of a few lines is measured on the same flights, and both on recorded ones. The same seed gives the
     same figures for any number of processes.
-    """
-    from executor.bench.detection import campaign, detection_summary
-    from executor.bench.detectionpage import (
-        detection_document,
-        keep_page,
-        logs_directory,
-        print_recorded,
-        print_summary,
-        recorded,
-    )
-    from executor.bench.machine import cores
-    from executor.bench.progress import ShownProgress
 
-    folder = logs_directory(logs)
-    with ShownProgress() as shown:
-        pairs = campaign(healthy, faulty, seed, jobs or cores(), partial(shown.told, "flights"))
-    figures = {
-        "watchpoints": detection_summary([pair.watchpoints for pair in pairs]),
-        "few_lines": detection_summary([pair.few_lines for pair in pairs]),
-    }
-    content = detection_document(healthy, faulty, seed, figures, [] if folder is None else recorded(folder))
-    if out is not None:
-        keep_page(content, out)
+    Of recorded flights those with a truth beside them are held against it; every other log under the folder, of real
+    aircraft, against what it says itself, by a judge of its own.
+    """
+    from executor.bench.detectionbench import make_detection, print_detection
+    from executor.bench.machine import cores
+
+    modelled = (healthy or 720, faulty or 120) if logs is None or healthy or faulty else None
+    content = make_detection(modelled, seed, jobs or cores(), logs, out)
     if as_json:
         print(json.dumps(content))
-        return
-    for name, found in figures.items():
-        print_summary(name.replace("_", " "), found)
-    print_recorded(content)
+    else:
+        print_detection(content)
 
 
 cli.command()(bench_flights.prediction)

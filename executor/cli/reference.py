@@ -25,7 +25,7 @@ from executor.core.check_codes import CheckCode
 from executor.core.endings import Ending
 from executor.core.intents import IntentReason
 from executor.core.vehicle import FaultCode
-from executor.site import config
+from executor.site import config, learned
 
 COMMANDS = "reference/command-line.md"
 SITE_FILE = "reference/site-file.md"
@@ -132,7 +132,8 @@ def _ranged(meaning: str) -> str:
 
 def site_page() -> str:
     """Return the page of the site file: each table, and each key with its unit, default, values and meaning."""
-    words = {(name, key): text for name, key, text in docstrings(config)}
+    words = {(name, key): text for module in (config, learned) for name, key, text in docstrings(module)}
+    shown: set[type[BaseModel]] = set()
     lines = [
         MADE.format(what="site models (executor/site/config.py)"),
         "",
@@ -146,6 +147,9 @@ def site_page() -> str:
         "A table may be left out unless one of its keys is required. A default of - means that the key is unset.",
     ]
     for heading, model in _tables(config.Site, ""):
+        if model in shown:
+            continue  # of the same keys, in another place
+        shown.add(model)
         lines += ["", f"## {heading}", "", inspect.cleandoc(model.__doc__ or ""), ""]
         lines += ["| key | unit | default | values | meaning |", "| --- | --- | --- | --- | --- |"]
         for name, field in _plain(model):

@@ -24,7 +24,9 @@ from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.packs_file import PacksDocument, pack_lines, packs_of, read_packs
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 from executor.replay.run import Comparison, rerun
-from executor.site.config import read_site
+from executor.site.assembly import drone_of
+from executor.site.config import Site, read_site
+from planner import PRESETS
 
 LogsArgument = Annotated[
     list[Path],
@@ -49,10 +51,22 @@ def replay_logs(
         Path | None, typer.Option(metavar="SITE", help="Judge by the vehicles, reserves and thresholds of this site.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for a timeline and a page per log.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Directory for a timeline and a page per log; with --learn the file."
+        ),
     ] = None,
     tune: Annotated[
-        bool, typer.Option("--tune", help="Sweep the thresholds over logs with ground-truth files beside them.")
+        bool,
+        typer.Option(
+            "--tune", help="Sweep the thresholds over logs, by truths beside them or by what the logs themselves state."
+        ),
+    ] = False,
+    learn: Annotated[
+        bool,
+        typer.Option(
+            "--learn", help="Learn one aircraft from its logs, and write [energy] and [learned] for its site."
+        ),
     ] = False,
     packs: Annotated[
         Path | None,
@@ -64,10 +78,14 @@ def replay_logs(
 
     For a run directory every decision is made again; exit 1 if one differs from the flight's.
     """
+    known = None if site is None else read_site(site)
+    paths = [path for given in logs for path in _logs_in(given)]
+    if learn:
+        _learn(paths, known, output, as_json=as_json)
+        return
     if output is not None:
         need(Extra.PICTURES, "--output")
-    rules = rules_of(None if site is None else read_site(site))
-    paths = [path for given in logs for path in _logs_in(given)]
+    rules = rules_of(known)
     if tune:
         from executor.replay.tuning import print_tuning
 
@@ -245,3 +263,19 @@ def _write(done: Sequence[_Done], folder: Path) -> None:
             write_replay_page(one.replay, one.truth, picture, page)
         except OSError as error:
             raise SiteError(f"{folder}: cannot be written: {error.strerror}") from error
+
+
+def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
+    from executor.replay.learnedfile import learn, learned_toml, table, told
+
+    system, found, others = learn([path for path in paths if not path.is_dir()])
+    drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
+    content = learned_toml(found, drone, base)
+    if output is not None:
+        writable(output, lambda: output.write_text(content, encoding="utf-8"))
+    if as_json:
+        print(json.dumps({"system": system, "left_out": others, **table(found)}))
+    elif output is None:
+        print(content, end="")
+    else:
+        print("\n".join(told(system, found, others)))

@@ -1,13 +1,16 @@
-"""`faultline replay --tune`: thresholds swept over recorded flights whose truths are known.
+"""`faultline replay --tune`: thresholds swept over recorded flights.
 
 Every threshold is moved alone, the others keep their values; for each value the flights are replayed, and what was
-declared is held against what was injected: how late each fault was found, and how many declarations were false.
+declared is held against what was injected, or in logs that nobody planned against what the log states itself: how late
+each fault was found, and how many declarations were false.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +20,11 @@ from executor.replay.baseline_detector import PERCENT, FewLines
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay
 from executor.replay.open_log import open_log
-from executor.replay.result import LogReplay, RecordedTruth
+from executor.replay.result import Declaration, LogReplay, RecordedTruth
+from executor.replay.witness import scoring
+from executor.replay.witness.statements import read_testimony, statements
+from executor.replay.witness.testimony import Testimony
+from executor.replay.witness.verdicts import Stand, hold_against
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -54,29 +61,49 @@ class Score:
     """One log."""
 
     false_alarms: int
-    delay_s: float | None
-    """None where there is no fault, or it was not found."""
+    delays_s: tuple[float, ...]
+    """Of the faults that were found."""
     faults: int
     flown_s: float
 
 
+Declared = Sequence[tuple[int, Declaration]]
+"""By system."""
+
+
 def score(found: LogReplay, truth: RecordedTruth) -> Score:
     """Hold what was declared in a log against the truth: the first declaration after the fault must be its kind."""
-    declared = sorted(
-        ((one.t_usec, one.kind) for vehicle in found.vehicles for one in vehicle.declarations),
-        key=lambda pair: pair[0],
-    )
-    return _scored(declared, truth, sum(vehicle.flown_s for vehicle in found.vehicles))
+    return _scored(_declared(found), truth, sum(vehicle.flown_s for vehicle in found.vehicles))
 
 
-def _scored(declared: Sequence[tuple[int, FaultKind]], truth: RecordedTruth, flown_s: float) -> Score:
+def _declared(found: LogReplay) -> list[tuple[int, Declaration]]:
+    return [(vehicle.sysid, one) for vehicle in found.vehicles for one in vehicle.declarations]
+
+
+def _scored(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
+    declared = sorted(((one.t_usec, one.kind) for _, one in said), key=lambda pair: pair[0])
     if truth.kind is None or truth.fault_usec is None:
-        return Score(len(declared), None, 0, flown_s)
+        return Score(len(declared), (), 0, flown_s)
     before = sum(usec < truth.fault_usec for usec, _ in declared)
     after = [(usec, kind) for usec, kind in declared if usec >= truth.fault_usec]
     if not after or after[0][1] is not truth.kind:
-        return Score(before + bool(after), None, 1, flown_s)
-    return Score(before, (after[0][0] - truth.fault_usec) / 1e6, 1, flown_s)
+        return Score(before + bool(after), (), 1, flown_s)
+    return Score(before, ((after[0][0] - truth.fault_usec) / 1e6,), 1, flown_s)
+
+
+def _witnessed(said: Declared, told: Mapping[int, Testimony], link_timeout_s: float, flown_s: float) -> Score:
+    """Hold what was declared in a log that nobody planned against what it says itself."""
+    false, faults = 0, 0
+    delays: list[float] = []
+    for system, one in said:
+        false += system in told and hold_against(one, told[system], link_timeout_s).outcome is Stand.REFUTED
+    for system, testimony in told.items():
+        mine = [(one.t_usec, one.kind) for number, one in said if number == system]
+        stated = statements(testimony, link_timeout_s)
+        faults += len(stated)
+        outcomes = scoring.found_all(testimony, stated, mine, link_timeout_s)
+        delays += [one.after_s for one in outcomes if one.after_s is not None]
+    return Score(false, tuple(delays), faults, flown_s)
 
 
 def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
@@ -101,35 +128,70 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     return declared, flown_usec / 1e6
 
 
-def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules) -> list[Point]:
-    """Replay all logs that have a truth with every value of every threshold.
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """One log, with every value of every threshold."""
+
+    path: Path
+    truth: RecordedTruth | None
+    rules: ReplayRules
+
+
+def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -> list[Point]:
+    """Replay all logs with every value of every threshold.
+
+    Logs that have a truth beside them are held against it, all others against what they state themselves.
 
     Raises:
-        LogError: no log has a truth.
+        LogError: no log has a truth, and none says anything of a vehicle.
     """
-    known = [(path, truth_for(path, read_recorded_truths(path.parent))) for path in paths]
-    logs = [(path, truth) for path, truth in known if truth is not None]
-    if not logs:
-        raise LogError("--tune: expected logs whose truths lie beside them, in *_truth.json")
-    points = []
+    work = [_Job(path, truth_for(path, read_recorded_truths(path.parent)), rules) for path in paths]
+    if jobs > 1:
+        with ProcessPoolExecutor(jobs) as pool:
+            scores = [one for one in pool.map(_swept, work) if one]
+    else:
+        scores = [one for one in map(_swept, work) if one]
+    if not scores:
+        raise LogError(
+            "--tune: expected logs whose truths lie beside them, in *_truth.json, or that say themselves what happened"
+        )
+    settings = [*_settings(rules), ("few lines", PERCENT, 1.0, rules)]
+    return [
+        _point(name, value, scale, [one[number] for one in scores])
+        for number, (name, value, scale, _) in enumerate(settings)
+    ]
+
+
+def _settings(rules: ReplayRules) -> Iterator[tuple[str, float, float, ReplayRules]]:
     for name in THRESHOLDS:
         usual = rules.link_timeout_s if name == LINK else getattr(rules.limits, name)
         for scale in SCALES:
             value = usual * scale
-            changed = (
-                replace(rules, link_timeout_s=value)
-                if name == LINK
-                else replace(rules, limits=replace(rules.limits, **{name: value}))
-            )
-            points.append(_point(name, value, scale, [score(_replayed(path, changed), truth) for path, truth in logs]))
-    simple = [_scored(*_few(path, truth)) for path, truth in logs]
-    points.append(_point("few lines", PERCENT, 1.0, simple))
-    return points
+            if name == LINK:
+                yield name, value, scale, replace(rules, link_timeout_s=value)
+            else:
+                yield name, value, scale, replace(rules, limits=replace(rules.limits, **{name: value}))
 
 
-def _few(path: Path, truth: RecordedTruth) -> tuple[list[tuple[int, FaultKind]], RecordedTruth, float]:
-    declared, flown_s = few_lines(path)
-    return declared, truth, flown_s
+def _swept(job: _Job) -> list[Score]:
+    """Return the scores of a log, and last those of the few lines; nothing where it says nothing."""
+    told = {} if job.truth is not None else read_testimony(job.path)
+    if job.truth is None and not told:
+        return []
+
+    def scored(said: Declared, flown_s: float) -> Score:
+        if job.truth is not None:
+            return _scored(said, job.truth, flown_s)
+        return _witnessed(said, told, job.rules.link_timeout_s, flown_s)
+
+    found = []
+    for _, _, _, rules in _settings(job.rules):
+        done = _replayed(job.path, rules)
+        found.append(scored(_declared(done), sum(vehicle.flown_s for vehicle in done.vehicles)))
+    simple, flown_s = few_lines(job.path)
+    system = next(iter(told), 0)
+    said = [(system, Declaration(kind, "few lines", usec, "")) for usec, kind in simple]
+    return [*found, scored(said, flown_s)]
 
 
 def _replayed(path: Path, rules: ReplayRules) -> LogReplay:
@@ -138,7 +200,7 @@ def _replayed(path: Path, rules: ReplayRules) -> LogReplay:
 
 
 def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Point:
-    delays = [one.delay_s for one in scores if one.delay_s is not None]
+    delays = [delay for one in scores for delay in one.delays_s]
     return Point(
         threshold=name,
         value=round(value, 4),
@@ -153,7 +215,7 @@ def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Po
 
 def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None, *, as_json: bool) -> None:
     """Sweep, print, and draw the picture where a folder for it is given."""
-    points = sweep_thresholds(paths, rules)
+    points = sweep_thresholds(paths, rules, os.cpu_count() or 1)
     if output is not None:
         from executor.replay.pictures_tuning import Curve, draw_tuning
 

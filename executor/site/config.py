@@ -21,6 +21,7 @@ from executor.core.battery.resting import Chemistry
 from executor.core.connection import Connection, parse_connection
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
+from executor.site.learned import LearnedTable
 from missions import AUTOPILOTS, NESTED, first_reason
 from planner import PRESETS
 
@@ -345,6 +346,7 @@ class Site(_Table):
     link: LinkTable = LinkTable()
     mqtt: MqttTable | None = None
     web: WebTable = WebTable()
+    learned: LearnedTable | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from executor.cli import main
-from tests.recorded import BEGAN_USEC, Writer, flight
+from tests.recorded import BEGAN_USEC, Writer, flight, heartbeat, station, text
 
 EVENTS = [{"t_usec": BEGAN_USEC + 1_000_000, "boot_ms": 0, "what": "armed"}]
 
@@ -44,9 +44,29 @@ def test_a_longer_time_out_finds_less(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (tmp_path / "out" / "tuning.png").is_file()
 
 
-def test_logs_without_truths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_that_nobody_planned_is_held_against_what_it_states(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     writer = Writer()
-    flight(writer, 3, range(20))
+    flight(writer, 3, range(150), silent=range(60, 67))
+    for second in range(150):
+        writer.say(second + 0.7, 255, station())
+    writer.say(120.0, 3, text("Battery Failsafe"))
+    writer.write(tmp_path / "real.tlog")
+    with pytest.raises(SystemExit) as left:
+        main.main(["replay", str(tmp_path), "--tune", "--json"])
+    assert left.value.code == 0
+    points = json.loads(capsys.readouterr().out)["points"]
+    link = {one["value"]: one for one in points if one["threshold"] == "link_timeout_s"}
+    assert {one["faults"] for one in points} == {2}
+    assert (link[4.5]["found"], link[9.0]["found"]) == (2, 1)
+    assert link[4.5]["false_alarms"] == 0
+
+
+def test_logs_that_say_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = Writer()
+    for second in range(20):
+        writer.say(second, 3, heartbeat(kind=1))
     writer.write(tmp_path / "a.tlog")
     with pytest.raises(SystemExit) as left:
         main.main(["replay", str(tmp_path), "--tune"])

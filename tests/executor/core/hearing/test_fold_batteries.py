@@ -311,7 +311,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     },
                     "volts": {"reported_s": NOW_S, "voltage_v": 14.0, "began_s": NOW_S, "known_load": False},
                     "pack": UNDER_LOAD,
-                    "unhealthy": 32,
                 },
             ),
         ],

@@ -1,0 +1,379 @@
+"""`faultline replay --learn`: what an aircraft's own logs say of it, each figure with how sure it is.
+
+A flight is cut into blocks of some seconds. A block in which speed and climb hardly change is one observation of what
+level flight at its speed, or a climb, draws; resistance is from steps of the load between two reports; the rest is
+counted. A figure's deviation is the scatter of its observations, by flights where there are several, and never below
+what current sensors are good for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from statistics import fmean, median, stdev
+
+from executor.replay.witness.statements import read_testimony
+from executor.replay.witness.testimony import SECOND, Testimony, between, near
+
+BLOCK_S, CLIMB_BLOCK_S = 6.0, 3.0
+"""Climbs are short."""
+LEAST_REPORTS = 3
+HIGH_M = 1.5
+"""Lower it may stand on the ground."""
+LEVEL_M_S, CLIMBS_M_S, STEADY_M_S = 0.3, 0.5, 1.5
+"""Level flight, a climb, and how much speed or climb may change within a block."""
+BIN_M_S, FIRST_BIN_M_S = 2.0, 0.5
+HOVER_M_S = 0.7
+FEWEST = 4
+"""Observations that a figure needs."""
+SENSOR_SHARE = 0.01
+"""No current is known better than that, however often it is read."""
+STEP_SHARE = 0.15
+"""A step of the load from which the resistance is seen, as a share of the current: less is the sensor's noise."""
+STEP_S = 3.0
+STALE_S = 4.0
+COUNTED_PCT = 5.0
+ROUNDED_PCT = 0.41
+"""Deviation of the difference of two percentages that are whole."""
+BEFORE_S, AFTER_S = 3.5, 1.0
+RESTS_S = 20
+"""After a flight the voltage still rises for so long at least."""
+FRAMES = 120
+"""A minute with fewer frames says nothing of the loss."""
+FULL_CELL_V, LEAST_CELL_V = 4.25, 3.3
+SWITCH_SETTINGS = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure, how sure it is, and how many observations it is from."""
+
+    mean: float
+    sd: float
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Some seconds of one flight in which little changed."""
+
+    flight: int
+    speed_m_s: float
+    climb_m_s: float
+    current_a: float
+    voltage_v: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """The pilot's mode switch."""
+
+    channel: int
+    source: str
+    moved: int
+    changes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Aircraft:
+    """What logs say of one vehicle."""
+
+    logs: int
+    minutes: float
+    cells: int | None
+    level: tuple[tuple[float, Figure], ...]
+    """Speed and current of level flight."""
+    hover_a: Figure | None
+    hover_w: Figure | None
+    climb_share: Figure | None
+    capacity_ah: Figure | None
+    told_capacity_ah: float | None
+    """By the autopilot's own parameter."""
+    resistance_ohm: Figure | None
+    link_loss_pct: Figure | None
+    switch: Switch | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Report:
+    at_s: float
+    volts: float | None
+    amperes: float | None
+    consumed_ah: float | None
+    percent: float | None
+    speed_m_s: float
+    climb_m_s: float
+
+
+@dataclass(slots=True)
+class Notes:
+    """What is noted of one system while its logs are read."""
+
+    logs: int = 0
+    flown_s: float = 0.0
+    flights: list[list[_Report]] = field(default_factory=list)
+    rests_v: list[float] = field(default_factory=list)
+    settings: dict[str, float] = field(default_factory=dict)
+    changes: int = 0
+    """Of mode."""
+    moved: Counter[int] = field(default_factory=Counter)
+    """How many of them a switch was moved before, by its channel."""
+    minutes: list[list[int]] = field(default_factory=list)
+    """Frames received and missing, of each minute."""
+
+    def take(self, told: Testimony) -> None:
+        """Take what one log says."""
+        self.logs += 1
+        self.settings |= told.settings
+        self.minutes += told.frames.values()
+        self._modes(told)
+        armed = [(began, told.disarmed_after(began)) for began, is_armed in told.armed if is_armed]
+        self.rests_v += [
+            one.volts for one in told.powers
+            if one.volts and not any(began <= one.t_usec <= ended + RESTS_S * SECOND for began, ended in armed)
+        ]  # fmt: skip
+        for began, ended in armed:
+            flown = [one for one in between(told.moments, began, ended) if (one.height_m or 0.0) > HIGH_M]
+            self.flown_s += sum(min(STALE_S, (after.t_usec - before.t_usec) / 1e6) for before, after in pairwise(flown))
+            self.flights.append(_counted(list(_reports(told, began, ended))))
+
+    def _modes(self, told: Testimony) -> None:
+        for change in told.modes[1:]:
+            self.changes += 1
+            near_it = near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
+            self.moved.update({one.channel for one in near_it if one.channel is not None})
+
+
+def _reports(told: Testimony, began: int, ended: int) -> Iterator[_Report]:
+    """Yield what the battery said in the air, with how it flew then."""
+    moments, index = told.moments, 0
+    for power in between(told.powers, began, ended):
+        while index + 1 < len(moments) and moments[index + 1].t_usec <= power.t_usec:
+            index += 1
+        place = moments[index] if moments else None
+        if (
+            place is None
+            or not 0 <= power.t_usec - place.t_usec <= STALE_S * SECOND
+            or (place.height_m or 0.0) < HIGH_M
+        ):
+            continue
+        yield _Report(
+            power.t_usec / 1e6, power.volts, power.amperes,
+            None if power.consumed_mah is None else power.consumed_mah / 1e3, power.percent,
+            place.speed_m_s if place.lat_deg or told.on_board is False else math.nan, place.climb_m_s,
+        )  # fmt: skip
+
+
+def _counted(reports: list[_Report]) -> list[_Report]:
+    """Return reports with the charge that was used: by the counter, or else by the currents, added up."""
+    if any(one.consumed_ah for one in reports):
+        return reports
+    used_ah, counted = 0.0, reports[:1]
+    for before, after in pairwise(reports):
+        used_ah += (before.amperes or 0.0) * min(STALE_S, after.at_s - before.at_s) / 3600.0
+        counted.append(replace(after, consumed_ah=used_ah if before.amperes else None))
+    return counted
+
+
+def notes_of(paths: Iterable[Path]) -> dict[int, Notes]:
+    """Read logs, each once; returns what was noted, by system."""
+    notes: dict[int, Notes] = {}
+    for path in paths:
+        for system, told in read_testimony(path).items():
+            notes.setdefault(system, Notes()).take(told)
+    return notes
+
+
+def learned(notes: Notes) -> Aircraft:
+    """Return what the notes of one vehicle say of it."""
+    blocks, climbs = (
+        [block for number, flight in enumerate(notes.flights) for block in _blocks(number, flight, length_s)]
+        for length_s in (BLOCK_S, CLIMB_BLOCK_S)
+    )
+    steady = [one for one in blocks if abs(one.climb_m_s) < LEVEL_M_S]
+    level = _level(steady)
+    hovers = [one for one in steady if one.speed_m_s < HOVER_M_S]
+    return Aircraft(
+        logs=notes.logs,
+        minutes=notes.flown_s / 60,
+        cells=_cells(notes),
+        level=level,
+        hover_a=_figure(hovers, lambda one: one.current_a),
+        hover_w=_figure(
+            [one for one in hovers if one.voltage_v], lambda one: one.current_a * (one.voltage_v or 0.0)
+        ),
+        climb_share=_climb(climbs, level),
+        capacity_ah=_capacity(notes.flights),
+        told_capacity_ah=_told_capacity(notes.settings),
+        resistance_ohm=_resistance(notes.flights),
+        link_loss_pct=_loss(notes.minutes),
+        switch=_switch(notes),
+    )  # fmt: skip
+
+
+def _blocks(flight: int, reports: Sequence[_Report], length_s: float) -> Iterable[Block]:
+    """Cut a flight into blocks, and keep those in which speed and climb hardly change."""
+    block: list[_Report] = []
+    for report in reports:
+        if block and report.at_s - block[0].at_s >= length_s:
+            yield from _block(flight, block)
+            block = []
+        if block and report.at_s - block[-1].at_s > STALE_S:
+            block = []
+        block.append(report)
+
+
+def _block(flight: int, reports: Sequence[_Report]) -> Iterable[Block]:
+    drawn = [one.amperes for one in reports if one.amperes]
+    if len(drawn) < LEAST_REPORTS:
+        return
+    for values in ([one.speed_m_s for one in reports], [one.climb_m_s for one in reports]):
+        if not max(values) - min(values) <= STEADY_M_S:  # nor where it is unknown
+            return
+    volts = [one.volts for one in reports if one.volts]
+    yield Block(
+        flight, fmean(one.speed_m_s for one in reports), fmean(one.climb_m_s for one in reports), fmean(drawn),
+        fmean(volts) if volts else None,
+    )  # fmt: skip
+
+
+def _figure(blocks: Sequence[Block], value: Callable[[Block], float]) -> Figure | None:
+    """Return the mean of what blocks say, with the deviation of that mean."""
+    if len(blocks) < FEWEST:
+        return None
+    values = [value(one) for one in blocks]
+    mean = fmean(values)
+    sd = stdev(values) / math.sqrt(len(values))
+    flights: dict[int, list[float]] = {}
+    for one in blocks:
+        flights.setdefault(one.flight, []).append(value(one))
+    whole = [fmean(those) for those in flights.values() if len(those) >= FEWEST]
+    if len(whole) > 1:  # flights differ by more than their blocks: wind, payload, pack
+        sd = max(sd, stdev(whole) / math.sqrt(len(whole)))
+    return Figure(mean, max(sd, SENSOR_SHARE * abs(mean)), len(values))
+
+
+def _level(blocks: Sequence[Block]) -> tuple[tuple[float, Figure], ...]:
+    bins: dict[int, list[Block]] = {}
+    for one in blocks:
+        number = 0 if one.speed_m_s < HOVER_M_S else 1 + int((one.speed_m_s - FIRST_BIN_M_S) / BIN_M_S)
+        bins.setdefault(number, []).append(one)
+    found = []
+    for number in sorted(bins):
+        figure = _figure(bins[number], lambda one: one.current_a)
+        if figure is not None:
+            found.append((fmean(one.speed_m_s for one in bins[number]), figure))
+    return tuple(found)
+
+
+def current_at(level: Sequence[tuple[float, Figure]], speed_m_s: float) -> float | None:
+    """Return the current of level flight at a speed, between two that are known; nothing outside."""
+    for (slow, low), (fast, high) in pairwise(level):
+        if slow <= speed_m_s <= fast:
+            share = (speed_m_s - slow) / (fast - slow)
+            return low.mean + share * (high.mean - low.mean)
+    nearest = min(level, key=lambda one: abs(one[0] - speed_m_s), default=None)
+    return nearest[1].mean if nearest is not None and abs(nearest[0] - speed_m_s) <= BIN_M_S else None
+
+
+def _climb(blocks: Sequence[Block], level: Sequence[tuple[float, Figure]]) -> Figure | None:
+    shares = []
+    for one in blocks:
+        usual = current_at(level, one.speed_m_s)
+        if one.climb_m_s > CLIMBS_M_S and usual:
+            shares.append((one.current_a / usual - 1.0) / one.climb_m_s)
+    if len(shares) < FEWEST:
+        return None
+    return Figure(fmean(shares), stdev(shares) / math.sqrt(len(shares)) + SENSOR_SHARE, len(shares))
+
+
+def _capacity(flights: Sequence[Sequence[_Report]]) -> Figure | None:
+    """Return what the counter gives for a full percentage, over the stretch of each flight in which it falls."""
+    weights = total = 0.0
+    count = 0
+    for flight in flights:
+        moving = [
+            after
+            for before, after in pairwise(flight)
+            if before.percent is not None and after.percent is not None and after.consumed_ah is not None
+            and after.percent < before.percent < 100.0
+        ]  # fmt: skip
+        if len(moving) < FEWEST:
+            continue
+        first, last = moving[0], moving[-1]
+        used_pct = (first.percent or 0.0) - (last.percent or 0.0)
+        used_ah = (last.consumed_ah or 0.0) - (first.consumed_ah or 0.0)
+        if used_pct < COUNTED_PCT or used_ah <= 0.0:
+            continue
+        capacity = 100.0 * used_ah / used_pct
+        weight = (used_pct / (ROUNDED_PCT * capacity)) ** 2
+        weights, total, count = weights + weight, total + weight * capacity, count + 1
+    if not count:
+        return None
+    mean = total / weights
+    return Figure(mean, max(1 / math.sqrt(weights), SENSOR_SHARE * mean), count)
+
+
+def _told_capacity(settings: dict[str, float]) -> float | None:
+    value = next((settings[name] for name in ("BATT_CAPACITY", "BAT1_CAPACITY", "BAT_CAPACITY") if name in settings), 0)
+    return value / 1e3 if value > 0 else None
+
+
+def _resistance(flights: Sequence[Sequence[_Report]]) -> Figure | None:
+    """Return the pack's resistance: how much the voltage falls for a step of the current, by least squares."""
+    steps: list[tuple[float, float]] = []
+    for flight in flights:
+        drawn = [one.amperes for one in flight if one.amperes]
+        least = STEP_SHARE * median(drawn) if drawn else math.inf
+        for before, after in pairwise(flight):
+            if None in {before.volts, after.volts, before.amperes, after.amperes} or after.at_s - before.at_s > STEP_S:
+                continue
+            step = (after.amperes or 0.0) - (before.amperes or 0.0)
+            if abs(step) >= least:
+                steps.append((step, (after.volts or 0.0) - (before.volts or 0.0)))
+    if len(steps) < FEWEST:
+        return None
+    squares = sum(step * step for step, _ in steps)
+    mean = -sum(step * fell for step, fell in steps) / squares
+    spread = math.sqrt(sum((step * (fell + mean * step)) ** 2 for step, fell in steps)) / squares
+    return Figure(mean, max(spread, 2 * SENSOR_SHARE * mean), len(steps)) if mean > 0 else None
+
+
+def _loss(minutes: Sequence[Sequence[int]]) -> Figure | None:
+    received, missing = sum(one[0] for one in minutes), sum(one[1] for one in minutes)
+    full = [100.0 * one[1] / (one[0] + one[1]) for one in minutes if sum(one) >= FRAMES]
+    if not full:
+        return None
+    mean = 100.0 * missing / (received + missing)
+    frames = math.sqrt(mean * (100.0 - mean) / (received + missing))
+    spread = stdev(full) / math.sqrt(len(full)) if len(full) > 1 else 0.0
+    return Figure(mean, max(frames, spread), len(full))
+
+
+def _cells(notes: Notes) -> int | None:
+    """Return the number of cells, where one number alone fits what the pack showed at rest and in flight."""
+    seen = notes.rests_v or [one.volts for flight in notes.flights for one in flight if one.volts]
+    if not seen:
+        return None
+    top = sorted(seen)[int(0.95 * (len(seen) - 1))]
+    fewest, most = math.ceil(top / FULL_CELL_V), math.floor(top / LEAST_CELL_V)
+    told = notes.settings.get("BAT1_N_CELLS", notes.settings.get("BAT_N_CELLS", 0))
+    if told:
+        return int(told)
+    return fewest if fewest == most else None
+
+
+def _switch(notes: Notes) -> Switch | None:
+    before, changes = notes.moved, notes.changes
+    for name in SWITCH_SETTINGS:
+        channel = int(notes.settings.get(name, 0))
+        if channel > 0:
+            return Switch(channel, name, before[channel], changes)
+    if not before:
+        return None
+    channel, moved = before.most_common(1)[0]
+    return Switch(channel, "seen", moved, changes) if moved > 1 else None

@@ -1,0 +1,46 @@
+"""Who changed a mode, by what the log says around it."""
+
+from __future__ import annotations
+
+import re
+
+from executor.replay.witness.statements import BATTERY, CRASH, EKF
+from executor.replay.witness.testimony import Hand, ModeSet, Testimony, near
+
+BEFORE_S, AFTER_S = 3.5, 1.5
+"""HEARTBEAT shows a mode up to a second, on a bad link a few, after it was set; its acknowledgement may come after."""
+FAILSAFE = re.compile(
+    r"fail ?safe|radio .*lost|fence breach|terrain data missing|gps glitch|low battery|battery (is )?(low|critical)|"
+    r"manual control lost|gcs (connection )?lost|data link lost|critical battery|battery level|position control lost",
+    re.IGNORECASE,
+)
+OVER = re.compile(r"clear|cleared|over|ok\b|regained|disabled|prearm", re.IGNORECASE)
+ENDED = re.compile(r"mission complete|mission finished|mission: \d+ (rtl|land)", re.IGNORECASE)
+
+
+def hand_of(told: Testimony, change: ModeSet) -> tuple[Hand, str]:
+    """Return who changed a mode, and the line of the log that says so."""
+    if change.by is not None:
+        return change.by, change.words
+    moved = near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
+    if moved:
+        return Hand.PILOT, moved[-1].words
+    ordered = near(told.orders, change.t_usec, BEFORE_S, AFTER_S)
+    if ordered:
+        return Hand.STATION, ordered[-1].words
+    failed = near(told.failings, change.t_usec, BEFORE_S, AFTER_S)
+    if failed:
+        return Hand.FAILSAFE, failed[0].words
+    texts = [one.words for one in near(told.texts, change.t_usec, BEFORE_S + 1.5, AFTER_S)]
+    said = next((words for words in texts if _failsafe(words)), "")
+    if said:
+        return Hand.FAILSAFE, said
+    ended = next((words for words in texts if ENDED.search(words)), "")
+    if ended:
+        return Hand.MISSION, ended
+    return Hand.NOBODY, ""
+
+
+def _failsafe(words: str) -> bool:
+    told = any(pattern.search(words) for pattern in (FAILSAFE, BATTERY, CRASH, EKF))
+    return told and not OVER.search(words)

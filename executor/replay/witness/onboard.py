@@ -1,0 +1,259 @@
+"""ArduPilot's own log (DataFlash: .BIN, or .log as text) as pymavlink reads it."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pymavlink import DFReader
+
+from executor.replay.witness.testimony import (
+    SECOND,
+    Failing,
+    Hand,
+    Line,
+    ModeSet,
+    Move,
+    PowerReport,
+    Testimony,
+    Whereabouts,
+)
+
+TYPES = ("MODE", "EV", "ERR", "ARM", "MSG", "BAT", "CURR", "POS", "GPS", "CTUN", "ATT", "RCIN", "PARM", "CMD", "XKF1",
+         "NKF1", "NTUN")  # fmt: skip
+REASONS = {
+    1: Hand.PILOT, 2: Hand.STATION, 3: Hand.FAILSAFE, 4: Hand.FAILSAFE, 5: Hand.FAILSAFE, 6: Hand.FAILSAFE,
+    7: Hand.FAILSAFE, 8: Hand.MISSION, 9: Hand.PILOT, 10: Hand.FAILSAFE, 11: Hand.FAILSAFE, 12: Hand.MISSION,
+    13: Hand.MISSION, 14: Hand.FAILSAFE, 15: Hand.FAILSAFE, 16: Hand.MISSION, 17: Hand.FAILSAFE, 18: Hand.PILOT,
+    19: Hand.FAILSAFE, 25: Hand.FAILSAFE, 26: Hand.MISSION, 31: Hand.MISSION, 32: Hand.STATION, 34: Hand.PILOT,
+    35: Hand.FAILSAFE, 39: Hand.MISSION, 41: Hand.MISSION, 42: Hand.STATION, 43: Hand.FAILSAFE, 45: Hand.MISSION,
+    48: Hand.FAILSAFE, 50: Hand.FAILSAFE, 51: Hand.FAILSAFE, 52: Hand.STATION, 53: Hand.PILOT,
+}  # fmt: skip
+"""ModeReason of AP_Vehicle."""
+SUBSYSTEMS = {
+    5: "rc", 6: "battery", 7: "gps", 8: "ground station", 9: "fence", 12: "crash", 15: "parachute", 16: "ekf",
+    17: "ekf", 23: "terrain", 25: "motor", 29: "vibration", 31: "dead reckoning",
+}  # fmt: skip
+"""LogErrorSubsystem; code 0 says that it is over."""
+CRASHES = frozenset({1, 2})
+OTHER = re.compile(r"^(Ardu|APM:)? ?(Plane|Rover|Sub|Tracker|Blimp)\b", re.IGNORECASE)
+"""Firmware of other vehicles, as it names itself."""
+BANDS = (1231, 1361, 1491, 1621, 1750)
+MOST_BROKEN = 1000
+EV_ARMED, EV_DISARMED = frozenset({10, 15, 28}), 11
+
+
+@dataclass(slots=True)
+class _State:
+    climb_m_s: float = 0.0
+    speed_m_s: float = 0.0
+    height_m: float | None = None
+    home_m: float | None = None
+    switch_us: int = 0
+    percent: float | None = None
+
+
+def read_onboard(path: Path) -> dict[int, Testimony]:
+    """Return what ArduPilot's own log says; nothing if it is none."""
+    told, state = Testimony(1, on_board=True), _State()
+    for t_usec, message in _timed(_messages(path)):
+        told.began_usec = told.began_usec or t_usec
+        told.ended_usec = max(told.ended_usec, t_usec)
+        try:
+            _TELLS[message.get_type()](told, state, t_usec, message)
+        except (AttributeError, KeyError, ValueError, TypeError):
+            continue  # a format of another age
+    if any(OTHER.search(one.words) for one in told.texts):
+        return {}  # no copter: its numbers mean something else
+    number = int(told.settings.get("SYSID_THISMAV", told.settings.get("MAV_SYSID", 1)) or 1)
+    told.system = number
+    return {number: told} if told.ended_usec else {}
+
+
+def _timed(messages: Iterator[Any]) -> Iterator[tuple[int, Any]]:
+    """Yield messages with their times: old firmware wrote events and modes without, as old as what is before."""
+    waiting: list[Any] = []
+    last = 0
+    for message in messages:
+        t_usec = stamp_of(message)
+        if t_usec is None and not last:
+            waiting.append(message)
+            continue
+        last = t_usec or last
+        yield from ((last, one) for one in waiting)
+        waiting.clear()
+        yield last, message
+
+
+def _messages(path: Path) -> Iterator[Any]:
+    with quiet():
+        try:
+            text = path.read_bytes()[:2] != b"\xa3\x95"
+            log = DFReader.DFReader_text(str(path)) if text else DFReader.DFReader_binary(str(path))
+        except Exception:  # noqa: BLE001 - damaged, whatever the library thinks of it
+            return
+    try:
+        yield from _every(log)
+    finally:
+        for one in ("data_map", "filehandle"):
+            if hasattr(log, one):
+                getattr(log, one).close()
+
+
+def _every(log: Any) -> Iterator[Any]:  # noqa: ANN401 - pymavlink is untyped
+    broken = 0
+    while broken < MOST_BROKEN:
+        try:
+            with redirect_stderr(io.StringIO()), redirect_stdout(io.StringIO()):
+                message = log.recv_match(type=list(TYPES))
+        except Exception:  # noqa: BLE001
+            broken += 1
+            continue
+        if message is None:
+            return
+        yield message
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Have C's standard error, on which pymavlink tells of each byte it passes over, go nowhere."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        with redirect_stderr(io.StringIO()), redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def stamp_of(message: Any) -> int | None:  # noqa: ANN401 - pymavlink is untyped
+    """Return when it was written, since the vehicle's start: old firmware counted milliseconds."""
+    for name, factor in (("TimeUS", 1), ("TimeMS", 1000)):
+        value = getattr(message, name, None)
+        if isinstance(value, (int, float)):
+            return int(value * factor)
+    return None
+
+
+def _mode(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    number = int(getattr(row, "ModeNum", getattr(row, "Mode", 0)))
+    reason = getattr(row, "Rsn", getattr(row, "Reason", None))
+    by = None if reason is None else REASONS.get(int(reason))
+    words = "" if reason is None else f"MODE.Rsn {int(reason)}"
+    if not told.modes or told.modes[-1].mode != number:
+        told.modes.append(ModeSet(t_usec, number, by, words))
+
+
+def _armed(told: Testimony, t_usec: int, *, armed: bool) -> None:
+    if not told.armed or told.armed[-1][1] is not armed:
+        told.armed.append((t_usec, armed))
+
+
+def _event(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    if row.Id in EV_ARMED or row.Id == EV_DISARMED:
+        _armed(told, t_usec, armed=row.Id != EV_DISARMED)
+
+
+def _arming(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    _armed(told, t_usec, armed=bool(row.ArmState))
+
+
+def _error(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    kind = SUBSYSTEMS.get(int(row.Subsys))
+    code = int(row.ECode)
+    if kind is not None and code and (kind != "crash" or code in CRASHES):
+        told.failings.append(Failing(t_usec, kind, f"ERR {int(row.Subsys)} {code}"))
+
+
+def _text(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    if row.Message == "Arming motors":
+        _armed(told, t_usec, armed=True)
+    told.texts.append(Line(t_usec, str(row.Message).strip()))
+
+
+def _battery(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    if int(getattr(row, "Inst", getattr(row, "Instance", 0))):
+        return
+    volts = float(row.Volt)
+    volts = volts / 100 if isinstance(row.Volt, int) and volts > 100 else volts
+    amperes, percent = float(row.Curr), getattr(row, "RemPct", None)
+    amperes = amperes / 100 if isinstance(row.Curr, int) else amperes
+    told.streams.setdefault("battery", []).append(t_usec)
+    told.powers.append(
+        PowerReport(t_usec, volts or None, amperes if amperes >= 0 else None, float(row.CurrTot),
+              None if percent is None else float(percent))
+    )  # fmt: skip
+
+
+def _fix(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    state.speed_m_s = float(row.Spd)
+    if getattr(row, "VZ", None) is not None:
+        state.climb_m_s = -float(row.VZ)
+    height = getattr(row, "RelAlt", getattr(row, "RAlt", None))
+    state.height_m = float(height) if height is not None and not told.streams.get("position") else state.height_m
+    if not told.streams.get("position"):
+        told.moments.append(Whereabouts(t_usec, float(row.Lat), float(row.Lng), state.height_m, state.speed_m_s,
+                                   state.climb_m_s))  # fmt: skip
+
+
+def _place(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    told.streams.setdefault("position", []).append(t_usec)
+    height = float(getattr(row, "RelHomeAlt", math.nan))
+    told.moments.append(
+        Whereabouts(t_usec, float(row.Lat), float(row.Lng), height if math.isfinite(height) else state.height_m,
+               state.speed_m_s, state.climb_m_s)
+    )  # fmt: skip
+
+
+def _tuned(_: Testimony, state: _State, __: int, row: Any) -> None:  # noqa: ANN401
+    height = getattr(row, "BAlt", getattr(row, "BarAlt", None))
+    climb = getattr(row, "CRt", getattr(row, "CRate", None))
+    if height is not None:
+        state.height_m = float(height)
+    if climb is not None:
+        state.climb_m_s = float(climb) / 100 if isinstance(climb, int) else float(climb)
+
+
+def _attitude(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    if told.tilts and t_usec - told.tilts[-1][0] < SECOND // 5:
+        return
+    upright = math.cos(math.radians(float(row.Roll))) * math.cos(math.radians(float(row.Pitch)))
+    told.tilts.append((t_usec, math.degrees(math.acos(max(-1.0, min(1.0, upright))))))
+
+
+def _transmitter(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    number = int(told.settings.get("FLTMODE_CH", 5) or 5)
+    value = int(getattr(row, f"C{number}", getattr(row, f"Ch{number}", 0)))
+    before, state.switch_us = state.switch_us, value
+    if before and value and sum(before >= edge for edge in BANDS) != sum(value >= edge for edge in BANDS):
+        told.switches.append(Move(t_usec, f"mode switch (channel {number}) from {before} to {value}", number))
+
+
+def _parameter(told: Testimony, _: _State, __: int, row: Any) -> None:  # noqa: ANN401
+    told.settings[str(row.Name)] = float(row.Value)
+
+
+def _command(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    told.items.append((t_usec, int(row.CNum)))
+
+
+def _nothing(_: Testimony, __: _State, ___: int, ____: Any) -> None:  # noqa: ANN401
+    return
+
+
+_TELLS: dict[str, Callable[[Testimony, _State, int, Any], None]] = dict.fromkeys(TYPES, _nothing) | {
+    "MODE": _mode, "EV": _event, "ERR": _error, "ARM": _arming, "MSG": _text, "BAT": _battery, "CURR": _battery,
+    "GPS": _fix, "POS": _place, "CTUN": _tuned, "ATT": _attitude, "RCIN": _transmitter, "PARM": _parameter,
+    "CMD": _command,
+}  # fmt: skip

@@ -1,0 +1,155 @@
+"""What a pack did after it was declared at fault: its voltage by cell, its counter, and its autopilot's own words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from statistics import median
+from typing import TypeVar
+
+from executor.replay.result import Declaration
+from executor.replay.witness.statements import BATTERY, Stated, statements
+from executor.replay.witness.testimony import SECOND, PowerReport, Testimony, Whereabouts, between, near
+
+V = TypeVar("V")
+Say = Callable[[str], V]
+
+SAID_BEFORE_S, SAID_AFTER_S = 120.0, 300.0
+"""The autopilot's own failsafe so long after a declaration shows that the declaration was right, and early."""
+FULL_CELL_V = 4.3
+EMPTY_V, LOW_V, SOUND_V = 3.3, 3.45, 3.6
+"""A cell under load: at its end, low, and with much left."""
+STEP_V = 0.12
+"""So much a cell lost at once, under the same load, is a step."""
+BACK_V = 0.03
+"""A pack that has so nearly its old voltage again lost nothing: the load was heavy for a moment."""
+STAYS_S, OUTLASTS_S = 30.0, 900.0
+"""How much longer it flies: too short to say anything, and longer than any pack that was at its end."""
+GROUND_M = 1.5
+IDLE_A = 3.0
+MORE, AS_BEFORE = 1.4, 1.2
+LOAD_SHARE = 0.25
+TRIED_V = 10.0
+
+
+def cells_of(told: Testimony) -> int | None:
+    """Return the number of cells: a full LiPo cell has 4.2 V, an empty one 3.3; None where both numbers fit."""
+    volts = [one.volts for one in told.powers if one.volts]
+    if not volts:
+        return None
+    # What it had before the load, not a spike: the 95th percentile.
+    top = sorted(volts)[int(0.95 * (len(volts) - 1))]
+    fewest = max(1, math.ceil(top / FULL_CELL_V))
+    return fewest if top >= TRIED_V / 2 else None
+
+
+def pack_verdict(declared: Declaration, told: Testimony, confirmed: Say[V], refuted: Say[V], undecided: Say[V]) -> V:
+    """Hold a declaration about the battery against the log."""
+    at = declared.t_usec
+    own = _own_words(told, at)
+    if own:
+        return confirmed(own)
+    if _TEXT.search(declared.reason):
+        return refuted("no text, no record and no state of the battery says so")
+    since = told.armed_since(at)
+    if since is None:
+        return refuted("it was not armed")
+    if _on_ground(told, since, at):
+        return refuted(f"it stood on the ground, {(at - since) / 1e6:.0f} s after it was armed")
+    judged = _by_voltage(declared, told, at, confirmed, refuted)
+    if judged is not None:
+        return judged
+    if "drain" in declared.reason or "plunge" in declared.reason:
+        judged = _by_counter(told, since, at, confirmed, refuted)
+        if judged is not None:
+            return judged
+    return undecided("the log ends, or has neither voltage nor counter to say so")
+
+
+_TEXT = re.compile(r"failsafe|critical")
+
+
+def _own_words(told: Testimony, at: int) -> str:
+    """Return what the autopilot said of its battery in the same flight."""
+    until = told.disarmed_after(at) + 5 * SECOND
+    low, high = at - round(SAID_BEFORE_S * SECOND), min(at + round(SAID_AFTER_S * SECOND), until)
+    for one in statements(told, math.inf):
+        if one.what is Stated.BATTERY and low <= one.t_usec <= high:
+            return f"{one.words}, {(one.t_usec - at) / 1e6:+.1f} s"
+    said = [one for one in near(told.texts, at, 15.0, 5.0) if BATTERY.search(one.words)]
+    return said[0].words if said else ""
+
+
+def _on_ground(told: Testimony, since: int, at: int) -> bool:
+    seen: Sequence[Whereabouts] = [one for one in between(told.moments, since, at + SECOND) if one.height_m is not None]
+    drawn = [one.amperes for one in between(told.powers, since, at) if one.amperes is not None]
+    idle = not drawn or max(drawn) < IDLE_A
+    if not seen:
+        return bool(drawn) and idle
+    return max(one.height_m or 0.0 for one in seen) < GROUND_M and max(one.speed_m_s for one in seen) < 1.5
+
+
+def _by_voltage(declared: Declaration, told: Testimony, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+    cells = cells_of(told)
+    if cells is None:
+        return None
+    end = told.disarmed_after(at)
+    now = _load(told, at, at + 10 * SECOND)
+    if now is not None and now.volts is not None and now.volts / cells < EMPTY_V:
+        return confirmed(f"{now.volts / cells:.2f} V a cell under load")
+    if "step" in declared.reason:
+        return _stepped(told, at, cells, confirmed, refuted)
+    last = _load(told, max(at, end - 25 * SECOND), end - 5 * SECOND)
+    if (end - at) / 1e6 < STAYS_S or last is None or last.volts is None:
+        return None
+    cell, later_s = last.volts / cells, (end - at) / 1e6
+    if later_s > OUTLASTS_S:
+        return refuted(f"it flew on for {later_s / 60:.0f} minutes")
+    if cell < LOW_V and later_s <= SAID_AFTER_S:
+        return confirmed(f"{cell:.2f} V a cell under load {later_s:.0f} s later, at the end of the flight")
+    if cell >= SOUND_V:
+        return refuted(f"{cell:.2f} V a cell under load {later_s:.0f} s later, at the end of the flight")
+    return None
+
+
+def _stepped(told: Testimony, at: int, cells: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+    before, after = _load(told, at - 20 * SECOND, at - 6 * SECOND), _load(told, at + 2 * SECOND, at + 15 * SECOND)
+    if before is None or after is None or before.volts is None or after.volts is None:
+        return None
+    fell = (before.volts - after.volts) / cells
+    back = max((one.volts or 0.0 for one in between(told.powers, at - SECOND, at + 15 * SECOND)), default=0.0)
+    if back / cells >= before.volts / cells - BACK_V:
+        return refuted(f"{back:.2f} V again within 15 s, where {before.volts:.2f} V had been usual")
+    if before.amperes and after.amperes and abs(after.amperes - before.amperes) > LOAD_SHARE * before.amperes:
+        words = f"{fell:+.2f} V a cell where the current went from {before.amperes:.0f} to {after.amperes:.0f} A"
+        return refuted(words) if fell < 3 * STEP_V else None
+    if fell >= STEP_V:
+        return confirmed(f"{fell:.2f} V a cell lost, and not regained")
+    return refuted(f"{fell:+.2f} V a cell between 13 s before and 8 s after")
+
+
+def _load(told: Testimony, from_usec: int, to_usec: int) -> PowerReport | None:
+    """Return the median voltage and current of a time."""
+    rows: Sequence[PowerReport] = between(told.powers, from_usec, to_usec)
+    volts = [one.volts for one in rows if one.volts]
+    drawn = [one.amperes for one in rows if one.amperes is not None]
+    if not volts:
+        return None
+    return PowerReport(from_usec, median(volts), median(drawn) if drawn else None, None, None)
+
+
+def _by_counter(told: Testimony, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+    """Hold a drain against the current that was measured: before it, and in the half minute up to it."""
+    flying = since + 10 * SECOND
+    usual = [
+        one.amperes for one in between(told.powers, flying, at - 30 * SECOND) if one.amperes and one.amperes > IDLE_A
+    ]
+    lately = [one.amperes for one in between(told.powers, at - 20 * SECOND, at + 5 * SECOND) if one.amperes is not None]
+    if len(usual) < 10 or len(lately) < 5:
+        return None
+    was, is_ = median(usual), median(lately)
+    words = f"{is_:.1f} A where {was:.1f} A had been usual"
+    if is_ >= MORE * was:
+        return confirmed(words)
+    return refuted(words) if is_ <= AS_BEFORE * was else None

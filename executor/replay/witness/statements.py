@@ -1,0 +1,123 @@
+"""What a log states outright: crashes, battery failsafes and silences, each of which a detector has to declare."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from executor.core.vehicle import FaultKind
+from executor.replay.witness.testimony import SECOND, Testimony
+
+DATAFLASH, ULOG = b"\xa3\x95", b"ULog"
+
+
+class Stated(StrEnum):
+    """What a log may state."""
+
+    CRASH = "crash"
+    BATTERY = "battery failsafe"
+    SILENCE = "link gap"
+
+
+RIGHT = {
+    Stated.CRASH: frozenset({FaultKind.INTERRUPTION, FaultKind.DOWN}),
+    Stated.BATTERY: frozenset({FaultKind.BATTERY}),
+    Stated.SILENCE: frozenset({FaultKind.LINK}),
+}
+CRASH = re.compile(
+    r"crash: disarm|crash: emergency|parachute: crash|crash detected|attitude failure|flight terminat", re.IGNORECASE
+)
+BATTERY = re.compile(
+    r"^(?!.*(?:prearm|preflight|arm:)).*(low battery!|^low battery$|battery failsafe|batt(ery)? \d* ?is (low|critical)|"
+    r"(critical|emergency|dangerously low) battery|battery (level )?(critical|emergency))",
+    re.IGNORECASE,
+)  # fmt: skip
+"""ArduPilot 3.3 "Low Battery!", 3.4 "Low battery", 3.6 on "Battery 1 is low 10.2V used 900 mAh" and "Battery Failsafe";
+PX4 "Critical battery, return now". PX4's "Low battery level" is a warning, upon which it does nothing by itself."""
+EKF = re.compile(r"EKF (variance|failsafe|primary)|DCM bad|bad ahrs|compass variance|position lost", re.IGNORECASE)
+SAME_S = {Stated.CRASH: 20.0, Stated.BATTERY: 120.0, Stated.SILENCE: 0.0}
+"""What is said again within this is said once."""
+EMERGENCY_STATES = frozenset({6, 8})
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One thing that a log states of one vehicle."""
+
+    what: Stated
+    t_usec: int
+    """When it is stated; of a silence, when it began."""
+    words: str
+    until_usec: int | None = None
+
+    @property
+    def due_usec(self) -> int:
+        """When it can be known at the earliest by the text alone."""
+        return self.t_usec
+
+
+def read_testimony(path: Path) -> dict[int, Testimony]:
+    """Return what a log says by itself, by system; nothing of what is no log.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    from executor.replay.witness.onboard import read_onboard
+    from executor.replay.witness.px4 import read_px4
+    from executor.replay.witness.telemetry import read_telemetry
+
+    with path.open("rb") as file:
+        head = file.read(16)
+    if head.startswith(ULOG):
+        return read_px4(path)
+    if head.startswith(DATAFLASH):
+        return read_onboard(path)
+    if len(head) > 8 and head[8] in {0xFD, 0xFE}:
+        return read_telemetry(path)
+    return read_onboard(path) if path.suffix.lower() in {".log", ".bin"} else {}
+
+
+def statements(told: Testimony, link_timeout_s: float) -> list[Statement]:
+    """Return what a log states of a vehicle that is armed, in the order of time."""
+    found = [
+        *((Stated.CRASH, one.t_usec, one.words) for one in told.texts if CRASH.search(one.words)),
+        *((Stated.BATTERY, one.t_usec, one.words) for one in told.texts if BATTERY.search(one.words)),
+        *((Stated.CRASH, one.t_usec, one.words) for one in told.failings if one.kind == "crash"),
+        *((Stated.BATTERY, one.t_usec, one.words) for one in told.failings if one.kind == "battery"),
+    ]
+    once: list[Statement] = []
+    last: dict[Stated, int] = {}
+    for what, t_usec, words in sorted(found, key=lambda one: one[1]):
+        # A crash check disarms at once: its text may come after the heartbeat that says so.
+        if not (told.is_armed(t_usec) or (what is Stated.CRASH and told.is_armed(t_usec - 3 * SECOND))):
+            continue
+        if what in last and t_usec - last[what] < SAME_S[what] * SECOND:
+            last[what] = t_usec
+            continue
+        last[what] = t_usec
+        once.append(Statement(what, t_usec, words))
+    if not told.on_board:
+        once += _gaps(told, link_timeout_s)
+    return sorted(once, key=lambda one: one.t_usec)
+
+
+def _gaps(told: Testimony, link_timeout_s: float) -> list[Statement]:
+    """Return silences that were the link's: others were heard meanwhile, or nobody else is ever heard."""
+    return [
+        Statement(Stated.SILENCE, one.from_usec, f"nothing of it for {one.lasted_s:.1f} s", one.to_usec)
+        for one in told.silences
+        if one.lasted_s >= link_timeout_s + MARGIN_S and one.others is True and told.is_armed(one.from_usec)
+    ]
+
+
+MARGIN_S = 0.5
+"""A silence that is hardly longer than the time-out may be declared or not."""
+
+
+def said_near(texts: Sequence[tuple[int, str]], at_usec: int, before_s: float, after_s: float) -> str:
+    """Return the first text around a moment; nothing where there is none."""
+    low, high = at_usec - before_s * SECOND, at_usec + after_s * SECOND
+    return next((words for t_usec, words in texts if low <= t_usec <= high), "")

@@ -1,0 +1,281 @@
+"""A telemetry log (.tlog) as pymavlink reads it: what each vehicle in it says of itself."""
+
+from __future__ import annotations
+
+import math
+import struct
+from bisect import bisect_left
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from executor.replay.witness.testimony import SECOND, Line, ModeSet, Move, PowerReport, Silence, Testimony, Whereabouts
+
+STAMP = 8
+DAYS_USEC = 30 * 86400 * SECOND
+"""A stamp that is farther from the one before is damage."""
+SILENT_USEC = 2 * SECOND
+MIDST_USEC = SECOND // 2
+SWITCH_BANDS = (1231, 1361, 1491, 1621, 1750)
+"""Where ArduPilot's mode switch changes its position (RC_Channel::read_6pos_switch), microseconds."""
+MOVED_US = 250
+"""An auxiliary switch that was moved."""
+COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
+AUTOPILOTS = frozenset({3, 12})
+STATION, NO_AUTOPILOT = 6, 8
+MODE_ORDERS = frozenset({11, 16, 17, 18, 19, 20, 21, 22, 85, 176, 185, 192, 193, 252, 300, 400})
+"""What changes a mode: SET_MODE, whose acknowledgement has the message's own number (11), and commands."""
+MODE_SWITCH = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
+ARDUPILOT_SWITCH = 5
+CHANNELS = 8
+OVERTAKEN, SAME = 128, 255
+"""A sequence number that is ahead by more is one that was overtaken, or comes again."""
+
+
+def read_telemetry(path: Path) -> dict[int, Testimony]:
+    """Return what a telemetry log says, by system."""
+    reading = _Reading()
+    for t_usec, frame in frames(path.read_bytes()):
+        reading.take(t_usec, frame)
+    return reading.result()
+
+
+def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield the records of a log; what lies between them is passed over."""
+    at, end, last = 0, len(data), 0
+    while at + STAMP + 8 <= end:
+        size = _size(data, at + STAMP)
+        t_usec = int(struct.unpack_from(">Q", data, at)[0])
+        after = at + STAMP + size
+        sound = size and after <= end and (not last or abs(t_usec - last) < DAYS_USEC)
+        if sound and (after + STAMP >= end or _size(data, after + STAMP)):
+            last = t_usec
+            yield t_usec, data[at + STAMP : after]
+            at = after
+        else:
+            at += 1
+
+
+def _size(data: bytes, at: int) -> int:
+    """Return the length of the frame that begins there; 0 if none does."""
+    if data[at] == 0xFE and at + 8 <= len(data):
+        return data[at + 1] + 8
+    if data[at] == 0xFD and at + 12 <= len(data):
+        return data[at + 1] + 12 + (13 if data[at + 2] & 1 else 0)
+    return 0
+
+
+@dataclass(slots=True)
+class _Vehicle:
+    """What is remembered of one between its messages."""
+
+    told: Testimony
+    heard_usec: int = 0
+    channels: tuple[int, ...] = ()
+    percent: float | None = None
+    consumed_mah: float | None = None
+    sequence: int | None = None
+
+
+@dataclass(slots=True)
+class _Reading:
+    vehicles: dict[int, _Vehicle] = field(default_factory=dict)
+    decoder: Any = field(default_factory=lambda: mav.MAVLink(None))
+    stations: list[int] = field(default_factory=list)
+    """When ground stations were heard."""
+    last_usec: int = 0
+
+    def take(self, t_usec: int, frame: bytes) -> None:
+        first = frame[0] == 0xFE
+        system, component = (frame[3], frame[4]) if first else (frame[5], frame[6])
+        number = frame[5] if first else int.from_bytes(frame[7:10], "little")
+        self.last_usec = t_usec
+        if number not in _READ and system not in self.vehicles:
+            return
+        message = self._decoded(frame) if number in _READ else None
+        if number in _READ and message is None:
+            return
+        if message is not None and number == mav.MAVLINK_MSG_ID_HEARTBEAT and not self._known(system, message):
+            if message.type == STATION:
+                self.stations.append(t_usec)
+            return
+        if message is not None and number in _ORDERED:
+            self._ordered(t_usec, system, message)
+        vehicle = self.vehicles.get(system)
+        if vehicle is None or component not in {0, 1}:
+            return
+        self._heard(vehicle, t_usec)
+        self._counted(vehicle, t_usec, frame[2] if first else frame[4])
+        if message is not None and number in _TELLS:
+            _TELLS[number](vehicle, t_usec, message)
+
+    def _decoded(self, frame: bytes) -> Any:  # noqa: ANN401 - pymavlink is untyped
+        try:
+            return self.decoder.decode(bytearray(frame))
+        except Exception:  # noqa: BLE001 - a damaged frame, whatever the library thinks of it
+            return None
+
+    def _known(self, system: int, beat: Any) -> bool:  # noqa: ANN401
+        if beat.autopilot not in AUTOPILOTS or beat.type not in COPTERS:
+            return False
+        if system not in self.vehicles:
+            told = Testimony(system, ardupilot=beat.autopilot == 3, began_usec=self.last_usec)
+            self.vehicles[system] = _Vehicle(told, heard_usec=self.last_usec)
+        return True
+
+    def _heard(self, vehicle: _Vehicle, t_usec: int) -> None:
+        if t_usec - vehicle.heard_usec >= SILENT_USEC:
+            vehicle.told.silences.append(self._silence(vehicle.heard_usec, t_usec))
+        vehicle.heard_usec = vehicle.told.ended_usec = t_usec
+
+    def _silence(self, from_usec: int, to_usec: int) -> Silence:
+        """Return a silence, and whether a station was heard in the midst of it: else the recorder may have paused."""
+        first = bisect_left(self.stations, from_usec + MIDST_USEC)
+        midst = first < len(self.stations) and self.stations[first] <= to_usec - MIDST_USEC
+        return Silence(from_usec, to_usec, midst if self.stations else None)
+
+    @staticmethod
+    def _counted(vehicle: _Vehicle, t_usec: int, sequence: int) -> None:
+        """Count what came and what is missing, by the sequence numbers of frames."""
+        minute = vehicle.told.frames.setdefault((t_usec - vehicle.told.began_usec) // (60 * SECOND), [0, 0])
+        minute[0] += 1
+        if vehicle.sequence is not None:
+            missing = (sequence - vehicle.sequence - 1) % 256
+            if missing < OVERTAKEN:
+                minute[1] += missing
+            elif missing != SAME:
+                return  # overtaken on its way: it was counted as missing
+        vehicle.sequence = sequence
+
+    def _ordered(self, t_usec: int, system: int, message: Any) -> None:  # noqa: ANN401
+        """Take an order to a vehicle, or a vehicle's answer to one."""
+        number = message.get_msgId()
+        if number == mav.MAVLINK_MSG_ID_COMMAND_ACK:
+            if system in self.vehicles and message.result == 0 and message.command in MODE_ORDERS:
+                words = f"COMMAND_ACK: {message.command} accepted"
+                self.vehicles[system].told.orders.append(Line(t_usec, words))
+            return
+        target = getattr(message, "target_system", 0)
+        if number != mav.MAVLINK_MSG_ID_SET_MODE and message.command not in MODE_ORDERS:
+            return
+        what = "SET_MODE" if number == mav.MAVLINK_MSG_ID_SET_MODE else f"command {message.command}"
+        for known, vehicle in self.vehicles.items():
+            if target in {0, known} and system != known:
+                vehicle.told.orders.append(Line(t_usec, f"{what} of system {system}"))
+
+    def result(self) -> dict[int, Testimony]:
+        found = {}
+        for system, vehicle in self.vehicles.items():
+            told = vehicle.told
+            if self.last_usec - vehicle.heard_usec >= SILENT_USEC:
+                told.silences.append(self._silence(vehicle.heard_usec, self.last_usec))
+            found[system] = told
+        return found
+
+
+def _noted(vehicle: _Vehicle, stream: str, t_usec: int) -> None:
+    vehicle.told.streams.setdefault(stream, []).append(t_usec)
+
+
+def _beat(vehicle: _Vehicle, t_usec: int, beat: Any) -> None:  # noqa: ANN401
+    if beat.autopilot not in AUTOPILOTS or beat.type == STATION:
+        return
+    told = vehicle.told
+    _noted(vehicle, "HEARTBEAT", t_usec)
+    armed = bool(beat.base_mode & 128)
+    if not told.armed or told.armed[-1][1] is not armed:
+        told.armed.append((t_usec, armed))
+    if not told.modes or told.modes[-1].mode != beat.custom_mode:
+        told.modes.append(ModeSet(t_usec, int(beat.custom_mode)))
+    if not told.statuses or told.statuses[-1][1] != beat.system_status:
+        told.statuses.append((t_usec, int(beat.system_status)))
+
+
+def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    words = message.text.rstrip("\0").strip()
+    vehicle.told.texts.append(Line(t_usec, words, int(message.severity)))
+
+
+def _place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _noted(vehicle, "position", t_usec)
+    vehicle.told.moments.append(
+        Whereabouts(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
+               math.hypot(message.vx, message.vy) / 100, -message.vz / 100)
+    )  # fmt: skip
+
+
+def _attitude(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    upright = math.cos(message.roll) * math.cos(message.pitch)
+    vehicle.told.tilts.append((t_usec, math.degrees(math.acos(max(-1.0, min(1.0, upright))))))
+
+
+def _status(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _noted(vehicle, "battery", t_usec)
+    percent = message.battery_remaining
+    vehicle.percent = float(percent) if 0 <= percent <= 100 else None
+    vehicle.told.powers.append(
+        PowerReport(t_usec, message.voltage_battery / 1e3 if 0 < message.voltage_battery < 65535 else None,
+              message.current_battery / 100 if message.current_battery >= 0 else None, vehicle.consumed_mah,
+              vehicle.percent)
+    )  # fmt: skip
+
+
+def _battery(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _noted(vehicle, "battery", t_usec)
+    if message.id == 0 and message.current_consumed >= 0:
+        vehicle.consumed_mah = float(message.current_consumed)
+
+
+def _channels(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    told = vehicle.told
+    now = tuple(getattr(message, f"chan{number}_raw") for number in range(1, CHANNELS + 1))
+    if not any(now):
+        return
+    before, vehicle.channels = vehicle.channels, now
+    if not before:
+        return
+    chosen = next((int(told.settings[name]) for name in MODE_SWITCH if told.settings.get(name)), ARDUPILOT_SWITCH)
+    for number in range(5, CHANNELS + 1):
+        was, is_ = before[number - 1], now[number - 1]
+        if not (800 < was < 2200 and 800 < is_ < 2200):
+            continue
+        turned = _band(was) != _band(is_) and abs(was - is_) > 20 if number == chosen else abs(was - is_) > MOVED_US
+        if turned:
+            name = "mode switch" if number == chosen else "a switch"
+            told.switches.append(Move(t_usec, f"{name} (channel {number}) from {was} to {is_}", number))
+
+
+def _band(value: int) -> int:
+    return sum(value >= edge for edge in SWITCH_BANDS)
+
+
+def _current(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _noted(vehicle, "item", t_usec)
+    if not vehicle.told.items or vehicle.told.items[-1][1] != message.seq:
+        vehicle.told.items.append((t_usec, int(message.seq)))
+
+
+def _parameter(vehicle: _Vehicle, _: int, message: Any) -> None:  # noqa: ANN401
+    vehicle.told.settings[message.param_id.rstrip("\0")] = float(message.param_value)
+
+
+_TELLS: dict[int, Callable[[_Vehicle, int, Any], None]] = {
+    mav.MAVLINK_MSG_ID_HEARTBEAT: _beat,
+    mav.MAVLINK_MSG_ID_STATUSTEXT: _text,
+    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _place,
+    mav.MAVLINK_MSG_ID_ATTITUDE: _attitude,
+    mav.MAVLINK_MSG_ID_SYS_STATUS: _status,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS: _battery,
+    mav.MAVLINK_MSG_ID_RC_CHANNELS: _channels,
+    mav.MAVLINK_MSG_ID_RC_CHANNELS_RAW: _channels,
+    mav.MAVLINK_MSG_ID_MISSION_CURRENT: _current,
+    mav.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
+}
+_ORDERED = frozenset({
+    mav.MAVLINK_MSG_ID_COMMAND_ACK, mav.MAVLINK_MSG_ID_SET_MODE, mav.MAVLINK_MSG_ID_COMMAND_LONG,
+    mav.MAVLINK_MSG_ID_COMMAND_INT,
+})  # fmt: skip
+_READ = _ORDERED | frozenset(_TELLS)

@@ -1,0 +1,189 @@
+"""What a log says of one vehicle, as it stands there; times are microseconds on the log's own clock."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+SECOND = 1_000_000
+
+
+class Hand(Enum):
+    """Who changed a mode, by what the log says beside the change."""
+
+    PILOT = "its pilot"
+    STATION = "a ground station"
+    FAILSAFE = "its own failsafe"
+    MISSION = "its mission"
+    NOBODY = "nobody that the log names"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One thing in a log that speaks for or against a declaration."""
+
+    t_usec: int
+    words: str
+    severity: int = 6
+    """MAV_SEVERITY of a text."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A switch of the pilot's transmitter was moved."""
+
+    t_usec: int
+    words: str
+    channel: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Failing:
+    """The autopilot's own record of a failsafe."""
+
+    t_usec: int
+    kind: str
+    """battery, crash, ekf, gps, rc, ground station, fence, ... or other."""
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class ModeSet:
+    """A change of mode, and the reason where the log has it."""
+
+    t_usec: int
+    mode: int
+    by: Hand | None = None
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Whereabouts:
+    """Where it was and how it moved."""
+
+    t_usec: int
+    lat_deg: float
+    lon_deg: float
+    height_m: float | None
+    """Above its home."""
+    speed_m_s: float
+    climb_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class PowerReport:
+    """What its battery monitor said."""
+
+    t_usec: int
+    volts: float | None
+    amperes: float | None
+    consumed_mah: float | None
+    percent: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """A time in which nothing came of the vehicle."""
+
+    from_usec: int
+    to_usec: int
+    others: bool | None
+    """Whether something came of others meanwhile; None if the log holds nobody else."""
+
+    @property
+    def lasted_s(self) -> float:
+        """How long."""
+        return (self.to_usec - self.from_usec) / 1e6
+
+
+@dataclass(slots=True)
+class Testimony:
+    """Everything that a log says of one vehicle."""
+
+    system: int
+    on_board: bool = False
+    """Written by the vehicle: nothing of it is about its link."""
+    ardupilot: bool = True
+    began_usec: int = 0
+    ended_usec: int = 0
+    armed: list[tuple[int, bool]] = field(default_factory=list)
+    """Changes."""
+    modes: list[ModeSet] = field(default_factory=list)
+    statuses: list[tuple[int, int]] = field(default_factory=list)
+    """Changes of HEARTBEAT.system_status."""
+    texts: list[Line] = field(default_factory=list)
+    orders: list[Line] = field(default_factory=list)
+    """Accepted by the vehicle, or sent to it."""
+    switches: list[Move] = field(default_factory=list)
+    """Of the pilot's transmitter."""
+    failings: list[Failing] = field(default_factory=list)
+    tilts: list[tuple[int, float]] = field(default_factory=list)
+    """Degrees from upright."""
+    moments: list[Whereabouts] = field(default_factory=list)
+    powers: list[PowerReport] = field(default_factory=list)
+    items: list[tuple[int, int]] = field(default_factory=list)
+    """Changes of the mission's item."""
+    silences: list[Silence] = field(default_factory=list)
+    streams: dict[str, list[int]] = field(default_factory=dict)
+    """When messages of a kind came."""
+    settings: dict[str, float] = field(default_factory=dict)
+    frames: dict[int, list[int]] = field(default_factory=dict)
+    """Frames received and missing, by minute of the log."""
+
+    def is_armed(self, at_usec: int) -> bool:
+        """Return whether it was armed then."""
+        known = last_before(self.armed, at_usec)
+        return known is not None and known[1]
+
+    def armed_since(self, at_usec: int) -> int | None:
+        """Return when the arming began that a moment lies in."""
+        known = last_before(self.armed, at_usec)
+        return known[0] if known is not None and known[1] else None
+
+    def disarmed_after(self, at_usec: int) -> int:
+        """Return when it was disarmed next, or the log's end."""
+        return next((t_usec for t_usec, armed in self.armed if t_usec > at_usec and not armed), self.ended_usec)
+
+    def mode_at(self, at_usec: int) -> int | None:
+        """Return its mode then."""
+        before = [one for one in self.modes if one.t_usec <= at_usec]
+        return before[-1].mode if before else None
+
+    def moment_at(self, at_usec: int, *, within_s: float = 4.0) -> Whereabouts | None:
+        """Return where it was then, if that was said not long before."""
+        index = bisect_right(self.moments, at_usec, key=_time) - 1
+        if index < 0 or at_usec - self.moments[index].t_usec > within_s * SECOND:
+            return None
+        return self.moments[index]
+
+
+def _time(one: Any) -> int:  # noqa: ANN401 - anything with a time
+    return int(one.t_usec)
+
+
+def _first(pair: tuple[int, Any]) -> int:
+    return pair[0]
+
+
+def between(rows: Sequence[Any], from_usec: int, to_usec: int) -> Sequence[Any]:
+    """Return what lies in a time, of rows with `t_usec` in the order of it."""
+    return rows[bisect_left(rows, from_usec, key=_time) : bisect_right(rows, to_usec, key=_time)]
+
+
+def pairs_between(rows: Sequence[tuple[int, Any]], from_usec: int, to_usec: int) -> Sequence[tuple[int, Any]]:
+    """Return what lies in a time, of pairs that begin with it."""
+    return rows[bisect_left(rows, from_usec, key=_first) : bisect_right(rows, to_usec, key=_first)]
+
+
+def last_before(rows: Sequence[tuple[int, Any]], at_usec: int) -> tuple[int, Any] | None:
+    """Return the last pair that is not later."""
+    index = bisect_right(rows, at_usec, key=_first) - 1
+    return rows[index] if index >= 0 else None
+
+
+def near(rows: Sequence[Any], at_usec: int, before_s: float, after_s: float) -> Sequence[Any]:
+    """Return what lies around a moment."""
+    return between(rows, at_usec - round(before_s * SECOND), at_usec + round(after_s * SECOND))
