@@ -1,0 +1,1 @@
+"""Days of several trips: several depots, recharging between trips, vehicles lost one after another."""

@@ -1,0 +1,194 @@
+"""The search for the plan of a day: cycles of annealing around the kernel, starts side by side, the stop rule.
+
+As in ``planner.search`` cycles grow, each from the best plan so far, and starts wait for each other at the end of each
+round: the seed, the number of starts and of iterations decide the plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.construct import random_state
+from planner.day.construct import copy_day, day_memory, day_plan, day_problem, day_state
+from planner.day.evaluate import DayEvaluation, evaluate_day
+from planner.day.model import DayInstance, DayPlan
+from planner.errors import PlanError
+from planner.kernels.arrays import RandomState
+from planner.kernels.day import DayProblem, DayState, divide
+from planner.kernels.dayinsertion import insert_tasks
+from planner.kernels.daysearch import anneal_day, measure_day
+from planner.stop import Progress, StopRule, Stopwatch
+
+BATCH = 250
+"""Iterations of a start between two questions to the stop rule: a few milliseconds."""
+FIRST_CYCLE = 1_000
+"""Iterations of the first cycle; each further one is half as long again."""
+GROWTH = 1.5
+LONGEST_CYCLE = 30_000
+HOT = 0.3
+"""The temperature at the begin of a cycle, as a share of the longest trip that is allowed."""
+COLD = 0.005
+"""The same at its end."""
+SHARE = 0.1
+"""What the mean of all ends weighs against the last one in the search."""
+
+
+@dataclass(frozen=True, slots=True)
+class DayResult:
+    """The best plan found, with its figures from the definition."""
+
+    plan: DayPlan
+    evaluation: DayEvaluation
+    iterations: int
+    seconds: float
+    stopped_by: str
+
+
+class _Start:
+    """One walk; walks share nothing that changes."""
+
+    def __init__(self, problem: DayProblem, first: DayState, rng: RandomState) -> None:
+        self.best = copy_day(first)
+        self.key = np.zeros(2)
+        measure_day(first, self.key)
+        self._problem = problem
+        self._current = copy_day(first)
+        self._trial = copy_day(first)
+        self._memory = day_memory(problem)
+        self._measured = np.zeros(2)
+        self._temperature = np.zeros(1)
+        self._rng = rng
+
+    def begin(self, leader: _Start, temperature: float) -> None:
+        """Begin a cycle from the best plan of ``leader``."""
+        for state in (self._current, self._trial, self.best):
+            if state is not leader.best:
+                for target, source in zip(state, leader.best, strict=True):
+                    target[:] = source
+        self.key[:] = leader.key
+        self._temperature[0] = temperature
+
+    def run(self, cooling: float, iterations: int) -> int:
+        """Run iterations of the cycle; return the last that found a new best, counted from 1, or 0."""
+        improved: int = anneal_day(
+            self._problem, self._current, self._trial, self.best, self.key, self._temperature, cooling, iterations,
+            self._rng, self._memory, self._measured,
+        )  # fmt: skip
+        return improved
+
+
+class DaySearch:
+    """One search; ``run`` is all that there is to call."""
+
+    def __init__(
+        self, instance: DayInstance, *, seed: int, starts: int, initial: Sequence[Sequence[int]], watch: Stopwatch
+    ) -> None:
+        self._instance = instance
+        self._watch = watch
+        self._problem = day_problem(instance, SHARE / len(instance.vehicles))
+        able = self._problem.able.any(axis=0)
+        self._possible = bool(able.all())
+        self._idle = not able.any()
+        first = self._first(initial, able, seed)
+        self._starts = [_Start(self._problem, first, random_state(seed + number)) for number in range(starts)]
+        self._leader = self._starts[0]
+        self._iterations = 0
+        self._improved_at = 0
+        self._length = FIRST_CYCLE
+        self._begin()
+
+    def _first(self, initial: Sequence[Sequence[int]], able: npt.NDArray[np.bool_], seed: int) -> DayState:
+        """Return the given visits with all open tasks put in where they cost least."""
+        state, memory = day_state(self._problem), day_memory(self._problem)
+        for vehicle, visits in enumerate(initial):
+            kept = [visit for visit in visits if self._problem.able[vehicle, visit >> 1]]
+            state.visits[vehicle, : len(kept)] = kept
+            state.lengths[vehicle] = len(kept)
+            divide(self._problem, state, memory, vehicle)
+            able[[visit >> 1 for visit in kept]] = False
+        left = np.flatnonzero(able).astype(np.int64)
+        insert_tasks(self._problem, state, memory, left, len(left), random_state(seed))
+        return state
+
+    def run(self, stop: StopRule) -> DayResult:
+        """Improve until ``stop`` says so."""
+        with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
+            while not self._idle:
+                verdict = stop(self._progress())
+                if verdict.allowed <= 0:
+                    break
+                self._advance(verdict.allowed, threads)
+        plan = day_plan(self._instance, self._problem, self._leader.best)
+        return DayResult(
+            plan=plan,
+            evaluation=evaluate_day(self._instance, plan),
+            iterations=self._iterations,
+            seconds=self._watch.seconds,
+            stopped_by="nothing to do" if self._idle else verdict.reason,
+        )
+
+    def _begin(self) -> None:
+        self._done = 0
+        hot, cold = (share * self._instance.capacity_s for share in (HOT, COLD))
+        self._cooling = (cold / hot) ** (1 / self._length)
+        for start in self._starts:
+            start.begin(self._leader, hot)
+
+    def _advance(self, allowed: int, threads: Executor | None) -> None:
+        """Run a batch of every start, or what is allowed of it."""
+        fair = max(1, allowed // len(self._starts))
+        share = min(BATCH, fair, self._length - self._done)
+        starts = self._starts[: min(len(self._starts), allowed)]
+        if threads is None:
+            found = [start.run(self._cooling, share) for start in starts]
+        else:
+            found = list(threads.map(lambda start: start.run(self._cooling, share), starts))
+        leader = min(self._starts, key=lambda start: start.key.tolist())
+        if leader.key.tolist() < self._leader.key.tolist() or max(found) > 0:
+            self._leader = leader
+            self._improved_at = self._iterations + max(found) * len(starts)
+        self._iterations += share * len(starts)
+        self._done += share
+        if self._done == self._length:
+            self._length = min(int(GROWTH * self._length), LONGEST_CYCLE)
+            self._begin()
+
+    def _progress(self) -> Progress:
+        return Progress(
+            iterations=self._iterations,
+            since_improvement=max(0, self._iterations - self._improved_at),
+            seconds=self._watch.seconds,
+            value=float(self._leader.key[0]),
+            uncovered=int((self._problem.able.sum(axis=0) == 0).sum()),
+            feasible=self._possible,
+            impossible=not self._possible,
+        )
+
+
+def solve_day(
+    instance: DayInstance, *, stop: StopRule, seed: int = 0, starts: int = 1, initial: Sequence[Sequence[int]] = ()
+) -> DayResult:
+    """Return the best plan found until ``stop`` ends the search: the last end first, then the sum of all ends.
+
+    What no vehicle can do by trips that are allowed is left uncovered.
+
+    Args:
+        instance: the problem.
+        stop: asked at least every 250 iterations of a start.
+        seed: of all randomness.
+        starts: searches side by side, a thread each; iterations are counted over all of them.
+        initial: visits to begin with, in order, for each vehicle; the search puts in what is missing.
+
+    Raises:
+        PlanError: ``initial`` names a task that the instance does not have, or one twice.
+    """
+    tasks = [visit >> 1 for visits in initial for visit in visits]
+    if len(set(tasks)) < len(tasks) or not all(0 <= task < len(instance.tasks) for task in tasks):
+        raise PlanError(f"initial: expected each of {len(instance.tasks)} tasks once at most")
+    return DaySearch(instance, seed=seed, starts=starts, initial=initial, watch=Stopwatch()).run(stop)
