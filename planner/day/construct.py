@@ -14,7 +14,7 @@ NEAR = 60
 """Neighbours of a task that are kept."""
 
 
-def day_problem(instance: DayInstance, share: float) -> DayProblem:
+def day_problem(instance: DayInstance, share: float, haste: float) -> DayProblem:
     """Return the kernels' view; ``share`` is what the sum of all ends weighs against the last one in the search."""
     times = np.where(np.isfinite(instance.times_s), np.minimum(instance.times_s, NEVER), NEVER)
     ends = np.array([(task.a, task.b) for task in instance.tasks], dtype=np.int64).reshape(-1, 2)
@@ -51,6 +51,7 @@ def day_problem(instance: DayInstance, share: float) -> DayProblem:
         capacity=instance.capacity_s,
         pause=instance.turnaround_s,
         share=share,
+        haste=haste,
     )
 
 
@@ -72,7 +73,7 @@ def _gates(out: FloatArray, home: FloatArray, begun: IntArray, nearest: IntArray
     """Return depots between each task and each next one: those on the way, the nearest to each side."""
     depots, tasks, kept = len(out), len(begun), begun.shape[1]
     if kept == depots:
-        return np.ascontiguousarray(np.broadcast_to(np.arange(depots), (tasks, tasks, depots)))
+        return np.tile(np.arange(depots), (tasks, tasks, 1))
     landing = home.reshape(tasks, 2, depots).min(axis=1)
     begin = out.reshape(depots, tasks, 2).min(axis=2).T
     detour = landing[:, np.newaxis] + begin[np.newaxis]
@@ -96,6 +97,7 @@ def day_state(problem: DayProblem) -> DayState:
         depot=np.zeros((fleet, tasks + 1), dtype=np.int64),
         load=np.zeros((fleet, tasks + 1)),
         ends=problem.ended.copy(),
+        waits=np.zeros(fleet),
     )
 
 

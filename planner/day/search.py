@@ -38,6 +38,9 @@ COLD = 0.005
 SHARE = 0.1
 """What the mean of all ends weighs against the last one in the search."""
 
+HASTE = 0.02
+"""The same of the mean time at which tasks are brought home."""
+
 
 @dataclass(frozen=True, slots=True)
 class DayResult:
@@ -55,13 +58,13 @@ class _Start:
 
     def __init__(self, problem: DayProblem, first: DayState, rng: RandomState) -> None:
         self.best = copy_day(first)
-        self.key = np.zeros(2)
+        self.key = np.zeros(3)
         measure_day(first, self.key)
         self._problem = problem
         self._current = copy_day(first)
         self._trial = copy_day(first)
         self._memory = day_memory(problem)
-        self._measured = np.zeros(2)
+        self._measured = np.zeros(3)
         self._temperature = np.zeros(1)
         self._rng = rng
 
@@ -91,7 +94,7 @@ class DaySearch:
     ) -> None:
         self._instance = instance
         self._watch = watch
-        self._problem = day_problem(instance, SHARE / len(instance.vehicles))
+        self._problem = day_problem(instance, SHARE / len(instance.vehicles), HASTE / max(1, len(instance.tasks)))
         able = self._problem.able.any(axis=0)
         self._possible = bool(able.all())
         self._idle = not able.any()

@@ -53,6 +53,8 @@ class DayProblem(NamedTuple):
     """Between two trips."""
     share: float
     """What a second of all vehicles' ends weighs against one of the last end, in the search."""
+    haste: float
+    """The same of the times at which tasks are brought home, of all of them."""
 
 
 class DayState(NamedTuple):
@@ -74,6 +76,8 @@ class DayState(NamedTuple):
     """(k, n): how long it takes."""
     ends: FloatArray
     """(k,): when the vehicle's last trip ends."""
+    waits: FloatArray
+    """(k,): the sum of the times at which its tasks are brought home."""
 
 
 class DayMemory(NamedTuple):
@@ -99,11 +103,11 @@ class DayMemory(NamedTuple):
 
 DAY = nb.types.NamedTuple(
     (TABLE, TABLE, TABLE, INTS, TABLE, INTS, INT_TABLE, nb.types.Array(nb.int64, 3, "C"), INT_TABLE, INT_TABLE)
-    + (FLOATS,) * 2 + (nb.float64,) * 3,
+    + (FLOATS,) * 2 + (nb.float64,) * 4,
     DayProblem,
 )  # fmt: skip
 DAY_STATE = nb.types.NamedTuple(
-    (INT_TABLE, INTS, INTS, INT_TABLE, INT_TABLE, INT_TABLE, TABLE, FLOATS), DayState
+    (INT_TABLE, INTS, INTS, INT_TABLE, INT_TABLE, INT_TABLE, TABLE, FLOATS, FLOATS), DayState
 )
 DAY_MEMORY = nb.types.NamedTuple((INTS, INTS, INT_TABLE, TABLE, INT_TABLE, INT_TABLE, INT_TABLE, INT_TABLE), DayMemory)
 
@@ -235,6 +239,7 @@ def divide(problem: DayProblem, state: DayState, memory: DayMemory, vehicle: int
     state.trips[vehicle] = 0
     begins[0] = 0
     state.ends[vehicle] = problem.ended[vehicle]
+    state.waits[vehicle] = 0.0
     if length == 0:
         return
     state.ends[vehicle] = reach(problem, state, memory, vehicle)
@@ -260,10 +265,17 @@ def divide(problem: DayProblem, state: DayState, memory: DayMemory, vehicle: int
         landings[trip], landings[other] = landings[other], landings[trip]
     begins[count] = length
     state.trips[vehicle] = count
+    landed = problem.home.shape[1] + vehicle
+    now = problem.ready[vehicle]
     for trip in range(count):
         state.load[vehicle, trip] = fly(
             problem, state, memory, vehicle, begins[trip], begins[trip + 1], places[trip], landings[trip]
         )
+        if places[trip] != landed:
+            now += problem.hop[landed, places[trip]]
+        landed = landings[trip]
+        now += state.load[vehicle, trip] + problem.pause
+        state.waits[vehicle] += (begins[trip + 1] - begins[trip]) * now
     landings[count - 1] = problem.nearest[state.visits[vehicle, length - 1]]
 
 
@@ -272,7 +284,9 @@ def guide(problem: DayProblem, state: DayState) -> float:
     """Return what the search minimises: the last end, and a share of all ends."""
     last = 0.0
     total = 0.0
+    waits = 0.0
     for vehicle in range(len(state.ends)):
         last = max(last, state.ends[vehicle])
         total += state.ends[vehicle]
-    return last + problem.share * total
+        waits += state.waits[vehicle]
+    return last + problem.share * total + problem.haste * waits

@@ -31,6 +31,7 @@ def copy_vehicle(source: DayState, target: DayState, vehicle: int) -> None:
     target.trips[vehicle] = count
     target.lengths[vehicle] = source.lengths[vehicle]
     target.ends[vehicle] = source.ends[vehicle]
+    target.waits[vehicle] = source.waits[vehicle]
 
 
 @inner(nb.int64(DAY_STATE, DAY_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64))
@@ -166,12 +167,21 @@ def hand_on(problem: DayProblem, state: DayState, memory: DayMemory, rng: Random
 
 @kernel(nb.void(DAY_STATE, FLOATS))
 def measure_day(state: DayState, key: FloatArray) -> None:
-    """Set ``key`` (2,) to the last end and the sum of all ends: less is better, in this order."""
-    key[0] = 0.0
-    key[1] = 0.0
+    """Set ``key`` (3,) to the last end, the sum of all ends, the sum of all waits: less is better, in this order."""
+    key[:] = 0.0
     for vehicle in range(len(state.ends)):
         key[0] = max(key[0], state.ends[vehicle])
         key[1] += state.ends[vehicle]
+        key[2] += state.waits[vehicle]
+
+
+@inner(nb.boolean(FLOATS, FLOATS))
+def better(key: FloatArray, other: FloatArray) -> bool:
+    """Return whether a key is less than another, the first entry that differs decides."""
+    for entry in range(len(key)):
+        if abs(key[entry] - other[entry]) > TOLERANCE_S:
+            return bool(key[entry] < other[entry])
+    return False
 
 
 @kernel(
@@ -207,11 +217,9 @@ def anneal_day(
         if accepted:
             value = found
             measure_day(trial, measured)
-            if measured[0] < key[0] - TOLERANCE_S or (
-                measured[0] < key[0] + TOLERANCE_S and measured[1] < key[1] - TOLERANCE_S
-            ):
-                key[0] = measured[0]
-                key[1] = measured[1]
+            if better(measured, key):
+                for entry in range(len(key)):
+                    key[entry] = measured[entry]
                 improved = iteration + 1
                 for vehicle in range(fleet):
                     copy_vehicle(trial, best, vehicle)
