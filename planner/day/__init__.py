@@ -1,1 +1,40 @@
-"""Days of several trips: several depots, recharging between trips, vehicles lost one after another."""
+"""Days of several trips: several depots, recharging between trips, vehicles lost one after another.
+
+    >>> ways = streets(places, edges)                                             # doctest: +SKIP
+    >>> instance = day_instance(ways.times_s, tasks, depots, vehicles, capacity_s=20)   # doctest: +SKIP
+    >>> found = solve_day(instance, stop=Seconds(0.5))                            # doctest: +SKIP
+
+Importing this package is cheap; the first plan, or ``warm_up_day``, loads the compiled kernels.
+"""
+
+from planner.day.evaluate import DayEvaluation, evaluate_day, trip_s
+from planner.day.losses import Day, Left, TimedTrip, Timeline, after_loss, left_after, open_tasks, replan_losses
+from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
+from planner.day.result import DayResult
+from planner.day.solve import solve_day, warm_up_day
+from planner.day.streets import Streets, streets
+
+__all__ = [
+    "Day",
+    "DayEvaluation",
+    "DayInstance",
+    "DayPlan",
+    "DayResult",
+    "DayTask",
+    "DayVehicle",
+    "Left",
+    "Streets",
+    "TimedTrip",
+    "Timeline",
+    "Trip",
+    "after_loss",
+    "day_instance",
+    "evaluate_day",
+    "left_after",
+    "open_tasks",
+    "replan_losses",
+    "solve_day",
+    "streets",
+    "trip_s",
+    "warm_up_day",
+]

@@ -150,7 +150,10 @@ def _moves(instance: DayInstance, problem: DayProblem, begin: int, end: int) -> 
     depots = sorted(set(instance.depots))
     here = depots[begin] if begin < len(depots) else instance.vehicles[begin - len(depots)].place
     direct = instance.times_s[here, depots[end]]
-    if direct <= instance.capacity_s + TOLERANCE_S and direct + instance.turnaround_s <= problem.hop[begin, end] + TOLERANCE_S:
+    if (
+        direct <= instance.capacity_s + TOLERANCE_S
+        and direct + instance.turnaround_s <= problem.hop[begin, end] + TOLERANCE_S
+    ):
         return [Trip(here, (), depots[end])]
     through = problem.hop[begin] + problem.hop[:, end][: len(depots)]
     through[end] = NEVER

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from planner.day.model import DayInstance, DayPlan, DayVehicle, Task, Trip, way_of
-from planner.day.search import DayResult
+from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, way_of
+from planner.day.result import DayResult
 from planner.day.streets import Streets
 from planner.errors import PlanError
+from planner.stop import Stopwatch
 
 SAME_TIME_S = 1e-6
 """Times nearer to each other than this are the same."""
@@ -43,7 +44,7 @@ class Day:
     """What stays the same all day."""
 
     streets: Streets
-    tasks: tuple[Task, ...]
+    tasks: tuple[DayTask, ...]
     """Edges of the streets, each done by whoever flies along it."""
     depots: tuple[int, ...]
     starts: tuple[int, ...]
@@ -97,9 +98,7 @@ def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_
         else _brought_home(timeline, at_s, day.turnaround_s)
         for vehicle, timeline in enumerate(timelines)
     )  # fmt: skip
-    task_of = {frozenset((task.a, task.b)): number for number, task in enumerate(day.tasks)}
-    done = {task_of.get(step) for timeline in kept for trip in timeline for step in _steps(trip)}
-    waiting = tuple(number for number in range(len(day.tasks)) if number not in done)
+    waiting = open_tasks(day, kept)
     survivors = tuple(vehicle for vehicle in range(len(timelines)) if vehicle not in lost)
     if not waiting or not survivors:
         return Left(kept, survivors, waiting, None, ())
@@ -112,6 +111,13 @@ def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_
         turnaround_s=day.turnaround_s,
     )
     return Left(kept, survivors, waiting, instance, _tails(day, timelines, kept, survivors, waiting))
+
+
+def open_tasks(day: Day, timelines: Sequence[Timeline]) -> tuple[int, ...]:
+    """Return the tasks that are on no trip."""
+    task_of = {frozenset((task.a, task.b)): number for number, task in enumerate(day.tasks)}
+    done = {task_of.get(step) for timeline in timelines for trip in timeline for step in _steps(trip)}
+    return tuple(number for number in range(len(day.tasks)) if number not in done)
 
 
 def after_loss(day: Day, left: Left, plan: DayPlan) -> tuple[Timeline, ...]:
@@ -129,6 +135,7 @@ def replan_losses(
     timelines: Sequence[Timeline],
     losses: Sequence[tuple[int, float]],
     solve: Callable[[Left, DayInstance], DayResult],
+    took: Callable[[float], None] = lambda _: None,
 ) -> tuple[tuple[Timeline, ...], ...]:
     """Return the timelines after each loss, in the order of their times.
 
@@ -137,12 +144,15 @@ def replan_losses(
         timelines: the plan for the whole day.
         losses: vehicle and time of each; nobody knows one before its time.
         solve: makes the plan for what is left.
+        took: told the seconds from each loss to everybody's new trips.
     """
     history: list[tuple[Timeline, ...]] = []
     now, lost = tuple(timelines), [vehicle for vehicle, _ in losses]
     for number, (_, at_s) in enumerate(losses, 1):
+        watch = Stopwatch()
         left = left_after(day, now, lost[:number], at_s)
         now = left.kept if left.instance is None else after_loss(day, left, solve(left, left.instance).plan)
+        took(watch.seconds)
         history.append(now)
     return tuple(history)
 

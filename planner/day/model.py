@@ -17,7 +17,7 @@ from planner.moves import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class DayTask:
     """A way between two places that some trip must lead along."""
 
     a: int
@@ -43,7 +43,7 @@ class DayInstance:
 
     times_s: FloatArray
     """(m, m) float64: from place to place; infinite where no way leads."""
-    tasks: tuple[Task, ...]
+    tasks: tuple[DayTask, ...]
     depots: tuple[int, ...]
     """Places where a trip may end, and the next one begin."""
     vehicles: tuple[DayVehicle, ...]
@@ -65,7 +65,11 @@ class DayInstance:
             raise InstanceError("depots: expected one at least")
         if not self.vehicles:
             raise InstanceError("vehicles: expected one at least")
-        named = [*self.depots, *(own.place for own in self.vehicles), *(end for one in self.tasks for end in one_ends(one))]
+        named = [
+            *self.depots,
+            *(own.place for own in self.vehicles),
+            *(end for one in self.tasks for end in one_ends(one)),
+        ]
         unknown = [place for place in named if not 0 <= place < places]
         if unknown:
             raise InstanceError(f"place {unknown[0]}: expected one from 0 to {places - 1}")
@@ -81,7 +85,7 @@ class DayInstance:
                 raise InstanceError(f"{name}: expected 0 or more")
 
 
-def one_ends(task: Task) -> tuple[int, int]:
+def one_ends(task: DayTask) -> tuple[int, int]:
     """Return the two places of a task."""
     return task.a, task.b
 
@@ -111,7 +115,7 @@ def way_of(instance: DayInstance, visit: int) -> tuple[int, int]:
 
 def day_instance(
     times_s: npt.ArrayLike,
-    tasks: Sequence[Task],
+    tasks: Sequence[DayTask],
     depots: Sequence[int],
     vehicles: Sequence[DayVehicle],
     *,

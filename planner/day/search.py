@@ -9,16 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.construct import random_state
 from planner.day.construct import copy_day, day_memory, day_plan, day_problem, day_state
-from planner.day.evaluate import DayEvaluation, evaluate_day
-from planner.day.model import DayInstance, DayPlan
-from planner.errors import PlanError
+from planner.day.evaluate import evaluate_day
+from planner.day.model import DayInstance
+from planner.day.result import DayResult
 from planner.kernels.arrays import RandomState
 from planner.kernels.day import DayProblem, DayState, divide
 from planner.kernels.dayinsertion import insert_tasks
@@ -40,17 +39,6 @@ SHARE = 0.1
 
 HASTE = 0.02
 """The same of the mean time at which tasks are brought home."""
-
-
-@dataclass(frozen=True, slots=True)
-class DayResult:
-    """The best plan found, with its figures from the definition."""
-
-    plan: DayPlan
-    evaluation: DayEvaluation
-    iterations: int
-    seconds: float
-    stopped_by: str
 
 
 class _Start:
@@ -172,26 +160,3 @@ class DaySearch:
             feasible=self._possible,
             impossible=not self._possible,
         )
-
-
-def solve_day(
-    instance: DayInstance, *, stop: StopRule, seed: int = 0, starts: int = 1, initial: Sequence[Sequence[int]] = ()
-) -> DayResult:
-    """Return the best plan found until ``stop`` ends the search: the last end first, then the sum of all ends.
-
-    What no vehicle can do by trips that are allowed is left uncovered.
-
-    Args:
-        instance: the problem.
-        stop: asked at least every 250 iterations of a start.
-        seed: of all randomness.
-        starts: searches side by side, a thread each; iterations are counted over all of them.
-        initial: visits to begin with, in order, for each vehicle; the search puts in what is missing.
-
-    Raises:
-        PlanError: ``initial`` names a task that the instance does not have, or one twice.
-    """
-    tasks = [visit >> 1 for visits in initial for visit in visits]
-    if len(set(tasks)) < len(tasks) or not all(0 <= task < len(instance.tasks) for task in tasks):
-        raise PlanError(f"initial: expected each of {len(instance.tasks)} tasks once at most")
-    return DaySearch(instance, seed=seed, starts=starts, initial=initial, watch=Stopwatch()).run(stop)

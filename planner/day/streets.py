@@ -42,21 +42,21 @@ def streets(places: int, edges: Iterable[tuple[int, int, float]]) -> Streets:
 
     Args:
         places: how many; edges name them from 0.
-        edges: two places and the seconds between them, more than 0; of parallel ones the shortest counts.
+        edges: two places and the seconds between them; of parallel ones the shortest counts.
 
     Raises:
-        InstanceError: an edge names an unknown place, or takes no time.
+        InstanceError: an edge names an unknown place, or leads to where it began, or takes less than no time.
     """
     times = np.full((places, places), np.inf)
     onward = np.full((places, places), -1, dtype=np.int64)
     np.fill_diagonal(times, 0.0)
     np.fill_diagonal(onward, np.arange(places))
     for a, b, seconds in edges:
-        if not (0 <= a < places and 0 <= b < places):
-            raise InstanceError(f"edge {a} to {b}: expected places from 0 to {places - 1}")
-        if not (np.isfinite(seconds) and seconds > 0):
-            raise InstanceError(f"edge {a} to {b}: expected more than 0 seconds")
-        if a != b and seconds < times[a, b]:
+        if not (0 <= a < places and 0 <= b < places and a != b):
+            raise InstanceError(f"edge {a} to {b}: expected two places from 0 to {places - 1}")
+        if not (np.isfinite(seconds) and seconds >= 0):
+            raise InstanceError(f"edge {a} to {b}: expected 0 seconds or more")
+        if seconds < times[a, b]:
             times[a, b] = times[b, a] = seconds
             onward[a, b], onward[b, a] = b, a
     along = times.copy()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numba as nb
 
-from planner.kernels.arrays import CUBE, FLOATS, INT_TABLE, INTS, TABLE, FloatArray, IntArray
+from planner.kernels.arrays import FLOATS, INT_TABLE, INTS, TABLE, FloatArray, IntArray
 from planner.kernels.compiled import inner, kernel
 
 NEVER = 1e18
@@ -114,7 +114,7 @@ DAY_MEMORY = nb.types.NamedTuple((INTS, INTS, INT_TABLE, TABLE, INT_TABLE, INT_T
 
 @inner(nb.void(DAY, DAY_STATE, DAY_MEMORY, nb.int64))
 def open_gates(problem: DayProblem, state: DayState, memory: DayMemory, vehicle: int) -> None:
-    """Set the places at each boundary of a vehicle's visits; nothing is reached but its start, and depots from there."""
+    """Set the places at each boundary of a vehicle's visits; reached are its start and what it can move to."""
     visits, length = state.visits[vehicle], state.lengths[vehicle]
     depots = problem.home.shape[1]
     count = problem.first.shape[1]

@@ -21,7 +21,7 @@ def cheapest(
 
     The trip is -1 - t for a new trip before trip t. What a new trip adds is an estimate: ``divide`` knows.
     """
-    visits, length, count = state.visits[vehicle], state.lengths[vehicle], state.trips[vehicle]
+    visits, count = state.visits[vehicle], state.trips[vehicle]
     depots = problem.home.shape[1]
     longest = problem.capacity + TOLERANCE_S
     least, position, into, visit = NEVER, 0, -1, 2 * task
@@ -70,9 +70,7 @@ def cheapest(
 
 
 @inner(nb.void(DAY, DAY_STATE, nb.int64, nb.float64, nb.int64, nb.int64, nb.int64))
-def put(
-    problem: DayProblem, state: DayState, vehicle: int, added: float, position: int, into: int, visit: int
-) -> None:
+def put(problem: DayProblem, state: DayState, vehicle: int, added: float, position: int, into: int, visit: int) -> None:
     """Put a visit at a position, into a trip or a new one, as ``cheapest`` has it."""
     visits, begins = state.visits[vehicle], state.begins[vehicle]
     for later in range(state.lengths[vehicle], position, -1):

@@ -89,9 +89,7 @@ def ruin(problem: DayProblem, current: DayState, state: DayState, memory: DayMem
             trip = 0
             while current.begins[vehicle, trip + 1] <= position:
                 trip += 1
-            count = cut(
-                state, memory, vehicle, current.begins[vehicle, trip], current.begins[vehicle, trip + 1], count
-            )
+            count = cut(state, memory, vehicle, current.begins[vehicle, trip], current.begins[vehicle, trip + 1], count)
     for vehicle in range(len(state.lengths)):
         if memory.touched[vehicle] == 1:
             divide(problem, state, memory, vehicle)
