@@ -16,7 +16,7 @@ from executor.bench.store import Json, write_result, write_text
 
 TITLE = "Vehicles lost one after another"
 INTRODUCTION = (
-    "`{command}`: public scenarios with several depots, several trips for each vehicle, recharging between them and "
+    "`{command}`: public scenarios with several depots, several trips for each vehicle, recharging between them, "
     "vehicles lost one after another (Eashwar-S/peer_auction, MIT; Sathyamurthy, Herrmann, Azarm, arXiv 2411.04073). "
     "The initial routes are those of the scenarios. At each loss the rest of the day is planned anew from what is known "
     "then: a trip under way is flown to its end, what a lost vehicle had on board is lost with it. The value is the "

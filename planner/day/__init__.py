@@ -8,6 +8,7 @@ Importing this package is cheap; the first plan, or ``warm_up_day``, loads the c
 """
 
 from planner.day.evaluate import DayEvaluation, evaluate_day, trip_s
+from planner.day.exact import MOST_COLUMNS, solve_day_exact
 from planner.day.losses import Day, Left, TimedTrip, Timeline, after_loss, left_after, open_tasks, replan_losses
 from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
 from planner.day.result import DayResult
@@ -15,6 +16,7 @@ from planner.day.solve import solve_day, warm_up_day
 from planner.day.streets import Streets, streets
 
 __all__ = [
+    "MOST_COLUMNS",
     "Day",
     "DayEvaluation",
     "DayInstance",
@@ -34,6 +36,7 @@ __all__ = [
     "open_tasks",
     "replan_losses",
     "solve_day",
+    "solve_day_exact",
     "streets",
     "trip_s",
     "warm_up_day",
