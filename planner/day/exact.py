@@ -91,7 +91,9 @@ def _trips(instance: DayInstance, place: int, depots: Sequence[int]) -> _Trips:
     """Return the shortest trip from a place for each set of tasks (as bits) and each depot's number."""
     times, most = instance.times_s, instance.capacity_s + TOLERANCE_S
     found: _Trips = {
-        (0, number): (float(times[place, depot]), ()) for number, depot in enumerate(depots) if times[place, depot] <= most
+        (0, number): (float(times[place, depot]), ())
+        for number, depot in enumerate(depots)
+        if times[place, depot] <= most
     }
     under_way: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {(0, -1): (0.0, ())}
     while under_way:
@@ -197,7 +199,9 @@ def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> li
     lp.col_lower_ = np.zeros(width)
     # A way without a task may be flown as often as there are tasks.
     most = [1.0 if one.visits else float(len(instance.tasks)) for one in program.columns]
-    lp.col_upper_ = np.array([*most, *[1.0] * (2 * fleet), *[highspy.kHighsInf] * (fleet + 1), *[1.0] * (fleet * depots)])
+    lp.col_upper_ = np.array(
+        [*most, *[1.0] * (2 * fleet), *[highspy.kHighsInf] * (fleet + 1), *[1.0] * (fleet * depots)]
+    )
     lp.row_lower_, lp.row_upper_ = np.array(program.lower), np.array(program.upper)
     lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     lp.a_matrix_.start_ = np.cumsum([0, *(len(row) for row in program.rows)])

@@ -19,7 +19,7 @@ from planner.day.evaluate import evaluate_day
 from planner.day.model import DayInstance
 from planner.day.result import DayResult
 from planner.kernels.arrays import RandomState
-from planner.kernels.day import DayProblem, DayState, divide
+from planner.kernels.day import NEVER, DayProblem, DayState, divide
 from planner.kernels.dayinsertion import insert_tasks
 from planner.kernels.daysearch import anneal_day, measure_day
 from planner.stop import Progress, StopRule, Stopwatch
@@ -84,9 +84,9 @@ class DaySearch:
         self._watch = watch
         self._problem = day_problem(instance, SHARE / len(instance.vehicles), HASTE / max(1, len(instance.tasks)))
         able = self._problem.able.any(axis=0)
-        self._possible = bool(able.all())
         self._idle = not able.any()
         first = self._first(initial, able, seed)
+        self._uncovered = len(instance.tasks) - int(first.lengths.sum())
         self._starts = [_Start(self._problem, first, random_state(seed + number)) for number in range(starts)]
         self._leader = self._starts[0]
         self._iterations = 0
@@ -97,14 +97,32 @@ class DaySearch:
     def _first(self, initial: Sequence[Sequence[int]], able: npt.NDArray[np.bool_], seed: int) -> DayState:
         """Return the given visits with all open tasks put in where they cost least."""
         state, memory = day_state(self._problem), day_memory(self._problem)
+        waiting = able.copy()
         for vehicle, visits in enumerate(initial):
             kept = [visit for visit in visits if self._problem.able[vehicle, visit >> 1]]
             state.visits[vehicle, : len(kept)] = kept
             state.lengths[vehicle] = len(kept)
             divide(self._problem, state, memory, vehicle)
-            able[[visit >> 1 for visit in kept]] = False
-        left = np.flatnonzero(able).astype(np.int64)
+            waiting[[visit >> 1 for visit in kept]] = False
+        left = np.flatnonzero(waiting).astype(np.int64)
         insert_tasks(self._problem, state, memory, left, len(left), random_state(seed))
+        return state if state.ends.max() < NEVER else self._one_by_one(able, seed)
+
+    def _one_by_one(self, able: npt.NDArray[np.bool_], seed: int) -> DayState:
+        """Return a plan of the tasks that fit beside each other.
+
+        A task that can only be done from where a vehicle stands, no depot, is done by its first trip or not at all.
+        """
+        state = day_state(self._problem)
+        rng = random_state(seed)
+        hardest_first = sorted(np.flatnonzero(able), key=lambda task: int(self._problem.able[:, task].sum()))
+        for task in hardest_first:
+            trial = copy_day(state)
+            fits = insert_tasks(
+                self._problem, trial, day_memory(self._problem), np.array([task], dtype=np.int64), 1, rng
+            )
+            if fits and trial.ends.max() < NEVER:
+                state = trial
         return state
 
     def run(self, stop: StopRule) -> DayResult:
@@ -156,7 +174,7 @@ class DaySearch:
             since_improvement=max(0, self._iterations - self._improved_at),
             seconds=self._watch.seconds,
             value=float(self._leader.key[0]),
-            uncovered=int((self._problem.able.sum(axis=0) == 0).sum()),
-            feasible=self._possible,
-            impossible=not self._possible,
+            uncovered=self._uncovered,
+            feasible=self._uncovered == 0,
+            impossible=not self._problem.able.any(axis=0).all(),
         )
