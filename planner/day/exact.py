@@ -122,8 +122,10 @@ def _trips(instance: DayInstance, place: int, depots: Sequence[int]) -> _Trips:
 
 
 def _program(instance: DayInstance, columns: list[_Column]) -> _Program:
-    """Return the rows: tasks, depots, ends. After the columns come, for each vehicle, whether it flies, then where it
-    lands last, then its end, then the last end.
+    """Return the rows: tasks, depots, ends.
+
+    After the columns come whether each vehicle flies, as many unused, each vehicle's end, the last end, and where each
+    vehicle lands last.
     """
     fleet, depots = len(instance.vehicles), len(set(instance.depots))
     flies, ends = len(columns), len(columns) + 2 * fleet

@@ -37,7 +37,7 @@ COLD = 0.005
 SHARE = 0.1
 """What the mean of all ends weighs against the last one in the search."""
 
-HASTE = 0.02
+HASTE = 0.1
 """The same of the mean time at which tasks are brought home."""
 
 
