@@ -12,7 +12,7 @@ from executor.bench.machine import cores
 from executor.bench.scenario import Scenario, day_of, initial_timelines, read_scenario, solution_of, wrong_with
 from executor.bench.store import Json
 from planner import NoImprovement, Seconds, StopRule, any_of
-from planner.day import DayInstance, DayResult, Left, open_tasks, replan_losses, solve_day, warm_up_day
+from planner.day import DayInstance, DayLeft, DayResult, open_tasks, replan_losses, solve_day, warm_up_day
 
 FOLDER = "failures"
 LONG_ENOUGH = 100_000
@@ -20,7 +20,7 @@ LONG_ENOUGH = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Solved:
+class SolvedScenario:
     """One scenario's answer."""
 
     scenario: Scenario
@@ -53,7 +53,7 @@ def stop_after(seconds: float) -> StopRule:
     return any_of(Seconds(seconds), NoImprovement(LONG_ENOUGH))
 
 
-def solve_scenario(scenario: Scenario, stop: StopRule, seed: int) -> Solved:
+def solve_scenario(scenario: Scenario, stop: StopRule, seed: int) -> SolvedScenario:
     """Fly a scenario's day on paper: at each loss a new plan, from what is known then."""
     starts = cores()
     warm_up_day(starts)
@@ -61,12 +61,12 @@ def solve_scenario(scenario: Scenario, stop: StopRule, seed: int) -> Solved:
     first = initial_timelines(scenario, day)
     took: list[float] = []
 
-    def solve(left: Left, instance: DayInstance) -> DayResult:
+    def solve(left: DayLeft, instance: DayInstance) -> DayResult:
         return solve_day(instance, stop=stop, seed=seed, starts=starts, initial=left.tails)
 
     history = replan_losses(day, first, [(one.vehicle - 1, one.at) for one in scenario.losses], solve, took.append)
     entries = (first, *history)
-    return Solved(
+    return SolvedScenario(
         scenario=scenario,
         value_s=max((trip.end_s for own in entries[-1] for trip in own), default=0.0),
         replan_s=tuple(took),

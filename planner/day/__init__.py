@@ -9,7 +9,7 @@ Importing this package is cheap; the first plan, or ``warm_up_day``, loads the c
 
 from planner.day.evaluate import DayEvaluation, evaluate_day, trip_s
 from planner.day.exact import MOST_COLUMNS, solve_day_exact
-from planner.day.losses import Day, Left, TimedTrip, Timeline, after_loss, left_after, open_tasks, replan_losses
+from planner.day.losses import Day, DayLeft, TimedTrip, Timeline, day_after, left_after, open_tasks, replan_losses
 from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
 from planner.day.result import DayResult
 from planner.day.solve import solve_day, warm_up_day
@@ -20,16 +20,16 @@ __all__ = [
     "Day",
     "DayEvaluation",
     "DayInstance",
+    "DayLeft",
     "DayPlan",
     "DayResult",
     "DayTask",
     "DayVehicle",
-    "Left",
     "Streets",
     "TimedTrip",
     "Timeline",
     "Trip",
-    "after_loss",
+    "day_after",
     "day_instance",
     "evaluate_day",
     "left_after",

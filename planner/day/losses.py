@@ -45,7 +45,7 @@ class Day:
 
     streets: Streets
     tasks: tuple[DayTask, ...]
-    """Edges of the streets, each done by whoever flies along it."""
+    """Edges of the streets, each done by a trip that leads along it."""
     depots: tuple[int, ...]
     starts: tuple[int, ...]
     """Where each vehicle begins its day."""
@@ -70,7 +70,7 @@ class Day:
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class DayLeft:
     """What is left of a day after a loss."""
 
     kept: tuple[Timeline, ...]
@@ -85,7 +85,7 @@ class Left:
     """What the survivors were to visit next, in order: the instance's visits."""
 
 
-def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> Left:
+def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> DayLeft:
     """Return what is left when the last of ``lost`` is lost at ``at_s``, the others before.
 
     Raises:
@@ -101,7 +101,7 @@ def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_
     waiting = open_tasks(day, kept)
     survivors = tuple(vehicle for vehicle in range(len(timelines)) if vehicle not in lost)
     if not waiting or not survivors:
-        return Left(kept, survivors, waiting, None, ())
+        return DayLeft(kept, survivors, waiting, None, ())
     instance = DayInstance(
         times_s=day.streets.times_s,
         tasks=tuple(day.tasks[number] for number in waiting),
@@ -110,7 +110,7 @@ def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_
         capacity_s=day.capacity_s,
         turnaround_s=day.turnaround_s,
     )
-    return Left(kept, survivors, waiting, instance, _tails(day, timelines, kept, survivors, waiting))
+    return DayLeft(kept, survivors, waiting, instance, _tails(day, timelines, kept, survivors, waiting))
 
 
 def open_tasks(day: Day, timelines: Sequence[Timeline]) -> tuple[int, ...]:
@@ -120,12 +120,12 @@ def open_tasks(day: Day, timelines: Sequence[Timeline]) -> tuple[int, ...]:
     return tuple(number for number in range(len(day.tasks)) if number not in done)
 
 
-def after_loss(day: Day, left: Left, plan: DayPlan) -> tuple[Timeline, ...]:
+def day_after(day: Day, left: DayLeft, plan: DayPlan) -> tuple[Timeline, ...]:
     """Return everybody's trips, those of a plan for what was left included."""
     timelines = list(left.kept)
     if left.instance is not None:
         for vehicle, own, trips in zip(left.survivors, left.instance.vehicles, plan.trips, strict=True):
-            walks = [walk(day.streets, left.instance, trip) for trip in trips]
+            walks = [trip_places(day.streets, left.instance, trip) for trip in trips]
             timelines[vehicle] += day.timed(walks, own.ready_s)
     return tuple(timelines)
 
@@ -134,7 +134,7 @@ def replan_losses(
     day: Day,
     timelines: Sequence[Timeline],
     losses: Sequence[tuple[int, float]],
-    solve: Callable[[Left, DayInstance], DayResult],
+    solve: Callable[[DayLeft, DayInstance], DayResult],
     took: Callable[[float], None] = lambda _: None,
 ) -> tuple[tuple[Timeline, ...], ...]:
     """Return the timelines after each loss, in the order of their times.
@@ -151,13 +151,13 @@ def replan_losses(
     for number, (_, at_s) in enumerate(losses, 1):
         watch = Stopwatch()
         left = left_after(day, now, lost[:number], at_s)
-        now = left.kept if left.instance is None else after_loss(day, left, solve(left, left.instance).plan)
+        now = left.kept if left.instance is None else day_after(day, left, solve(left, left.instance).plan)
         took(watch.seconds)
         history.append(now)
     return tuple(history)
 
 
-def walk(streets: Streets, instance: DayInstance, trip: Trip) -> tuple[int, ...]:
+def trip_places(streets: Streets, instance: DayInstance, trip: Trip) -> tuple[int, ...]:
     """Return all places of a trip whose tasks are edges of the streets."""
     places = [trip.begin]
     for visit in trip.visits:

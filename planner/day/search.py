@@ -83,7 +83,7 @@ class DaySearch:
         self._instance = instance
         self._watch = watch
         self._problem = day_problem(instance, SHARE / len(instance.vehicles), HASTE / max(1, len(instance.tasks)))
-        able = self._problem.able.any(axis=0)
+        able: npt.NDArray[np.bool_] = np.any(self._problem.able, axis=0, keepdims=True)[0]
         self._idle = not able.any()
         first = self._first(initial, able, seed)
         self._uncovered = len(instance.tasks) - int(first.lengths.sum())

@@ -199,7 +199,7 @@ def reach(problem: DayProblem, state: DayState, memory: DayMemory, vehicle: int)
 
 
 @inner(nb.float64(DAY, DAY_STATE, DAY_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64))
-def fly(
+def turn_trip(
     problem: DayProblem, state: DayState, memory: DayMemory, vehicle: int, begin: int, end: int, place: int, depot: int
 ) -> float:
     """Turn visits [begin, end) as is best for a trip from a place to a depot, the nearest for -1; return its time."""
@@ -225,7 +225,7 @@ def fly(
         visits[position] = (visits[position] & -2) + direction
         if position > begin:
             direction = turned[position, direction]
-    return min(along, back)
+    return float(min(along, back))
 
 
 @kernel(nb.void(DAY, DAY_STATE, DAY_MEMORY, nb.int64))
@@ -268,7 +268,7 @@ def divide(problem: DayProblem, state: DayState, memory: DayMemory, vehicle: int
     landed = problem.home.shape[1] + vehicle
     now = problem.ready[vehicle]
     for trip in range(count):
-        state.load[vehicle, trip] = fly(
+        state.load[vehicle, trip] = turn_trip(
             problem, state, memory, vehicle, begins[trip], begins[trip + 1], places[trip], landings[trip]
         )
         if places[trip] != landed:
@@ -289,4 +289,4 @@ def guide(problem: DayProblem, state: DayState) -> float:
         last = max(last, state.ends[vehicle])
         total += state.ends[vehicle]
         waits += state.waits[vehicle]
-    return last + problem.share * total + problem.haste * waits
+    return float(last + problem.share * total + problem.haste * waits)

@@ -35,7 +35,7 @@ def copy_vehicle(source: DayState, target: DayState, vehicle: int) -> None:
 
 
 @inner(nb.int64(DAY_STATE, DAY_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64))
-def cut(state: DayState, memory: DayMemory, vehicle: int, begin: int, end: int, count: int) -> int:
+def cut_tasks(state: DayState, memory: DayMemory, vehicle: int, begin: int, end: int, count: int) -> int:
     """Take positions [begin, end) out of a vehicle's visits; return the new count of ``removed``."""
     visits = state.visits[vehicle]
     length = state.lengths[vehicle]
@@ -80,16 +80,18 @@ def ruin(problem: DayProblem, current: DayState, state: DayState, memory: DayMem
         if vehicle < 0:
             continue
         if kind < 0.35:
-            count = cut(state, memory, vehicle, position, position + 1, count)
+            count = cut_tasks(state, memory, vehicle, position, position + 1, count)
         elif kind < 0.65:
             size = min(1 + below(rng, 4), state.lengths[vehicle], wanted - count)
             begin = max(0, min(position - below(rng, size), state.lengths[vehicle] - size))
-            count = cut(state, memory, vehicle, begin, begin + size, count)
+            count = cut_tasks(state, memory, vehicle, begin, begin + size, count)
         elif memory.touched[vehicle] == 0:
             trip = 0
             while current.begins[vehicle, trip + 1] <= position:
                 trip += 1
-            count = cut(state, memory, vehicle, current.begins[vehicle, trip], current.begins[vehicle, trip + 1], count)
+            count = cut_tasks(
+                state, memory, vehicle, current.begins[vehicle, trip], current.begins[vehicle, trip + 1], count
+            )
     for vehicle in range(len(state.lengths)):
         if memory.touched[vehicle] == 1:
             divide(problem, state, memory, vehicle)
@@ -147,7 +149,7 @@ def hand_on(problem: DayProblem, state: DayState, memory: DayMemory, rng: Random
     trip = below(rng, state.trips[giver])
     begin, end = state.begins[giver, trip], state.begins[giver, trip + 1]
     to = state.begins[taker, below(rng, state.trips[taker] + 1)]
-    count = cut(state, memory, giver, begin, end, 0)
+    count = cut_tasks(state, memory, giver, begin, end, 0)
     if giver == taker and to >= end:
         to -= end - begin
     to = min(to, state.lengths[taker])
@@ -174,7 +176,7 @@ def measure_day(state: DayState, key: FloatArray) -> None:
 
 
 @inner(nb.boolean(FLOATS, FLOATS))
-def better(key: FloatArray, other: FloatArray) -> bool:
+def less(key: FloatArray, other: FloatArray) -> bool:
     """Return whether a key is less than another, the first entry that differs decides."""
     for entry in range(len(key)):
         if abs(key[entry] - other[entry]) > TOLERANCE_S:
@@ -215,7 +217,7 @@ def anneal_day(
         if accepted:
             value = found
             measure_day(trial, measured)
-            if better(measured, key):
+            if less(measured, key):
                 for entry in range(len(key)):
                     key[entry] = measured[entry]
                 improved = iteration + 1

@@ -15,7 +15,7 @@ from planner.day import DayInstance, DayPlan, Trip, evaluate_day, solve_day, tri
 from planner.day.construct import day_memory, day_plan, day_problem, day_state
 from planner.kernels.day import NEVER, divide, guide
 from planner.kernels.dayinsertion import insert_tasks
-from planner.kernels.daysearch import better, measure_day
+from planner.kernels.daysearch import less, measure_day
 from tests.planner.day.builders import instance_of, random_day
 
 SEEDS = st.integers(0, 10**6)
@@ -99,18 +99,18 @@ def test_ends_of_the_kernels_are_those_of_the_definition(instance: DayInstance, 
 def test_a_search_never_loses_a_task_nor_breaks_a_rule(instance: DayInstance, seed: int, iterations: int) -> None:
     found = solve_day(instance, stop=Iterations(iterations), seed=seed)
     assert found.evaluation.violations == ()
-    able = day_problem(instance, 0.1, 0.0).able.any(axis=0)
-    left = {task for task in range(len(able)) if not able[task]}
+    able = day_problem(instance, 0.1, 0.0).able
+    left = {task for task in range(len(instance.tasks)) if not able[:, task].any()}
     assert left <= set(found.plan.uncovered)
     if all(own.place in instance.depots for own in instance.vehicles):
         assert left == set(found.plan.uncovered)
 
 
 def test_the_first_figure_that_differs_decides() -> None:
-    def less(one: list[float], other: list[float]) -> bool:
-        return bool(better.py_func(np.array(one), np.array(other)))  # type: ignore[attr-defined]
+    def before(one: list[float], other: list[float]) -> bool:
+        return bool(less.py_func(np.array(one), np.array(other)))  # type: ignore[attr-defined]
 
-    assert less([1.0, 9.0, 9.0], [2.0, 0.0, 0.0])
-    assert less([1.0, 1.0, 0.0], [1.0, 1.0, 5.0])
-    assert not less([1.0, 1.0, 5.0], [1.0, 1.0, 5.0])
-    assert less([1.0 + 1e-12, 1.0, 0.0], [1.0, 2.0, 0.0])
+    assert before([1.0, 9.0, 9.0], [2.0, 0.0, 0.0])
+    assert before([1.0, 1.0, 0.0], [1.0, 1.0, 5.0])
+    assert not before([1.0, 1.0, 5.0], [1.0, 1.0, 5.0])
+    assert before([1.0 + 1e-12, 1.0, 0.0], [1.0, 2.0, 0.0])

@@ -56,12 +56,12 @@ def best_by_trying(instance: DayInstance) -> tuple[float, float] | None:
             plans = (evaluate_day(alone, DayPlan((trips,), others)) for trips in every_day(instance, number, part))
             ends[number, part] = min((one.last_end_s for one in plans if not one.violations), default=np.inf)
     for owners in itertools.product(range(len(instance.vehicles)), repeat=len(tasks)):
-        own = [
+        lasts = [
             ends[number, frozenset(task for task in tasks if owners[task] == number)]
             for number in range(len(instance.vehicles))
         ]
-        if max(own) < np.inf and (best is None or (max(own), sum(own)) < best):
-            best = (max(own), sum(own))
+        if max(lasts) < np.inf and (best is None or (max(lasts), sum(lasts)) < best):
+            best = (max(lasts), sum(lasts))
     return best
 
 

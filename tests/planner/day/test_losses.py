@@ -11,13 +11,13 @@ from planner import InstanceError, Iterations, PlanError
 from planner.day import (
     Day,
     DayInstance,
+    DayLeft,
     DayPlan,
     DayResult,
     DayTask,
     DayVehicle,
-    Left,
     TimedTrip,
-    after_loss,
+    day_after,
     left_after,
     open_tasks,
     replan_losses,
@@ -33,7 +33,7 @@ PLAN = (DAY.timed([(0, 1, 0), (0, 1, 2, 1, 0)]), DAY.timed([(4, 3, 4), (4, 3, 2,
 """Each does the outer task, and the inner one after it: from 25 s on."""
 
 
-def replanned(_: Left, instance: DayInstance) -> DayResult:
+def replanned(_: DayLeft, instance: DayInstance) -> DayResult:
     return solve_day(instance, stop=Iterations(200), seed=1)
 
 
@@ -122,8 +122,8 @@ def test_nobody_knows_a_loss_before_its_time(seed: int, vehicles: int, depots: i
     whole = tuple(DayVehicle(place) for place in day.starts)
     first = DayInstance(day.streets.times_s, day.tasks, day.depots, whole, day.capacity_s, day.turnaround_s)
     plan = solve_day(first, stop=Iterations(200), seed=1).plan
-    everybody = after_loss(
-        day, Left(((),) * vehicles, tuple(range(vehicles)), tuple(range(len(day.tasks))), first, ()), plan
+    everybody = day_after(
+        day, DayLeft(((),) * vehicles, tuple(range(vehicles)), tuple(range(len(day.tasks))), first, ()), plan
     )
     end_s = max((trip.end_s for own in everybody for trip in own), default=1.0)
     lost = chance.permutation(vehicles).tolist()
@@ -172,4 +172,4 @@ def test_shortest_ways_lead_along_edges() -> None:
 def test_a_plan_for_nobody_changes_nothing() -> None:
     left = left_after(DAY, PLAN, [0], 500.0)
     assert left.instance is None
-    assert after_loss(DAY, left, DayPlan(())) == left.kept
+    assert day_after(DAY, left, DayPlan(())) == left.kept
