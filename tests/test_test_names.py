@@ -150,6 +150,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
+    "tests/executor/bench/test_failures.py": (
+        "executor/bench/failurespage.py",
+        "executor/bench/scenario.py",
+        "executor/cli/bench_failures.py",
+    ),
     "tests/executor/bench/test_window.py": (
         "executor/bench/virtual/site.py",
         "executor/bench/windowpage.py",
@@ -209,6 +214,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/pricing.py",),
+    "tests/planner/day/test_losses.py": ("planner/day/streets.py",),
+    "tests/planner/day/test_search.py": (
+        "planner/day/evaluate.py",
+        "planner/day/model.py",
+        "planner/day/solve.py",
+    ),
     "tests/planner/test_exact.py": ("planner/partition.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp.py",),
     "tests/planner/test_large.py": (
@@ -228,6 +239,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/result.py",
         "planner/solve.py",
         "planner/starts.py",
+    ),
+    "tests/properties/test_planner_day.py": (
+        "planner/day/construct.py",
+        "planner/kernels/day.py",
+        "planner/kernels/dayinsertion.py",
+        "planner/kernels/daysearch.py",
     ),
     "tests/planner/test_window.py": (
         "planner/kernels/loss.py",

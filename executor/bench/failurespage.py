@@ -1,0 +1,96 @@
+"""What `faultline bench failures` shows: on a terminal, as JSON, and as a page of the results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from executor.bench.failures import families
+from executor.bench.machine import machine, machine_line
+from executor.bench.markdown import figure, markdown_page, markdown_table, percent_over
+from executor.bench.predictionpage import print_table
+from executor.bench.store import Json, write_result, write_text
+
+TITLE = "Vehicles lost one after another"
+INTRODUCTION = (
+    "`{command}`: public scenarios with several depots, several trips for each vehicle, recharging between them and "
+    "vehicles lost one after another (Eashwar-S/peer_auction, MIT; Sathyamurthy, Herrmann, Azarm, arXiv "
+    "2411.04073). The initial routes are those of the scenarios. At each loss the rest of the day is planned anew from "
+    "what is known then: a trip under way is flown to its end, what a lost vehicle had on board is lost with it. The "
+    "value is the end of the last trip, in the scenarios' unit of time; the published values are those of the authors' "
+    "centralised auction on the same routes. Each search ends after {seconds:g} s, or where {steady} iterations have "
+    "found nothing better; a re-plan's time counts from the loss to everybody's new trips."
+)
+FAMILY = ("family", "scenarios", "valid", "not longer than published", "sum of values", "published", "difference",
+          "re-plan, median s", "longest s", "published, median s", "longest s")  # fmt: skip
+SCENARIO = ("scenario", "losses", "value", "published", "difference", "longest re-plan s", "published s",
+            "left over")  # fmt: skip
+SHOWN = 9
+"""Columns of a family that fit on a terminal."""
+Rows = list[tuple[str, ...]]
+
+
+def failures_document(rows: list[Json], command: str, seconds: float, steady: int, seed: int) -> Json:
+    """Return the content of failures.json."""
+    return {
+        "format": "faultline-bench-failures/1",
+        "machine": machine(),
+        "command": command,
+        "seconds": seconds,
+        "steady": steady,
+        "seed": seed,
+        "families": families(rows),
+        "rows": rows,
+    }
+
+
+def keep_failures(content: Mapping[str, Any], folder: Path) -> None:
+    """Write failures.json and failures.md."""
+    write_result(folder / "failures.json", content)
+    write_text(folder / "failures.md", failures_page(content))
+
+
+def _family_rows(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            row["family"], str(row["scenarios"]), str(row["valid"]), f"{row['not_longer']} of {row['compared']}",
+            figure(row["sum"], 0), figure(row["published_sum"], 0), percent_over(row["sum"], row["published_sum"], 1),
+            figure(row["replan_median_s"], 2), figure(row["replan_max_s"], 2),
+            figure(row["published_median_s"], 3), figure(row["published_max_s"], 2),
+        )
+        for row in content["families"]
+    ]  # fmt: skip
+
+
+def _scenario_rows(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            row["name"], str(row["losses"]), figure(row["value"], 0), figure(row["published"], 0),
+            percent_over(row["value"], row["published"], 1), figure(max(row["replan_s"], default=None), 2),
+            figure(row["published_s"], 3), str(row["left"]),
+        )
+        for row in content["rows"]
+    ]  # fmt: skip
+
+
+def failures_page(content: Mapping[str, Any]) -> str:
+    """Return the page."""
+    wrong = [f"{row['name']}: {reason}" for row in content["rows"] for reason in row["wrong"]]
+    return markdown_page(
+        TITLE,
+        machine_line(content["machine"]),
+        INTRODUCTION.format_map(content),
+        markdown_table(FAMILY, _family_rows(content)),
+        "## Not valid\n\n" + "\n".join(f"- {line}" for line in wrong) if wrong else "",
+        "## Every scenario",
+        markdown_table(SCENARIO, _scenario_rows(content)),
+    )
+
+
+def print_failures(content: Mapping[str, Any]) -> None:
+    """Print the families, without the published times."""
+    shown = [row[:SHOWN] for row in _family_rows(content)]
+    print_table(Console(), TITLE, FAMILY[:SHOWN], shown)

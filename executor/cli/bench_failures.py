@@ -1,0 +1,82 @@
+"""The command `faultline bench failures`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.options import JsonOption, SecondsOption, SeedOption
+
+RESULTS = Path("docs") / "results"
+
+
+def failures(
+    instance: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="One scenario (JSON); by default all of the benchmark data.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="PATH",
+            help="The solution's file; for all scenarios the directory of failures.md and failures.json, "
+            "docs/results by default.",
+        ),
+    ] = None,
+    seconds: SecondsOption = 0.5,
+    seed: SeedOption = 1,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Re-plan days with several depots and trips when vehicles are lost one after another, beside published figures.
+
+    At each loss the rest of the day is planned anew, for --seconds at most, from what is known then. Exit 1 if a
+    required edge is left over.
+    """  # fmt: skip
+    from executor.bench.data import data_directory
+    from executor.bench.failures import LONG_ENOUGH, scenario_files, solve_all, solve_scenario, stop_after
+    from executor.bench.failurespage import failures_document, keep_failures, print_failures
+    from executor.bench.progress import ShownProgress
+    from executor.bench.scenario import read_scenario
+    from executor.bench.store import write_result
+
+    if instance is not None:
+        solved = solve_scenario(read_scenario(instance), stop_after(seconds), seed)
+        if out is not None:
+            write_result(out, solved.solution)
+        if as_json:
+            print(json.dumps(solved.row))
+        else:
+            published = solved.scenario.published.after
+            beside = "" if published is None else f", published {published:g}"
+            print(f"{solved.scenario.name}: the last trip ends at {solved.value_s:g}{beside}")
+            print(f"re-plans took {', '.join(f'{took:.2f}' for took in solved.replan_s) or 'no'} s")
+            if solved.left:
+                print(f"{solved.left} required edges are left over")
+        raise typer.Exit(1 if solved.left or solved.wrong else 0)
+    place = data_directory(data)
+    if place is None:
+        missing = "no ../shared/data beside the project or from here; --data DIR names it"
+        print(f"faultline: the failure scenarios are left out: {missing}", file=sys.stderr)
+        raise typer.Exit(0)
+    with ShownProgress() as shown:
+        rows = solve_all(scenario_files(place), seconds, seed, partial(shown.told, "scenarios"))
+    command = f"faultline bench failures --seconds {seconds:g} --seed {seed}"
+    content = failures_document(rows, command, seconds, LONG_ENOUGH, seed)
+    keep_failures(content, RESULTS if out is None else out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print_failures(content)
+    raise typer.Exit(1 if any(row["left"] or row["wrong"] for row in rows) else 0)

@@ -1,0 +1,43 @@
+"""Days of several trips: several depots, recharging between trips, vehicles lost one after another.
+
+    >>> ways = streets(places, edges)                                             # doctest: +SKIP
+    >>> instance = day_instance(ways.times_s, tasks, depots, vehicles, capacity_s=20)   # doctest: +SKIP
+    >>> found = solve_day(instance, stop=Seconds(0.5))                            # doctest: +SKIP
+
+Importing this package is cheap; the first plan, or ``warm_up_day``, loads the compiled kernels.
+"""
+
+from planner.day.evaluate import DayEvaluation, evaluate_day, trip_s
+from planner.day.exact import MOST_COLUMNS, solve_day_exact
+from planner.day.losses import Day, DayLeft, TimedTrip, Timeline, day_after, left_after, open_tasks, replan_losses
+from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
+from planner.day.result import DayResult
+from planner.day.solve import solve_day, warm_up_day
+from planner.day.streets import Streets, streets
+
+__all__ = [
+    "MOST_COLUMNS",
+    "Day",
+    "DayEvaluation",
+    "DayInstance",
+    "DayLeft",
+    "DayPlan",
+    "DayResult",
+    "DayTask",
+    "DayVehicle",
+    "Streets",
+    "TimedTrip",
+    "Timeline",
+    "Trip",
+    "day_after",
+    "day_instance",
+    "evaluate_day",
+    "left_after",
+    "open_tasks",
+    "replan_losses",
+    "solve_day",
+    "solve_day_exact",
+    "streets",
+    "trip_s",
+    "warm_up_day",
+]

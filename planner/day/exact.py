@@ -1,0 +1,258 @@
+"""Small days exactly: the plan whose last trip ends earliest, then with the least sum of ends, with its proof.
+
+A column is a trip: a set of tasks (or none), where it begins, where it lands, and the shortest time for that. The best
+plan is a choice of columns for each vehicle that share the tasks among them and can be flown one after the other: as
+many of a vehicle's trips leave a depot as land there, but for its first and its last one. HiGHS chooses; where a
+vehicle's trips fall apart into rings that its others never touch, that is forbidden and HiGHS chooses again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.day.evaluate import TOLERANCE_S
+from planner.day.model import DayInstance, DayPlan, Trip, way_of
+from planner.errors import InstanceError
+
+if TYPE_CHECKING:
+    import highspy
+
+MOST_COLUMNS = 200_000
+"""Columns of all vehicles up to which an instance is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    vehicle: int
+    begin: int
+    """A depot's number; -1 for the vehicle's start."""
+    end: int
+    visits: tuple[int, ...]
+    seconds: float
+
+
+@dataclass(slots=True)
+class _Program:
+    """Rows of HiGHS as they are gathered: columns and weights of each, and its limits."""
+
+    columns: list[_Column]
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    rows: list[dict[int, float]] = field(default_factory=list)
+
+    def add(self, weights: dict[int, float], lower: float, upper: float) -> None:
+        self.rows.append(weights)
+        self.lower.append(lower)
+        self.upper.append(upper)
+
+
+def solve_day_exact(instance: DayInstance) -> DayPlan | None:
+    """Return the best plan that does every task, or None where there is none: both are certain.
+
+    Raises:
+        InstanceError: more than MOST_COLUMNS ways to make a trip.
+    """
+    columns = _columns(instance)
+    program = _program(instance, columns)
+    fleet = len(instance.vehicles)
+    last, total = len(columns) + 3 * fleet, range(len(columns) + 2 * fleet, len(columns) + 3 * fleet)
+    best = _connected(instance, program, {last: 1.0})
+    if best is None:
+        return None
+    program.add({last: 1.0}, -np.inf, best[last] + TOLERANCE_S)
+    best = _connected(instance, program, dict.fromkeys(total, 1.0)) or best
+    return _plan(instance, columns, best)
+
+
+def _columns(instance: DayInstance) -> list[_Column]:
+    depots = sorted(set(instance.depots))
+    columns: list[_Column] = []
+    from_depots = [_trips(instance, place, depots) for place in depots]
+    for vehicle, own in enumerate(instance.vehicles):
+        for begin, trips in [(-1, _trips(instance, own.place, depots)), *enumerate(from_depots)]:
+            columns += [
+                _Column(vehicle, begin, end, visits, seconds)
+                for (_, end), (seconds, visits) in trips.items()
+                if visits or begin != end
+            ]
+        if len(columns) > MOST_COLUMNS:
+            raise InstanceError(f"the tasks make more than {MOST_COLUMNS} trips, expected fewer")
+    return columns
+
+
+_Trips = dict[tuple[int, int], tuple[float, tuple[int, ...]]]
+
+
+def _trips(instance: DayInstance, place: int, depots: Sequence[int]) -> _Trips:
+    """Return the shortest trip from a place for each set of tasks (as bits) and each depot's number."""
+    times, most = instance.times_s, instance.capacity_s + TOLERANCE_S
+    found: _Trips = {
+        (0, number): (float(times[place, depot]), ())
+        for number, depot in enumerate(depots)
+        if times[place, depot] <= most
+    }
+    under_way: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {(0, -1): (0.0, ())}
+    while under_way:
+        longer: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
+        for (done, _), (seconds, visits) in under_way.items():
+            here = way_of(instance, visits[-1])[1] if visits else place
+            for visit in range(2 * len(instance.tasks)):
+                if done >> (visit >> 1) & 1:
+                    continue
+                begin, end = way_of(instance, visit)
+                then = seconds + float(times[here, begin]) + instance.tasks[visit >> 1].seconds
+                key = (done | 1 << (visit >> 1), visit)
+                if then + min(times[end, depot] for depot in depots) <= most and (
+                    key not in longer or then < longer[key][0]
+                ):
+                    longer[key] = (then, (*visits, visit))
+        for (done, visit), (seconds, visits) in longer.items():
+            for number, depot in enumerate(depots):
+                whole = seconds + float(times[way_of(instance, visit)[1], depot])
+                if whole <= most and ((done, number) not in found or whole < found[done, number][0]):
+                    found[done, number] = (whole, visits)
+        if len(found) > MOST_COLUMNS:
+            raise InstanceError(f"the tasks make more than {MOST_COLUMNS} trips, expected fewer")
+        under_way = longer
+    return found
+
+
+def _program(instance: DayInstance, columns: list[_Column]) -> _Program:
+    """Return the rows: tasks, depots, ends.
+
+    After the columns come whether each vehicle flies, as many unused, each vehicle's end, the last end, and where each
+    vehicle lands last.
+    """
+    fleet, depots = len(instance.vehicles), len(set(instance.depots))
+    flies, ends = len(columns), len(columns) + 2 * fleet
+    last = len(columns) + 3 * fleet
+    lands = last + 1
+    program = _Program(columns)
+    for task in range(len(instance.tasks)):
+        doing = [number for number, one in enumerate(columns) if any(visit >> 1 == task for visit in one.visits)]
+        program.add(dict.fromkeys(doing, 1.0), 1.0, 1.0)
+    for vehicle, own in enumerate(instance.vehicles):
+        mine = [number for number, one in enumerate(columns) if one.vehicle == vehicle]
+        first = {number: 1.0 for number in mine if columns[number].begin < 0}
+        program.add({**first, flies + vehicle: -1.0}, 0.0, 0.0)
+        for depot in range(depots):
+            row = {number: float((columns[number].begin == depot) - (columns[number].end == depot)) for number in mine}
+            program.add({**row, lands + vehicle * depots + depot: 1.0}, 0.0, 0.0)
+        # Whatever it does takes its time and a pause, but for the pause after the last trip.
+        row = {number: columns[number].seconds + instance.turnaround_s for number in mine}
+        program.add(
+            {**row, flies + vehicle: own.ready_s - own.ended_s - instance.turnaround_s, ends + vehicle: -1.0},
+            -own.ended_s, -own.ended_s,
+        )  # fmt: skip
+        program.add({ends + vehicle: 1.0, last: -1.0}, -np.inf, 0.0)
+    return program
+
+
+def _connected(instance: DayInstance, program: _Program, cost: dict[int, float]) -> list[float] | None:
+    """Return the best choice whose trips hang together for each vehicle; None if there is no choice."""
+    while True:
+        found = _run(instance, program, cost)
+        if found is None:
+            return None
+        rings = list(_rings(program.columns, found))
+        if not rings:
+            return found
+        for vehicle, depots, used in rings:
+            into = {
+                number: 1.0
+                for number, one in enumerate(program.columns)
+                if one.vehicle == vehicle and one.end in depots and one.begin not in depots
+            }
+            for number in used:
+                program.add({**into, number: -1.0 / len(program.columns)}, 0.0, np.inf)
+
+
+def _rings(columns: Sequence[_Column], found: Sequence[float]) -> Iterable[tuple[int, set[int], list[int]]]:
+    """Yield vehicles with depots and trips that their first trip never leads to."""
+    taken = [number for number in range(len(columns)) if found[number] > 0.5]
+    for vehicle in {columns[number].vehicle for number in taken}:
+        mine = [number for number in taken if columns[number].vehicle == vehicle]
+        seen = {-1}
+        while more := {columns[number].end for number in mine if columns[number].begin in seen} - seen:
+            seen |= more
+        apart = [number for number in mine if columns[number].begin not in seen]
+        if apart:
+            yield vehicle, {columns[number].begin for number in apart}, apart
+
+
+def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> list[float] | None:
+    """Return what HiGHS chooses."""
+    # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
+    import highspy
+
+    fleet, depots = len(instance.vehicles), len(set(instance.depots))
+    columns = len(program.columns)
+    width = columns + 3 * fleet + 1 + fleet * depots
+    solver = highspy.Highs()  # type: ignore[no-untyped-call]
+    for option, setting in (("output_flag", False), ("threads", 1), ("mip_rel_gap", 0.0), ("mip_abs_gap", 1e-7)):
+        solver.setOptionValue(option, setting)
+    lp = highspy.HighsLp()
+    lp.num_col_, lp.num_row_ = width, len(program.rows)
+    lp.col_cost_ = np.array([cost.get(number, 0.0) for number in range(width)])
+    lp.col_lower_ = np.zeros(width)
+    # A way without a task may be flown as often as there are tasks.
+    most = [1.0 if one.visits else float(len(instance.tasks)) for one in program.columns]
+    lp.col_upper_ = np.array(
+        [*most, *[1.0] * (2 * fleet), *[highspy.kHighsInf] * (fleet + 1), *[1.0] * (fleet * depots)]
+    )
+    lp.row_lower_, lp.row_upper_ = np.array(program.lower), np.array(program.upper)
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+    lp.a_matrix_.start_ = np.cumsum([0, *(len(row) for row in program.rows)])
+    lp.a_matrix_.index_ = np.array([number for row in program.rows for number in row])
+    lp.a_matrix_.value_ = np.array([weight for row in program.rows for weight in row.values()])
+    whole, real = highspy.HighsVarType.kInteger, highspy.HighsVarType.kContinuous
+    lp.integrality_ = [whole] * (columns + 2 * fleet) + [real] * (fleet + 1) + [whole] * (fleet * depots)
+    solver.passModel(lp)
+    solver.run()
+    return _solution(solver)
+
+
+def _solution(solver: highspy.Highs) -> list[float] | None:
+    import highspy
+
+    if solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        return None
+    return list(solver.getSolution().col_value)
+
+
+def _plan(instance: DayInstance, columns: Sequence[_Column], found: Sequence[float]) -> DayPlan:
+    depots = sorted(set(instance.depots))
+    everybody: list[tuple[Trip, ...]] = []
+    for vehicle, own in enumerate(instance.vehicles):
+        waiting = [
+            one for number, one in enumerate(columns) for _ in range(round(found[number])) if one.vehicle == vehicle
+        ]
+        order = _in_a_row(waiting)
+        trips: list[Trip] = []
+        place = own.place
+        for one in order:
+            trips.append(Trip(place, one.visits, depots[one.end]))
+            place = depots[one.end]
+        everybody.append(tuple(trips))
+    return DayPlan(tuple(everybody))
+
+
+def _in_a_row(waiting: list[_Column]) -> list[_Column]:
+    """Return a vehicle's trips so that each begins where the one before landed (Hierholzer 1873)."""
+    stack: list[tuple[int, _Column | None]] = [(-1, None)]
+    order: list[_Column] = []
+    while stack:
+        place, arrived = stack[-1]
+        onward = next((one for one in waiting if one.begin == place), None)
+        if onward is None:
+            stack.pop()
+            if arrived is not None:
+                order.append(arrived)
+        else:
+            waiting.remove(onward)
+            stack.append((onward.end, onward))
+    return order[::-1]

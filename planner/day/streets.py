@@ -1,0 +1,69 @@
+"""A graph of ways: the times between all its places, and the shortest ways themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.errors import InstanceError
+from planner.moves import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Streets:
+    """All shortest ways of a graph whose edges lead both ways."""
+
+    along_s: FloatArray
+    """(m, m) float64: of the edge between two places, infinite where there is none."""
+    times_s: FloatArray
+    """(m, m) float64: of the shortest way, infinite where none leads."""
+    onward: npt.NDArray[np.int64]
+    """(m, m): the place after i on the shortest way from i to j; -1 where there is none."""
+
+    def way(self, begin: int, end: int) -> tuple[int, ...]:
+        """Return the places of a shortest way, both ends included.
+
+        Raises:
+            InstanceError: no way leads there.
+        """
+        if not np.isfinite(self.times_s[begin, end]):
+            raise InstanceError(f"no way leads from place {begin} to place {end}")
+        places = [begin]
+        while places[-1] != end:
+            places.append(int(self.onward[places[-1], end]))
+        return tuple(places)
+
+
+def streets(places: int, edges: Iterable[tuple[int, int, float]]) -> Streets:
+    """Return the shortest ways between ``places`` places (Floyd, Warshall 1962).
+
+    Args:
+        places: how many; edges name them from 0.
+        edges: two places and the seconds between them; of parallel ones the shortest counts.
+
+    Raises:
+        InstanceError: an edge names an unknown place, or leads to where it began, or takes less than no time.
+    """
+    times = np.full((places, places), np.inf)
+    onward = np.full((places, places), -1, dtype=np.int64)
+    np.fill_diagonal(times, 0.0)
+    np.fill_diagonal(onward, np.arange(places))
+    for a, b, seconds in edges:
+        if not (0 <= a < places and 0 <= b < places and a != b):
+            raise InstanceError(f"edge {a} to {b}: expected two places from 0 to {places - 1}")
+        if not (np.isfinite(seconds) and seconds >= 0):
+            raise InstanceError(f"edge {a} to {b}: expected 0 seconds or more")
+        if seconds < times[a, b]:
+            times[a, b] = times[b, a] = seconds
+            onward[a, b], onward[b, a] = b, a
+    along = times.copy()
+    np.fill_diagonal(along, np.inf)
+    for middle in range(places):
+        through = times[:, middle, np.newaxis] + times[middle]
+        shorter = through < times
+        times[shorter] = through[shorter]
+        onward[shorter] = np.broadcast_to(onward[:, middle, np.newaxis], shorter.shape)[shorter]
+    return Streets(along, times, onward)
