@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import NetworkError
@@ -17,6 +16,8 @@ from missions.readers.choice import Choice, Term, parse_where
 from missions.readers.drawing import Drawing, Finding, Matter
 from missions.readers.graph import parse_graph
 from missions.readers.opened import Archive, begin_of, content_of
+from missions.readers.understood import Understood, Wanted
+from missions.readers.written import network_document
 from missions.readers.xmltree import root_of, tag_of
 
 __all__ = [
@@ -28,41 +29,19 @@ __all__ = [
     "Understood",
     "Wanted",
     "default_network_path",
+    "network_document",
     "parse_where",
     "read_network",
+    "stations",
     "understand",
 ]
 
 SAME_DEPOT_M = 100.0
 """A site's depot without a height takes that of the file's when it is this near."""
 GRAPH = "graph file"
-FORMATS = "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What of a file is wanted, and how far it may be mended."""
-
-    layers: tuple[str, ...] = ()
-    where: tuple[Term, ...] = ()
-    crs: str | None = None
-    """Of a file that does not say its own; of a graph file the map grid of its metres."""
-    mending: Mending = field(default_factory=Mending)
-
-
-@dataclass(frozen=True, slots=True)
-class Understood:
-    """A network, and how it came out of its file."""
-
-    network: Network
-    format: str
-    crs: str
-    has_depot: bool
-    """Whether the depot is known; otherwise the network's is the middle of its poles."""
-    lines: Mapping[str, str]
-    """The line of each segment, by the segment's label; empty where there is none."""
-    found: tuple[Finding, ...]
-    """What was mended or left out, and what is worth a look."""
+FORMATS = (
+    "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
+)
 
 
 def default_network_path() -> Path:
@@ -135,6 +114,20 @@ def understand(
         choice.check_where(str(path))
         understood = _placed(drawing, build(drawing, wanted.mending), frame, depot, anywhere=anywhere)
     return understood if radius_m is None else _within(understood, radius_m)
+
+
+def stations(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
+    """Return the points of a file by their names: where vehicles may stand, with the ground's height where it is known.
+
+    Raises:
+        NetworkError: it cannot be read.
+    """
+    drawing = _drawn(Path(path), Choice())
+    if isinstance(drawing, str):
+        raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
+    depot = drawing.depot
+    found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
+    return found | {pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m) for pole in drawing.poles}
 
 
 def _drawn(path: Path, choice: Choice) -> Drawing | str:
@@ -220,7 +213,7 @@ def _placed(
             f"{drawing.source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
             "of the site's [depot], or elevation_m of the file's"
         )
-    network = Network(built.pylons, built.segments, frame, drawing.source)
+    network = Network(built.pylons, built.segments, frame, drawing.source, drawing.flat)
     return Understood(network, drawing.format, drawing.crs, has_depot, built.lines, built.found)
 
 

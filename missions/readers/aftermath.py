@@ -54,7 +54,9 @@ def _lengths(ends_m: FloatArray, labels: Sequence[str], lines: Sequence[str], lo
             yield Finding(Matter.LONG, label, text)
     for line, own_m in by_line.items():
         if len(own_m) > 2 and median(own_m) < SHORT_M:
-            yield Finding(Matter.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?")
+            yield Finding(
+                Matter.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
+            )
 
 
 def _crossings(nodes: Nodes, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]) -> Iterator[Finding]:
@@ -102,5 +104,7 @@ def _unused(
         if count < MOST_LOOKED_AT:
             span, away_m = nearest_span(places_m[index], ends_m)
             if away_m <= ASIDE_M:
-                text += f"; {labels[span]} is {away_m:.1f} m away, snap_m = {math.ceil(away_m * 10 + 1e-6) / 10:g} takes it"
+                text += (
+                    f"; {labels[span]} is {away_m:.1f} m away, snap_m = {math.ceil(away_m * 10 + 1e-6) / 10:g} takes it"
+                )
         yield Finding(Matter.UNUSED, nodes.nodes[index].name, text)

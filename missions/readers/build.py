@@ -1,7 +1,7 @@
 """From what is drawn to a network: ends are joined, lines become spans at poles, and whatever is odd is said.
 
-A file with poles: lines are split where they pass a pole, and a pole is made only where a line bends or ends without one.
-A file without: every position of a line is a pole, and spans that are longer than asked for are divided.
+A file with poles: lines are split where they pass a pole, and a pole is made only where a line bends or ends without
+one. A file without: every position of a line is a pole, and spans that are longer than asked for are divided.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from missions.errors import NetworkError
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
 from missions.readers.aftermath import look_over
-from missions.readers.drawing import Drawing, Finding, Line, Matter, Span, Vertex
+from missions.readers.drawing import Drawing, Finding, Line, Matter, Vertex
 from missions.readers.nodes import SAME_POLE_M, Nodes
 from missions.readers.planar import Places, bends
 
@@ -300,5 +300,3 @@ def _built(drawing: Drawing, nodes: Nodes, spans: _Spans, mending: Mending) -> B
         dict(zip(spans.labels, spans.lines, strict=True)),
         tuple(found),
     )
-
-

@@ -131,7 +131,9 @@ class Choice:
             NetworkError: one is asked for.
         """
         if self.layers:
-            raise NetworkError(f"{source}: layer: expected none for {what}, which has no layers; got {self.layers[0]!r}")
+            raise NetworkError(
+                f"{source}: layer: expected none for {what}, which has no layers; got {self.layers[0]!r}"
+            )
 
     def no_crs(self, source: str, what: str) -> None:
         """Refuse another grid for a format that is WGS 84 always.

@@ -113,6 +113,8 @@ class Drawing:
     spans: list[Span] = field(default_factory=list)
     depot: Depot | None = None
     found: list[Finding] = field(default_factory=list)
+    flat: bool = False
+    """Whether the file says that its ground is as high as the depot's everywhere."""
     vertices: int = 0
 
     def draw(self, line: Line) -> None:

@@ -8,6 +8,7 @@
 - A feature of any other or no geometry with properties ``a`` and ``b`` is one segment between two pylons by their ids;
   a LineString with both is taken that way too. ``line`` says which line it belongs to.
 - Polygons are left out.
+- ``flat_ground: true`` beside ``features`` says that the ground is as high as the depot's everywhere.
 
 A third coordinate is metres above the ellipsoid by the RFC, tens of metres off mean sea level, and whether ground, wire
 or top no file says: it is kept with the pylon and never flown by. ``heights`` refuses a file that has nothing better,
@@ -27,6 +28,7 @@ from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Depot, Drawing, Finding, Line, Matter, Pole, Span, Vertex
 
 FORMAT = "GeoJSON"
+FLAT = "flat_ground"
 OWN_NAMES = ("id", "ref", "name")
 LINE_NAMES = ("name", "ref", "id")
 LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection", "MultiPoint")
@@ -55,7 +57,7 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
     choice.no_layers(source, FORMAT)
     choice.no_crs(source, FORMAT)
     system = _system(document, source)
-    drawing = Drawing(source, FORMAT, crs=system.words)
+    drawing = Drawing(source, FORMAT, crs=system.words, flat=document.get(FLAT) is True)
     for feature in _features(document, source):
         if feature.kind == "Point":
             _add_point(drawing, feature, system)
@@ -97,9 +99,7 @@ def _features(document: Mapping[str, object], source: str) -> Iterator[_Feature]
             raise NetworkError(f"{source}: {place}: expected properties and geometry to be objects or null")
         kind = geometry.get("type")
         if kind not in ("Point", "LineString", "MultiLineString", None, *LEFT_OUT):
-            raise NetworkError(
-                f"{source}: {place}.geometry.type: expected Point, LineString or MultiLineString, got {kind!r}"
-            )
+            raise NetworkError(f"{source}: {place}.geometry.type: expected Point or LineString, got {kind!r}")
         yield _Feature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
 
 

@@ -67,7 +67,7 @@ def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing
     columns = {str(table): (str(column), srs) for table, column, _, srs in rows}
     layers = []
     for table, _, kind, _ in rows:
-        ((count,),) = database.execute(f"SELECT count(*) FROM {_name(table)}")  # noqa: S608 - quoted
+        ((count,),) = database.execute(_select("count(*)", table))
         layers.append(Layer(str(table), KINDS.get(str(kind).upper(), Kind.OTHER), count))
     drawing, systems = Drawing(source, FORMAT), []
     for layer in wanted_layers(layers, source, choice):
@@ -81,8 +81,10 @@ def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing
     return drawing
 
 
-def _name(table: str) -> str:
-    return '"' + str(table).replace('"', '""') + '"'
+def _select(what: str, table: object) -> str:
+    """Return a query of a whole table, whose name is the file's."""
+    name = str(table).replace('"', '""')
+    return " ".join(("SELECT", what, "FROM", f'"{name}"'))
 
 
 def _system(database: sqlite3.Connection, srs: object, source: str, layer: str, choice: Choice) -> ToWgs84:
@@ -103,7 +105,7 @@ def _system(database: sqlite3.Connection, srs: object, source: str, layer: str, 
 
 
 def _features(database: sqlite3.Connection, table: str, column: str, source: str) -> Iterator[Feature]:
-    cursor = database.execute(f"SELECT * FROM {_name(table)}")  # noqa: S608 - quoted
+    cursor = database.execute(_select("*", table))
     names = [str(entry[0]) for entry in cursor.description]
     if column not in names:
         raise NetworkError(f"{source}: layer {table!r}: expected its column {column!r}, found none")

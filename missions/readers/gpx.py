@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-from lxml import etree
+from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure
@@ -12,6 +11,9 @@ from missions.readers.attributes import number
 from missions.readers.choice import Choice
 from missions.readers.drawing import Drawing, Line, Pole, Vertex
 from missions.readers.xmltree import children, line_of, tag_of, text_of
+
+if TYPE_CHECKING:
+    from lxml import etree
 
 FORMAT = "GPX"
 

@@ -1,16 +1,15 @@
 """KML and KMZ: Placemarks with Point, LineString or MultiGeometry, in folders; always WGS 84.
 
 A Point is a pole and a LineString a line, by the Placemark's name. ``elevation_m`` and ``height_m`` are taken from
-ExtendedData. An altitude is one of ground, wire or top, nobody knows: one that is ``absolute`` (above mean sea level) is
-kept with its pole and never flown by; one that is relative to the ground, or clamped to it, is not used, and said.
+ExtendedData. An altitude is one of ground, wire or top, nobody knows: one that is ``absolute`` (above mean sea level)
+is kept with its pole and never flown by; one that is relative to the ground, or clamped to it, is not used, and said.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-
-from lxml import etree
+from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
@@ -19,6 +18,9 @@ from missions.readers.choice import Choice
 from missions.readers.drawing import Drawing, Finding, Line, Matter, Pole, Vertex
 from missions.readers.opened import Archive
 from missions.readers.xmltree import children, line_of, tag_of, text_of
+
+if TYPE_CHECKING:
+    from lxml import etree
 
 FORMAT = "KML"
 GEOMETRIES = ("Point", "LineString", "MultiGeometry", "Polygon", "LinearRing", "Track", "MultiTrack", "Model")

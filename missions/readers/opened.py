@@ -11,6 +11,8 @@ from missions.errors import NetworkError
 
 MOST_BYTES = 256_000_000
 """Of a file, and of all that an archive unpacks to."""
+NEEDS = "needs the extra geo: pip install openpyxl pyshp"
+"""What is said of a workbook or a shapefile where nothing is installed to read it with."""
 MOST_MEMBERS = 10_000
 MOST_RATIO = 200
 """A member that unpacks to more than so many times its size is a bomb, or empty space."""

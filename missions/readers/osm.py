@@ -1,8 +1,8 @@
 """OpenStreetMap: its XML, and the JSON of Overpass; always WGS 84.
 
-Ways with ``power`` line or minor_line are lines, by ``name`` or ``ref``; cables, and the bays and busbars of substations,
-are left out. Nodes with ``power`` tower, pole, portal, terminal, or any other power tag that stands on such a way, are
-poles by ``ref``, else by their number, as ``n123``. ``ele`` and ``height`` are used where all poles of all lines have them.
+Ways with ``power`` line or minor_line are lines, by ``name`` or ``ref``; cables, and the bays and busbars of
+substations, are left out. Nodes of such ways with ``power`` tower, pole or any other are poles, by ``ref``, else by
+their number, as ``n123``. ``ele`` and ``height`` are used where all poles of all lines have them.
 """
 
 from __future__ import annotations
@@ -10,14 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-
-from lxml import etree
+from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
 from missions.readers.attributes import number
 from missions.readers.choice import Choice
 from missions.readers.drawing import Drawing, Finding, Line, Matter, Pole, Vertex
+
+if TYPE_CHECKING:
+    from lxml import etree
 
 LINES = ("line", "minor_line")
 INDOORS = ("bay", "busbar")
@@ -81,9 +83,7 @@ def draw_overpass(document: Mapping[str, object], source: str, choice: Choice) -
     return _drawn(content, source, JSON, choice)
 
 
-def _references(
-    way: Mapping[str, object], number_: str, content: _Content, place: str
-) -> tuple[str, ...]:
+def _references(way: Mapping[str, object], number_: str, content: _Content, place: str) -> tuple[str, ...]:
     """Return the nodes of a way; those that only its geometry has are added."""
     geometry, references = way.get("geometry"), way.get("nodes")
     if geometry is not None and not isinstance(geometry, list):
@@ -142,9 +142,7 @@ def _vertex(content: _Content, node: str) -> Vertex:
     return content.nodes[node].lat_deg, content.nodes[node].lon_deg, None
 
 
-def _parts(
-    references: Iterable[str], content: _Content, name: str, found: list[Finding]
-) -> list[tuple[str, ...]]:
+def _parts(references: Iterable[str], content: _Content, name: str, found: list[Finding]) -> list[tuple[str, ...]]:
     """Return the runs of nodes that the file has: a cut of a map leaves some out."""
     runs: list[list[str]] = [[]]
     missing = 0

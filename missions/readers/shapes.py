@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,8 +16,7 @@ from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing
 from missions.readers.features import Feature, Kind, Layer, add_features, wanted_layers
-from missions.readers.opened import Archive, content_of
-from missions.readers.table import EXTRA
+from missions.readers.opened import NEEDS, Archive, content_of
 
 if TYPE_CHECKING:
     import shapefile
@@ -75,7 +75,7 @@ def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
     try:
         import shapefile
     except ImportError:
-        raise NetworkError(f"{source}: a shapefile needs the extra {EXTRA}: pip install pyshp") from None
+        raise NetworkError(f"{source}: a shapefile {NEEDS}") from None
     readers = {}
     for shapes in every:
         if "dbf" not in shapes.files:
@@ -136,8 +136,16 @@ def _features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Fea
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
                          zip(shape.points, heights, strict=False)]  # fmt: skip
             starts = [*getattr(shape, "parts", [0]), len(positions)] if kind is Kind.LINE else [0, len(positions)]
-            parts = [positions[a:b] for a, b in zip(starts, starts[1:], strict=False)]
+            parts = [positions[a:b] for a, b in itertools.pairwise(starts)]
             yield Feature(place, kind, parts, found.record.as_dict())
-    except (shapefile.ShapefileException, struct.error, ValueError, IndexError, TypeError, OSError, AssertionError) as reason:
+    except (
+        shapefile.ShapefileException,
+        struct.error,
+        ValueError,
+        IndexError,
+        TypeError,
+        OSError,
+        AssertionError,
+    ) as reason:
         place = f"{source}: layer {layer!r} feature {number + 1}"
         raise NetworkError(f"{place}: expected a whole shape and its attributes: {printable(str(reason))}") from reason

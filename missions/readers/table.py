@@ -1,18 +1,19 @@
 """Tables of poles, CSV or XLSX: a row a pole, and a column that says which follows which.
 
 Columns by their names in the first row, without regard to case: ``order`` (or seq, sequence), ``lat`` and ``lon`` in
-WGS 84 or ``easting`` and ``northing`` with ``crs`` given, ``id`` (or name, pole, ...), ``line`` (or circuit) where there
-are several, ``elevation_m`` and ``height_m``. A pole of two lines has a row in each, with the same name and place.
+WGS 84 or ``easting`` and ``northing`` with ``crs`` given, ``id`` (or name, pole, ...), ``line`` (or circuit) where
+there are several, ``elevation_m`` and ``height_m``. A pole of two lines has a row in each, of the same name and
+place.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from xml.etree.ElementTree import ParseError
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
@@ -20,7 +21,7 @@ from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
 from missions.readers.choice import Choice, listed
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Line, Pole
-from missions.readers.opened import Archive
+from missions.readers.opened import NEEDS, Archive
 
 CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
@@ -29,8 +30,6 @@ EAST, NORTH = ("easting", "east", "x", "e"), ("northing", "north", "y", "n")
 POLE_NAMES = tuple(name for name in NAMES if name not in LINES)
 DELIMITERS = ";\t|,"
 MOST_ROWS = 500_000
-EXTRA = "geo"
-"""What XLSX, GeoPackages and shapefiles need besides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,7 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
         import openpyxl
         from openpyxl.utils.exceptions import InvalidFileException
     except ImportError:
-        raise NetworkError(f"{source}: an XLSX file needs the extra {EXTRA}: pip install openpyxl") from None
+        raise NetworkError(f"{source}: a workbook {NEEDS}") from None
     for name in archive.ending_in(".xml"):
         if b"<!DOCTYPE" in archive.read(name)[:4096]:
             raise NetworkError(f"{source}: {name}: expected XML without a document type (DOCTYPE)")
@@ -97,8 +96,8 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
             for number, row in zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
         ]
     except (
-        zipfile.BadZipFile, InvalidFileException, ParseError, KeyError, ValueError, TypeError, AttributeError, IndexError,
-        OSError, EOFError,
+        zipfile.BadZipFile, InvalidFileException, SyntaxError, KeyError, ValueError, TypeError, AttributeError,
+        IndexError, OSError, EOFError,
     ) as reason:  # fmt: skip
         raise NetworkError(f"{source}: content: expected a workbook: {printable(str(reason))}") from reason
     return _drawn(_rows(rows, source, comma=False), source, XLSX, choice)
@@ -144,7 +143,8 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Draw
     system, horizontal = _system(columns, source, choice)
     if not {name.lower() for name in columns} & set(ORDER):
         raise NetworkError(
-            f"{source}: columns: expected one that says which pole follows which, {listed(ORDER)}, got {listed(columns)}"
+            f"{source}: columns: expected one that says which pole follows which, {listed(ORDER)}, "
+            f"got {listed(columns)}"
         )
     drawing = Drawing(source, what, crs=system.words)
     members: dict[str, list[_Member]] = {}
@@ -166,9 +166,7 @@ def _system(
         choice.no_crs(source, "columns lat and lon")
         return ToWgs84("WGS 84", source, None), (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
-        raise NetworkError(
-            f"{source}: columns: expected lat and lon, or easting and northing, got {listed(columns)}"
-        )
+        raise NetworkError(f"{source}: columns: expected lat and lon, or easting and northing, got {listed(columns)}")
     if choice.crs is None:
         raise NetworkError(f"{source}: crs: expected one such as 'EPSG:5514' for easting and northing, none is given")
     return to_wgs84(choice.crs, source), (EAST, NORTH)
@@ -187,7 +185,7 @@ def _figure(row: _Row, keys: Sequence[str], source: str) -> float:
 
 def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84) -> None:
     members.sort(key=lambda member: member.order)
-    for one, other in zip(members, members[1:], strict=False):
+    for one, other in itertools.pairwise(members):
         if one.order == other.order:
             raise NetworkError(
                 f"{drawing.source}: {other.row.place}: {ORDER[0]}: expected another than that of {one.row.place}, "

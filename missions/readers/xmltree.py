@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-
-from lxml import etree
+from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import printable
+
+if TYPE_CHECKING:
+    from lxml import etree
 
 MOST_BYTES = 100_000_000
 
@@ -18,6 +20,10 @@ def root_of(content: bytes, source: str) -> etree._Element:
     Raises:
         NetworkError: it is none, too large, or declares a document type, which no format here has and bombs need.
     """
+    try:
+        from lxml import etree
+    except ImportError:  # who uses this package alone may go without
+        raise NetworkError(f"{source}: XML needs lxml: pip install lxml") from None
     if len(content) > MOST_BYTES:
         raise NetworkError(f"{source}: content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
     parser = etree.XMLParser(

@@ -177,10 +177,11 @@ def test_a_line_that_ends_without_a_pylon_gets_one_and_it_is_said(tmp_path: Path
     path = geojson_file(tmp_path, depot_point(), *PYLONS, line((15.602, 49.601), (15.604, 49.60102), id="V1"))
     understood = understand(path)
     assert [pylon.id for pylon in understood.network.pylons] == ["A", "P4"]
-    assert [finding.words for finding in understood.found if finding.matter is Matter.MADE] == [
+    (made,) = (finding.words for finding in understood.found if finding.matter is Matter.MADE)
+    assert made == (
         "V1: ends at 49.601020, 15.604000 without a pole of the file: 'P4' is made there; 'B' is 2.2 m away, "
         "snap_m = 2.3 takes it"
-    ]
+    )
     closer = understand(path, Wanted(mending=Mending(snap_m=2.3)))
     assert [pylon.id for pylon in closer.network.pylons] == ["A", "B"]
 
