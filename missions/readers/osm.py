@@ -116,7 +116,8 @@ def _tags(element: etree._Element) -> dict[str, str]:
 def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing:
     choice.no_layers(source, what)
     choice.no_crs(source, what)
-    drawing, used = Drawing(source, what), dict.fromkeys[str, None]([])
+    drawing = Drawing(source, what)
+    used: dict[str, None] = {}
     for way, (references, tags) in content.ways.items():
         name, power = tags.get("name") or tags.get("ref") or f"way {way}", tags.get("power")
         if power == "cable" or (power in LINES and tags.get("line") in INDOORS):
