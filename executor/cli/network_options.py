@@ -56,7 +56,7 @@ def wanted(layer: Sequence[str] | None, where: str | None, crs: str | None, mend
     try:
         terms = () if where is None else parse_where(where)
     except ValueError as error:
-        raise SiteError(f"--where: {error}") from error
+        raise SiteError(f"--where: {error}, got {where!r}") from error
     return Wanted(tuple(layer or ()), terms, crs, mending or Mending())
 
 

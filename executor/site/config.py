@@ -55,7 +55,10 @@ class DepotTable(_Table):
 
 
 def _where(text: str) -> str:
-    parse_where(text)
+    try:
+        parse_where(text)
+    except ValueError as error:
+        raise PydanticCustomError("filter", "{reason}", {"reason": str(error)}) from error
     return text
 
 

@@ -160,6 +160,8 @@ def _chains(drawing: Drawing, nodes: Nodes, *, has_poles: bool, found: list[Find
             chain: list[int] = []
             for vertex, at_m in zip(part, places_m.tolist(), strict=True):
                 index, away_m = nodes.at(vertex, (at_m[0], at_m[1]))
+                if not has_poles:  # then every position is one
+                    nodes.name_made((index,))
                 if chain and chain[-1] == index:
                     text = f"two positions at one place ({_place(vertex)}): taken once"
                     found.append(Finding(Matter.ZERO, asset, text))

@@ -65,9 +65,7 @@ def parse_where(text: str) -> tuple[Term, ...]:
         if following is None:
             break
         at = following.end()
-    raise ValueError(
-        f"expected comparisons such as \"voltage >= 110000 and operator = 'CEPS'\", with = != < <= > >=, got {text!r}"
-    )
+    raise ValueError("expected comparisons such as \"voltage >= 110000 and operator = 'CEPS'\", with = != < <= > >=")
 
 
 @dataclass(slots=True)

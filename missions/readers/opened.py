@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import lzma
 import zipfile
 import zlib
 from pathlib import Path
@@ -13,6 +14,10 @@ MOST_BYTES = 256_000_000
 """Of a file, and of all that an archive unpacks to."""
 NEEDS = "needs the extra geo: pip install openpyxl pyshp"
 """What is said of a workbook or a shapefile where nothing is installed to read it with."""
+UNREADABLE = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, RuntimeError, NotImplementedError, ValueError, OSError,
+)  # fmt: skip
+"""What zipfile raises for a member that is damaged, locked, or packed in a way that nobody knows."""
 MOST_MEMBERS = 10_000
 MOST_RATIO = 200
 """A member that unpacks to more than so many times its size is a bomb, or empty space."""
@@ -85,5 +90,5 @@ class Archive:
         try:
             with self._zip.open(name) as file:
                 return file.read(self._zip.getinfo(name).file_size)
-        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, OSError) as reason:
+        except UNREADABLE as reason:
             raise NetworkError(f"{self.source}: {name}: expected a whole file without a password: {reason}") from reason

@@ -73,9 +73,7 @@ def assert_same(network: Network, *, names: bool = True, heights: bool = True, w
             assert (pylon.elevation_m, pylon.height_m) == (tower.elevation_m, tower.height_m)
         found[pylon.id] = tower.name
     assert sorted(found.values()) == sorted(TOWERS)
-    spans = [
-        (found[network.pylons[segment.a].id], found[network.pylons[segment.b].id]) for segment in network.segments
-    ]
+    spans = [(found[network.pylons[segment.a].id], found[network.pylons[segment.b].id]) for segment in network.segments]
     assert sorted(spans) == sorted(pair for names_ in LINES.values() for pair in itertools.pairwise(names_))
 
 
@@ -220,4 +218,3 @@ def geojson(folder: Path, crs: str) -> Path:
         COORDINATE_PRECISION=9,
     )  # fmt: skip
     return path
-
