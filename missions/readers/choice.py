@@ -11,7 +11,7 @@ from missions.errors import NetworkError
 from missions.readers.attributes import number
 from missions.readers.drawing import Attributes
 
-OPERATORS: Mapping[str, Callable[[object, object], bool]] = {
+OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     "<=": operator.le, ">=": operator.ge, "!=": operator.ne, "=": operator.eq, "<": operator.lt, ">": operator.gt,
 }  # fmt: skip
 NAMED = 12
@@ -44,7 +44,7 @@ class Term:
         mine, theirs = number(self.value), number(part)
         if mine is not None and theirs is not None:
             return OPERATORS[self.op](theirs, mine)
-        return self.op in {"=", "!="} and OPERATORS[self.op](part, self.value)
+        return self.op in {"=", "!="} and (part == self.value) is (self.op == "=")
 
 
 def parse_where(text: str) -> tuple[Term, ...]:

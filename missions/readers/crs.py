@@ -73,7 +73,8 @@ def to_wgs84(said: object, place: str) -> ToWgs84:
     if not (system.is_projected or system.is_geographic):
         raise NetworkError(f"{place}: crs: expected a map grid or degrees, got {system.name!r}")
     code = system.to_authority(min_confidence=70)
-    words = system.name if code is None else f"{system.name} ({':'.join(code)})"
+    name = printable(system.name)
+    words = name if code is None else f"{name} ({':'.join(code)})"
     if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
         return ToWgs84("WGS 84", place, None)
     return ToWgs84(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))

@@ -152,14 +152,14 @@ def _read(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: i
     order = {0: ">", 1: "<"}.get(blob[at] if at < len(blob) else -1)
     if order is None or depth > 4:
         raise _Damaged("no well-known binary")
-    (code,) = struct.unpack_from(f"{order}I", blob, at + 1)
+    code = int(struct.unpack_from(f"{order}I", blob, at + 1)[0])
     width = 2 + _more(code)
     kind, at = (code & 0x0FFFFFFF) % 1000, at + 5
     if kind == POINT:
         into.append((POINT, [_position(struct.unpack_from(f"{order}{width}d", blob, at), code)]))
         return at + 8 * width
     if kind == LINE:
-        (count,) = struct.unpack_from(f"{order}I", blob, at)
+        count = int(struct.unpack_from(f"{order}I", blob, at)[0])
         if count * 8 * width > len(blob) - at:
             raise _Damaged(f"{count} positions do not fit in {len(blob)} bytes")
         figures = struct.unpack_from(f"{order}{count * width}d", blob, at + 4)

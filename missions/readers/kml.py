@@ -81,7 +81,8 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
     attributes = {**_attributes(mark), "folder": folder}
     if name:
         attributes["name"] = name
-    points, parts = [], []
+    points: list[list[Vertex]] = []
+    parts: list[list[Vertex]] = []
     for geometry in _geometries(mark):
         tag = tag_of(geometry)
         if tag in {"Point", "LineString"}:

@@ -9,6 +9,7 @@ import zlib
 from pathlib import Path
 
 from missions.errors import NetworkError
+from missions.files import printable
 
 MOST_BYTES = 256_000_000
 """Of a file, and of all that an archive unpacks to."""
@@ -64,16 +65,15 @@ class Archive:
             self._zip = zipfile.ZipFile(io.BytesIO(content))
             members = [member for member in self._zip.infolist() if not member.is_dir()]
         except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as reason:
-            raise NetworkError(f"{source}: content: expected a whole zip archive: {reason}") from reason
+            raise NetworkError(f"{source}: content: expected a whole zip archive: {printable(str(reason))}") from reason
         if len(members) > MOST_MEMBERS:
             raise NetworkError(f"{source}: content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
         if sum(member.file_size for member in members) > MOST_BYTES:
             raise NetworkError(f"{source}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
         for member in members:
             if member.file_size > max(RATIO_FROM_BYTES, MOST_RATIO * member.compress_size):
-                raise NetworkError(
-                    f"{source}: {member.filename}: expected a file that unpacks to at most {MOST_RATIO} times its size"
-                )
+                place = f"{source}: {printable(member.filename)}"
+                raise NetworkError(f"{place}: expected a file that unpacks to at most {MOST_RATIO} times its size")
         # What macOS puts beside every file is none of ours.
         self.names = tuple(member.filename for member in members if not member.filename.startswith("__MACOSX/"))
 
@@ -91,4 +91,6 @@ class Archive:
             with self._zip.open(name) as file:
                 return file.read(self._zip.getinfo(name).file_size)
         except UNREADABLE as reason:
-            raise NetworkError(f"{self.source}: {name}: expected a whole file without a password: {reason}") from reason
+            raise NetworkError(
+                f"{self.source}: {printable(name)}: expected a whole file without a password: {printable(str(reason))}"
+            ) from reason

@@ -172,7 +172,7 @@ def _add_poles(drawing: Drawing, content: _Content, used: Iterable[str]) -> None
         if 0 < known < len(poles):
             text = f"{of} is known of {known} of {len(poles)} poles: not used"
             drawing.found.append(Finding(Matter.HEIGHTS, drawing.format, text))
-            poles = [replace(pole, **{key: None}) for pole in poles]
+            poles = [replace(pole, elevation_m=None) if of == "ele" else replace(pole, height_m=None) for pole in poles]
     drawing.poles += poles
 
 

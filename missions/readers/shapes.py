@@ -67,7 +67,7 @@ def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing
             for part in PARTS
             if f"{stem}.{part}".lower() in by_name
         }
-        every.append(_Shapes(PurePosixPath(stem).name, files))
+        every.append(_Shapes(printable(PurePosixPath(stem).name), files))
     return _drawn(every, source, choice)
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-import zipfile
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
@@ -21,7 +22,10 @@ from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
 from missions.readers.choice import Choice, listed
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Line, Pole
-from missions.readers.opened import NEEDS, Archive
+from missions.readers.opened import NEEDS, UNREADABLE, Archive
+
+if TYPE_CHECKING:
+    import openpyxl
 
 CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
@@ -84,23 +88,26 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
         if b"<!DOCTYPE" in archive.read(name)[:4096]:
             raise NetworkError(f"{source}: {name}: expected XML without a document type (DOCTYPE)")
     try:
-        book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        titles = [sheet.title for sheet in book.worksheets]
-        wanted = choice.chosen_layers(source, titles, "sheet")
-        if len(wanted) != 1:
-            raise NetworkError(f"{source}: layer: expected one sheet of {listed(titles)}, found {len(wanted)}")
-        sheet = book[wanted[0]]
-        sheet.reset_dimensions()
-        rows = [
-            (f"sheet {wanted[0]!r} row {number}", row)
-            for number, row in zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
-        ]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and extensions that are not read
+            book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+        rows = _sheet(book, source, choice)
     except (
-        zipfile.BadZipFile, InvalidFileException, SyntaxError, KeyError, ValueError, TypeError, AttributeError,
-        IndexError, OSError, EOFError,
+        *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
     ) as reason:  # fmt: skip
         raise NetworkError(f"{source}: content: expected a workbook: {printable(str(reason))}") from reason
     return _drawn(_rows(rows, source, comma=False), source, XLSX, choice)
+
+
+def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> list[tuple[str, Sequence[object]]]:
+    titles = [sheet.title for sheet in book.worksheets]
+    wanted = choice.chosen_layers(source, titles, "sheet")
+    if len(wanted) != 1:
+        raise NetworkError(f"{source}: layer: expected one sheet of {listed(titles)}, found {len(wanted)}")
+    sheet = book[wanted[0]]
+    sheet.reset_dimensions()  # what a sheet says of its own size may be anything
+    rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
+    return [(f"sheet {wanted[0]!r} row {number}", row) for number, row in rows]
 
 
 def _header(text: str) -> list[str]:

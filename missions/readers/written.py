@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from missions.network import Pylon
 from missions.readers.geojson import FLAT
@@ -41,5 +41,5 @@ def _position(pylon: Pylon) -> list[float]:
     return [pylon.lon_deg, pylon.lat_deg, *([] if pylon.third_m is None else [pylon.third_m])]
 
 
-def _feature(kind: str, coordinates: object, properties: dict[str, object]) -> dict[str, object]:
+def _feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

@@ -175,13 +175,17 @@ def layers(path: Path, crs: str, driver: str, append: Callable[[str], Path] = la
     """Write towers and lines as GDAL does; each to a file of its own where a name is given for it."""
     points = [shapely.Point(xy(*tower.lat_lon_deg, crs)) for tower in TOWERS.values()]
     lines = [shapely.MultiLineString([[xy(*place, crs) for place in places(line)]]) for line in LINES]
-    towers = list(TOWERS.values())
+    elevation = "elevation_" if driver.startswith("ESRI") else "elevation_m"  # ten letters
+    towers: dict[str, list[object]] = {
+        "name": [tower.name for tower in TOWERS.values()],
+        elevation: [tower.elevation_m for tower in TOWERS.values()],
+        "height_m": [tower.height_m for tower in TOWERS.values()],
+    }
+    named: dict[str, list[object]] = {"name": [*LINES], "voltage": [VOLTAGES[line] for line in LINES]}
     for layer, geometries, kind, fields in (
-        ("towers", points, "Point", {
-            "name": [t.name for t in towers], "elevation_" if driver.startswith("ESRI") else "elevation_m": [t.elevation_m for t in towers],
-            "height_m": [t.height_m for t in towers]}),
-        ("lines", lines, "MultiLineString", {"name": list(LINES), "voltage": [VOLTAGES[line] for line in LINES]}),
-    ):  # fmt: skip
+        ("towers", points, "Point", towers),
+        ("lines", lines, "MultiLineString", named),
+    ):
         each = append(layer)
         one_file = each == Path()
         data = [np.array(v, dtype=object if isinstance(v[0], str) else None) for v in fields.values()]
