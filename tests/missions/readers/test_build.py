@@ -103,7 +103,7 @@ def test_lines_that_cross_without_a_pole_do_not_meet_and_it_is_said() -> None:
 def test_a_position_drawn_twice_is_taken_once() -> None:
     found = built(line("V1", (0, 0), (100, 0), (100.01, 0), (200, 0)))
     assert spans(found) == [("V1.1", "P1", "P2"), ("V1.2", "P2", "P3")]
-    assert said(found, Matter.ZERO) == ["V1: two positions at one place (49.600000, 15.601384): taken once"]
+    assert said(found, Matter.ZERO) == ["V1: two positions at one place (49.600000, 15.601383): taken once"]
 
 
 def test_a_line_of_no_length_is_left_out() -> None:
