@@ -24,7 +24,7 @@ from executor.cli.planning import can_be_written, writable
 from executor.errors import SiteError
 from executor.site import assembly, template
 from executor.site.config import DepotTable
-from missions import SNAP_M, Mending, Network, NetworkError, Wanted, default_network_path, understand
+from missions import SNAP_M, Mending, Network, NetworkError, Selection, default_network_path, understand
 
 
 def init(
@@ -73,7 +73,7 @@ def init(
 
 
 def _network(
-    file: str, chosen: Wanted, depot: tuple[float, float, float | None] | None, radius_m: float | None
+    file: str, chosen: Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
 ) -> Network:
     path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)
     try:

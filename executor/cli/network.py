@@ -30,9 +30,9 @@ from executor.errors import SiteError
 from executor.site import assembly
 from missions import (
     SNAP_M,
-    Finding,
     Mending,
     Pylon,
+    Remark,
     Understood,
     default_network_path,
     network_document,
@@ -179,8 +179,8 @@ def _cells(row: LineRow) -> tuple[Text, ...]:
     return tuple(Text(cell) for cell in cells)
 
 
-def _finding_lines(found: Sequence[Finding]) -> Iterator[str]:
-    by_matter: dict[str, list[Finding]] = {}
+def _finding_lines(found: Sequence[Remark]) -> Iterator[str]:
+    by_matter: dict[str, list[Remark]] = {}
     for finding in found:
         by_matter.setdefault(finding.matter.value, []).append(finding)
     for matter, own in by_matter.items():

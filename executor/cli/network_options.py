@@ -10,7 +10,7 @@ import typer
 
 from executor.cli.options import finite
 from executor.errors import SiteError
-from missions import Mending, Wanted, parse_where, stations
+from missions import Mending, Selection, parse_where, station_points
 
 LayersOption = Annotated[
     list[str] | None,
@@ -47,7 +47,9 @@ DepotOption = Annotated[
 ]
 
 
-def wanted(layer: Sequence[str] | None, where: str | None, crs: str | None, mending: Mending | None = None) -> Wanted:
+def wanted(
+    layer: Sequence[str] | None, where: str | None, crs: str | None, mending: Mending | None = None
+) -> Selection:
     """Return what options ask of a network's file.
 
     Raises:
@@ -57,7 +59,7 @@ def wanted(layer: Sequence[str] | None, where: str | None, crs: str | None, mend
         terms = () if where is None else parse_where(where)
     except ValueError as error:
         raise SiteError(f"--where: {error}, got {where!r}") from error
-    return Wanted(tuple(layer or ()), terms, crs, mending or Mending())
+    return Selection(tuple(layer or ()), terms, crs, mending or Mending())
 
 
 def depot_of(text: str) -> tuple[float, float, float | None]:
@@ -80,7 +82,7 @@ def _station(text: str) -> tuple[float, float, float | None]:
     name, _, point = text.partition("#")
     if not Path(name).is_file():
         raise _no_depot(text)
-    found = stations(name)
+    found = station_points(name)
     if point in found or (len(found) == 1 and not point):
         return found[point] if point else next(iter(found.values()))
     known = ", ".join(f"#{one}" for one in list(found)[:12]) or "none"

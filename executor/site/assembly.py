@@ -17,7 +17,6 @@ from executor.errors import SiteError
 from executor.site.config import Site
 from missions import (
     Dialect,
-    Finding,
     FlightModel,
     FlightPath,
     FlightSetup,
@@ -27,8 +26,9 @@ from missions import (
     Pad,
     Performance,
     Pricing,
+    Remark,
+    Selection,
     Task,
-    Wanted,
     default_network_path,
     dialect_for,
     flight_path,
@@ -87,22 +87,22 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
     network = with_heights(understood.network, flat=site.inspection.heights == "flat")
-    worth_a_look = (*summary(understood.found), *implausible(network, tallest_m=site.network.tallest_m))
+    worth_a_look = (*remark_lines(understood.found), *implausible(network, tallest_m=site.network.tallest_m))
     ground = ground_over(site, network, worth_a_look)
     return replace(ground, learned=dict(learned))
 
 
-def wanted_of(site: Site) -> Wanted:
+def wanted_of(site: Site) -> Selection:
     """Return what a site wants of its network's file."""
     table = site.network
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
     where = () if table.where is None else parse_where(table.where)
-    return Wanted(layers, where, table.crs, Mending(table.snap_m, table.max_span_m))
+    return Selection(layers, where, table.crs, Mending(table.snap_m, table.max_span_m))
 
 
-def summary(found: Iterable[Finding]) -> Iterator[str]:
+def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
     """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
-    by_matter: dict[str, list[Finding]] = {}
+    by_matter: dict[str, list[Remark]] = {}
     for finding in found:
         by_matter.setdefault(finding.matter.value, []).append(finding)
     for matter, own in by_matter.items():

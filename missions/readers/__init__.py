@@ -13,32 +13,34 @@ from missions.network import MAX_DISTANCE_M, Network
 from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
 from missions.readers.build import SNAP_M, Built, Mending, build
 from missions.readers.choice import Choice, Term, parse_where
-from missions.readers.drawing import Drawing, Finding, Matter
+from missions.readers.drawing import Drawing, Matter, Remark
 from missions.readers.graph import parse_graph
-from missions.readers.opened import Archive, begin_of, content_of
-from missions.readers.understood import Understood, Wanted
+from missions.readers.opened import Archive, begin_of, limited_content
+from missions.readers.understood import Selection, Understood
 from missions.readers.written import network_document
 from missions.readers.xmltree import root_of, tag_of
 
 __all__ = [
     "SNAP_M",
-    "Finding",
     "Matter",
     "Mending",
+    "Remark",
+    "Selection",
     "Term",
     "Understood",
-    "Wanted",
     "default_network_path",
     "network_document",
     "parse_where",
     "read_network",
-    "stations",
+    "station_points",
     "understand",
 ]
 
 SAME_DEPOT_M = 100.0
 """A site's depot without a height takes that of the file's when it is this near."""
 GRAPH = "graph file"
+XML = (".kml", ".gpx", ".osm", ".xml")
+"""Whatever is in them: UTF-16 does not begin with a bracket."""
 FORMATS = (
     "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
 )
@@ -70,12 +72,12 @@ def read_network(
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    return understand(path, Wanted(crs=crs), depot=depot, radius_m=radius_m).network
+    return understand(path, Selection(crs=crs), depot=depot, radius_m=radius_m).network
 
 
 def understand(
     path: Path | str,
-    wanted: Wanted | None = None,
+    wanted: Selection | None = None,
     *,
     depot: tuple[float, float, float | None] | None = None,
     radius_m: float | None = None,
@@ -93,7 +95,7 @@ def understand(
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    path, wanted = Path(path), wanted or Wanted()
+    path, wanted = Path(path), wanted or Selection()
     frame = _frame_of(path, depot)
     choice = Choice(wanted.layers, wanted.where, wanted.crs)
     try:
@@ -116,7 +118,7 @@ def understand(
     return understood if radius_m is None else _within(understood, radius_m)
 
 
-def stations(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
+def station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
     """Return the points of a file by their names: where vehicles may stand, with the ground's height where it is known.
 
     Raises:
@@ -135,12 +137,12 @@ def _drawn(path: Path, choice: Choice) -> Drawing | str:
     source = str(path)
     if begin_of(path) == geopackage.MAGIC:
         return geopackage.draw_geopackage(path, source, choice)
-    content = content_of(path)
+    content = limited_content(path)
     if content.startswith(shapes.MAGIC):
         return shapes.draw_shapefile(path, source, choice)
     if content.startswith(b"PK"):
         return _drawn_archive(content, source, choice)
-    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or content.startswith((b"\xff\xfe<", b"\xfe\xff\x00<")):
+    if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return _drawn_xml(content, source, choice)
     try:
         text = content.decode("utf-8-sig")
@@ -170,7 +172,9 @@ def _drawn_archive(content: bytes, source: str, choice: Choice) -> Drawing:
 
 def _drawn_xml(content: bytes, source: str, choice: Choice) -> Drawing:
     root = root_of(content, source)
-    readers = {"kml": kml.draw_kml, "gpx": gpx.draw_gpx, "osm": osm.draw_osm_xml}
+    readers = {"kml": kml.draw_kml, "gpx": gpx.draw_gpx, "osm": osm.draw_osm_xml} | dict.fromkeys(
+        kml.ROOTS, kml.draw_kml
+    )
     reader = readers.get(tag_of(root))
     if reader is None:
         raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}")

@@ -9,7 +9,7 @@ from statistics import median
 import numpy as np
 
 from missions.geo import FloatArray
-from missions.readers.drawing import Finding, Matter
+from missions.readers.drawing import Matter, Remark
 from missions.readers.nodes import Nodes
 from missions.readers.planar import crossings, nearest_span
 
@@ -31,7 +31,7 @@ def look_over(
     unused: Sequence[int],
     *,
     longest_m: float,
-) -> Iterator[Finding]:
+) -> Iterator[Remark]:
     """Yield what is odd about spans, given by the nodes at their ends."""
     if not pairs:
         return
@@ -44,33 +44,33 @@ def look_over(
     yield from _unused(nodes, places_m, ends_m, labels, unused)
 
 
-def _lengths(ends_m: FloatArray, labels: Sequence[str], lines: Sequence[str], longest_m: float) -> Iterator[Finding]:
+def _lengths(ends_m: FloatArray, labels: Sequence[str], lines: Sequence[str], longest_m: float) -> Iterator[Remark]:
     lengths_m = np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T).tolist()
     by_line: dict[str, list[float]] = {}
     for length_m, label, line in zip(lengths_m, labels, lines, strict=True):
         by_line.setdefault(line, []).append(length_m)
         if length_m > longest_m:
             text = f"{length_m:.0f} m long: is a pole missing? max_span_m divides where a file has no poles"
-            yield Finding(Matter.LONG, label, text)
+            yield Remark(Matter.LONG, label, text)
     for line, own_m in by_line.items():
         if len(own_m) > 2 and median(own_m) < SHORT_M:
-            yield Finding(
+            yield Remark(
                 Matter.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
             )
 
 
-def _crossings(nodes: Nodes, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]) -> Iterator[Finding]:
+def _crossings(nodes: Nodes, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]) -> Iterator[Remark]:
     for count, (one, other, at_m) in enumerate(crossings(ends_m, ends)):
         if count == MOST_LOOKED_AT:
             return
         lat_deg, lon_deg = nodes.frame.to_wgs84_deg(*at_m)
         text = f"crosses {labels[other]} at {lat_deg:.6f}, {lon_deg:.6f} without a pole: two lines that do not meet"
-        yield Finding(Matter.CROSSING, labels[one], text)
+        yield Remark(Matter.CROSSING, labels[one], text)
 
 
 def _nearly(
     nodes: Nodes, places_m: FloatArray, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]
-) -> Iterator[Finding]:
+) -> Iterator[Remark]:
     degrees = np.bincount(ends.ravel(), minlength=len(places_m))
     beside: dict[int, list[int]] = {}
     for number, pair in enumerate(ends.tolist()):
@@ -93,12 +93,12 @@ def _nearly(
             to = f"{nodes.nodes[meets].name!r} of {labels[span]}" if meets is not None else labels[span]
             gap_m = away_m if meets is None else math.dist(places_m[meets], places_m[node])
             text = f"{nodes.nodes[node].name!r} ends {gap_m:.1f} m from {to} and does not meet it; snap_m = "
-            yield Finding(Matter.NEARLY, labels[own], f"{text}{math.ceil(gap_m * 10 + 1e-6) / 10:g} joins them")
+            yield Remark(Matter.NEARLY, labels[own], f"{text}{math.ceil(gap_m * 10 + 1e-6) / 10:g} joins them")
 
 
 def _unused(
     nodes: Nodes, places_m: FloatArray, ends_m: FloatArray, labels: Sequence[str], unused: Sequence[int]
-) -> Iterator[Finding]:
+) -> Iterator[Remark]:
     for count, index in enumerate(unused):
         text = "on no line: left out"
         if count < MOST_LOOKED_AT:
@@ -107,4 +107,4 @@ def _unused(
                 text += (
                     f"; {labels[span]} is {away_m:.1f} m away, snap_m = {math.ceil(away_m * 10 + 1e-6) / 10:g} takes it"
                 )
-        yield Finding(Matter.UNUSED, nodes.nodes[index].name, text)
+        yield Remark(Matter.UNUSED, nodes.nodes[index].name, text)

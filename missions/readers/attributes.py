@@ -51,7 +51,7 @@ def metres(attributes: Attributes, keys: Sequence[str], place: str) -> float | N
         NetworkError: it is no number.
     """
     value = said(attributes, keys)
-    found = number(value) if isinstance(value, str) else value
+    found = figure_of(value) if isinstance(value, str) else value
     if found is None and value is None:
         return None
     if not is_figure(found):
@@ -59,7 +59,7 @@ def metres(attributes: Attributes, keys: Sequence[str], place: str) -> float | N
     return float(found)
 
 
-def number(text: str) -> float | None:
+def figure_of(text: str) -> float | None:
     """Return what a text says as a number; None where it is none."""
     try:
         return float(text)

@@ -18,9 +18,9 @@ from missions.errors import NetworkError
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
 from missions.readers.aftermath import look_over
-from missions.readers.drawing import Drawing, Finding, Line, Matter, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Remark, Vertex
 from missions.readers.nodes import SAME_POLE_M, Nodes
-from missions.readers.planar import Places, bends
+from missions.readers.planar import PlaceIndex, bends
 
 SNAP_M = 0.5
 STRAIGHT_M = 1.0
@@ -50,7 +50,7 @@ class Built:
     segments: tuple[Segment, ...]
     lines: dict[str, str]
     """The line of each segment, by the segment's label."""
-    found: tuple[Finding, ...]
+    found: tuple[Remark, ...]
 
 
 @dataclass(slots=True)
@@ -63,7 +63,7 @@ class _Spans:
     lines: list[str] = field(default_factory=list)
     known: dict[frozenset[int], int] = field(default_factory=dict)
     used_labels: set[str] = field(default_factory=set)
-    found: list[Finding] = field(default_factory=list)
+    found: list[Remark] = field(default_factory=list)
 
     def add(self, a: int, b: int, label: str, line: str) -> None:
         self.nodes.name_made((a, b))
@@ -152,7 +152,7 @@ def _positions(drawing: Drawing) -> Iterator[tuple[str, float, float]]:
             yield line.place, vertex[0], vertex[1]
 
 
-def _chains(drawing: Drawing, nodes: Nodes, *, has_poles: bool, found: list[Finding]) -> Iterator[_Chain]:
+def _chains(drawing: Drawing, nodes: Nodes, *, has_poles: bool, found: list[Remark]) -> Iterator[_Chain]:
     for line in drawing.lines:
         asset = line.name or line.place
         for part in line.parts:
@@ -164,28 +164,28 @@ def _chains(drawing: Drawing, nodes: Nodes, *, has_poles: bool, found: list[Find
                     nodes.name_made((index,))
                 if chain and chain[-1] == index:
                     text = f"two positions at one place ({_place(vertex)}): taken once"
-                    found.append(Finding(Matter.ZERO, asset, text))
+                    found.append(Remark(Matter.ZERO, asset, text))
                     continue
                 if away_m > (SAME_POLE_M if has_poles else SHORTEST_SEGMENT_M):
                     to = repr(nodes.nodes[index].name) if nodes.nodes[index].name else "another line's position"
-                    found.append(Finding(Matter.SNAPPED, asset, f"joined to {to}, {away_m:.2f} m away"))
+                    found.append(Remark(Matter.SNAPPED, asset, f"joined to {to}, {away_m:.2f} m away"))
                 chain.append(index)
             if len(chain) > 1:
                 yield _Chain(line, chain)
             else:
-                found.append(Finding(Matter.ZERO, asset, "a part without length: left out"))
+                found.append(Remark(Matter.ZERO, asset, "a part without length: left out"))
 
 
 def _place(vertex: Vertex | tuple[float, float]) -> str:
     return f"{vertex[0]:.6f}, {vertex[1]:.6f}"
 
 
-def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Finding]) -> list[_Chain]:
+def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
     """Let lines run over every node that they pass."""
     if not chains:
         return []
     places_m = np.array([node.at_m for node in nodes.nodes], dtype=np.float64)
-    places, split = Places(places_m), []
+    places, split = PlaceIndex(places_m), []
     for chain in chains:
         full, passed = [chain.nodes[0]], []
         for a, b in itertools.pairwise(chain.nodes):
@@ -196,12 +196,12 @@ def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Finding]
         if passed:
             names = ", ".join(nodes.nodes[index].name or _place_of(nodes, index) for index in passed[:3])
             more = ", ..." if len(passed) > 3 else ""
-            found.append(Finding(Matter.SPLIT, chain.asset, f"split at {len(passed)} on its way: {names}{more}"))
+            found.append(Remark(Matter.SPLIT, chain.asset, f"split at {len(passed)} on its way: {names}{more}"))
         split.append(_Chain(chain.line, [index for index, _ in itertools.groupby(full)]))
     return split
 
 
-def _without_straight(chains: Sequence[_Chain], nodes: Nodes, found: list[Finding]) -> list[_Chain]:
+def _without_straight(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
     """Keep of the positions without a pole those where a line ends, bends or meets another."""
     uses = Counter(index for chain in chains for index in set(chain.nodes))
     known_m = np.array([node.at_m for node in nodes.nodes if node.drawn], dtype=np.float64)
@@ -221,7 +221,7 @@ def _without_straight(chains: Sequence[_Chain], nodes: Nodes, found: list[Findin
                 kept |= {first + at for at in bends(places_m, STRAIGHT_M)}
         if len(kept) < len(order):
             text = f"{len(order) - len(kept)} positions on the straight between poles: no poles are made there"
-            found.append(Finding(Matter.LEFT_OUT, chain.asset, text))
+            found.append(Remark(Matter.LEFT_OUT, chain.asset, text))
         for at in sorted(kept):
             if not nodes.nodes[order[at]].drawn and order[at] not in made:
                 made.add(order[at])
@@ -232,14 +232,14 @@ def _without_straight(chains: Sequence[_Chain], nodes: Nodes, found: list[Findin
     return kept_chains
 
 
-def _made(nodes: Nodes, index: int, asset: str, how: str, known_m: np.ndarray, names: Sequence[str]) -> Finding:
+def _made(nodes: Nodes, index: int, asset: str, how: str, known_m: np.ndarray, names: Sequence[str]) -> Remark:
     node = nodes.nodes[index]
     text = f"{how} at {node.lat_deg:.6f}, {node.lon_deg:.6f} without a pole of the file: {node.name!r} is made there"
     away_m = np.hypot(*(known_m - np.array(node.at_m)).T)
     nearest = int(np.argmin(away_m))
     if away_m[nearest] <= NEAR_M:
         text += f"; {names[nearest]!r} is {away_m[nearest]:.1f} m away, snap_m = {_over(away_m[nearest])} takes it"
-    return Finding(Matter.MADE, asset, text)
+    return Remark(Matter.MADE, asset, text)
 
 
 def _over(distance_m: float) -> str:
@@ -263,7 +263,7 @@ def _lay(chains: Sequence[_Chain], spans: _Spans, max_span_m: float | None) -> N
                     spans.add(one, other, label, chain.line.name or chain.line.place)
                 else:
                     text = f"runs over the same poles as {spans.labels[twin]}: inspected once"
-                    spans.found.append(Finding(Matter.DUPLICATE, label or chain.asset, text))
+                    spans.found.append(Remark(Matter.DUPLICATE, label or chain.asset, text))
 
 
 def _divided(a: int, b: int, spans: _Spans, asset: str, max_span_m: float | None) -> list[int]:
@@ -279,7 +279,7 @@ def _divided(a: int, b: int, spans: _Spans, asset: str, max_span_m: float | None
             f"{asset}: max_span_m: expected at most {MOST_SPANS} spans, {length_m:.0f} m by {max_span_m:g} m are more"
         )
     text = f"{length_m:.0f} m without a pole: divided into {count} spans of {length_m / count:.0f} m"
-    spans.found.append(Finding(Matter.CUT, asset, text))
+    spans.found.append(Remark(Matter.CUT, asset, text))
     ways = [number / count for number in range(1, count)]
     places = [(from_m[0] + w * (to_m[0] - from_m[0]), from_m[1] + w * (to_m[1] - from_m[1])) for w in ways]
     return [a, *(nodes.between(place) for place in places), b]

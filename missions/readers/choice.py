@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.readers.attributes import number
+from missions.readers.attributes import figure_of
 from missions.readers.drawing import Attributes
 
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
@@ -41,7 +41,7 @@ class Term:
         return bool(parts) and compare(self._holds(part.strip()) for part in parts)
 
     def _holds(self, part: str) -> bool:
-        mine, theirs = number(self.value), number(part)
+        mine, theirs = figure_of(self.value), figure_of(part)
         if mine is not None and theirs is not None:
             return OPERATORS[self.op](theirs, mine)
         return self.op in {"=", "!="} and (part == self.value) is (self.op == "=")
@@ -104,7 +104,7 @@ class Choice:
         for term in self.where:
             if term.attribute.lower() not in known:
                 raise NetworkError(
-                    f"{source}: where: expected an attribute of the lines, {listed(sorted(self.seen))}, "
+                    f"{source}: where: expected an attribute of the lines, {quoted_names(sorted(self.seen))}, "
                     f"got {term.attribute!r}"
                 )
         if not self.passed:
@@ -119,7 +119,9 @@ class Choice:
         """
         for layer in self.layers:
             if layer not in known:
-                raise NetworkError(f"{source}: layer: expected a {kind} of the file, {listed(known)}, got {layer!r}")
+                raise NetworkError(
+                    f"{source}: layer: expected a {kind} of the file, {quoted_names(known)}, got {layer!r}"
+                )
         return self.layers or tuple(known)
 
     def no_layers(self, source: str, what: str) -> None:
@@ -143,7 +145,7 @@ class Choice:
             raise NetworkError(f"{source}: crs: expected none for {what}, which is always WGS 84; got {self.crs!r}")
 
 
-def listed(names: Iterable[str]) -> str:
+def quoted_names(names: Iterable[str]) -> str:
     """Return names for a message: the first few in quotes."""
     every = list(names)
     return ", ".join(repr(name) for name in every[:NAMED]) + (", ..." if len(every) > NAMED else "") or "which has none"

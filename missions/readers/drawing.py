@@ -33,11 +33,12 @@ class Matter(StrEnum):
     LONG = "long spans"
     SHORT = "short spans"
     HEIGHTS = "heights"
+    FILE = "the file itself"
     LEFT_OUT = "left out"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Remark:
     """One thing of a file that was mended, or left for people to look at."""
 
     matter: Matter
@@ -112,7 +113,7 @@ class Drawing:
     lines: list[Line] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     depot: Depot | None = None
-    found: list[Finding] = field(default_factory=list)
+    found: list[Remark] = field(default_factory=list)
     flat: bool = False
     """Whether the file says that its ground is as high as the depot's everywhere."""
     vertices: int = 0

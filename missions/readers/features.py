@@ -11,7 +11,7 @@ from missions.files import MOST_FIGURE
 from missions.readers.attributes import LINES, heights_of, name_of
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84
-from missions.readers.drawing import Attributes, Depot, Drawing, Finding, Line, Matter, Pole
+from missions.readers.drawing import Attributes, Depot, Drawing, Line, Matter, Pole, Remark
 
 Position = tuple[float, float, float | None]
 """Easting or longitude first, then northing or latitude, and the third coordinate where there is one."""
@@ -88,7 +88,7 @@ def add_features(drawing: Drawing, features: Iterable[Feature], system: ToWgs84,
         else:
             left_out += 1
     if left_out:
-        drawing.found.append(Finding(Matter.LEFT_OUT, drawing.source, f"{left_out} features are no points or lines"))
+        drawing.found.append(Remark(Matter.LEFT_OUT, drawing.source, f"{left_out} features are no points or lines"))
 
 
 def _add_points(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
@@ -117,6 +117,6 @@ def _add_line(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
         at = system.lat_lon_deg([x for x, _, _ in part], [y for _, y, _ in part], place)
         parts.append(tuple((*one, third_m or None) for one, (_, _, third_m) in zip(at, part, strict=True)))
     if not parts:
-        drawing.found.append(Finding(Matter.LEFT_OUT, _name(feature) or feature.place, "a line without geometry"))
+        drawing.found.append(Remark(Matter.LEFT_OUT, _name(feature) or feature.place, "a line without geometry"))
         return
     drawing.draw(Line(feature.place, _name(feature), tuple(parts)))

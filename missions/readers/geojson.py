@@ -25,7 +25,7 @@ from missions.files import is_figure, printable
 from missions.readers.attributes import LINES, heights_of, name_of
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Depot, Drawing, Finding, Line, Matter, Pole, Span, Vertex
+from missions.readers.drawing import Depot, Drawing, Line, Matter, Pole, Remark, Span, Vertex
 
 FORMAT = "GeoJSON"
 FLAT = "flat_ground"
@@ -69,7 +69,7 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
                 drawing.draw(_line(feature, source, system))
         elif feature.kind is not None:
             place = _name(feature) or feature.place
-            drawing.found.append(Finding(Matter.LEFT_OUT, place, f"a {feature.kind}: left out, it is no line"))
+            drawing.found.append(Remark(Matter.LEFT_OUT, place, f"a {feature.kind}: left out, it is no line"))
     _check_names(drawing)
     return drawing
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure
-from missions.readers.attributes import number
+from missions.readers.attributes import figure_of
 from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Line, Pole, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
 from missions.readers.xmltree import children, line_of, tag_of, text_of
 
 if TYPE_CHECKING:
@@ -45,9 +45,15 @@ def draw_gpx(root: etree._Element, source: str, choice: Choice) -> Drawing:
                     _add_pole(drawing, point, name)
         else:
             parts = [list(children(segment, "trkpt")) for segment in children(line, "trkseg")]
-        if not parts or min(map(len, parts)) < 2:
-            raise NetworkError(f"{source}: {place}: expected a line of at least two points")
-        drawing.draw(Line(place, name, tuple(tuple(_vertex(point, source) for point in part) for part in parts)))
+        # Receivers write a segment of no point, or of one, whenever they lose their fix.
+        short, parts = sum(len(part) < 2 for part in parts), [part for part in parts if len(part) > 1]
+        if short or not parts:
+            text = f"{short} parts of fewer than two points: left out" if short else "a line without points: left out"
+            drawing.found.append(Remark(Matter.LEFT_OUT, name or place, text))
+        if parts:
+            drawing.draw(Line(place, name, tuple(tuple(_vertex(point, source) for point in part) for part in parts)))
+    if drawing.found and not drawing.lines:
+        raise NetworkError(f"{source}: {drawing.found[0].asset}: expected a line of at least two points")
     return drawing
 
 
@@ -58,9 +64,9 @@ def _add_pole(drawing: Drawing, point: etree._Element, line: str) -> None:
 
 
 def _vertex(point: etree._Element, source: str) -> Vertex:
-    figures = [number(point.get(key) or "") for key in ("lat", "lon")]
+    figures = [figure_of(point.get(key) or "") for key in ("lat", "lon")]
     if not all(map(is_figure, figures)):
         got = f"{point.get('lat')!r} and {point.get('lon')!r}"
         raise NetworkError(f"{source}: {tag_of(point)} in {line_of(point)}: expected lat and lon in degrees, got {got}")
-    height_m = number(text_of(point, "ele") or "")
+    height_m = figure_of(text_of(point, "ele") or "")
     return float(figures[0] or 0.0), float(figures[1] or 0.0), height_m if is_figure(height_m) else None

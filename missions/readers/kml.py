@@ -8,14 +8,14 @@ is kept with its pole and never flown by; one that is relative to the ground, or
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, heights_of, name_of, number
+from missions.readers.attributes import LINES, figure_of, heights_of, name_of
 from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Finding, Line, Matter, Pole, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
 from missions.readers.opened import Archive
 from missions.readers.xmltree import children, line_of, tag_of, text_of
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 FORMAT = "KML"
 GEOMETRIES = ("Point", "LineString", "MultiGeometry", "Polygon", "LinearRing", "Track", "MultiTrack", "Model")
+ROOTS = ("kml", "Document", "Folder", "Placemark")
+"""Elements that a file may begin with; programs leave out the outermost."""
 CLAMPED = "clampToGround"
 MODES = {
     "absolute": "above sea level (absolute): kept, and not flown by",
@@ -51,27 +53,27 @@ def draw_kml(root: etree._Element, source: str, choice: Choice) -> Drawing:
     """
     choice.no_crs(source, FORMAT)
     drawing, modes = Drawing(source, FORMAT), Counter[str]()
-    marks = list(_placemarks(root, ""))
+    marks = list(_placemarks([root], ""))
     wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         if folder in wanted:
             _add(drawing, mark, folder, choice, modes)
     for link in root.iter("{*}NetworkLink"):
         text = "a link to another file: not followed"
-        drawing.found.append(Finding(Matter.LEFT_OUT, text_of(link, "name") or line_of(link), text))
+        drawing.found.append(Remark(Matter.LEFT_OUT, text_of(link, "name") or line_of(link), text))
     for mode, count in modes.items():
         what = "position has an altitude" if count == 1 else "positions have an altitude"
-        drawing.found.append(Finding(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
+        drawing.found.append(Remark(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
     return drawing
 
 
-def _placemarks(element: etree._Element, folder: str) -> Iterator[tuple[etree._Element, str]]:
+def _placemarks(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
     """Yield every Placemark with its folder's name; the document's own name is none."""
-    for child in element:
+    for child in elements:
         tag = tag_of(child)
         if tag == "Placemark":
             yield child, folder
-        elif tag in {"Document", "Folder"}:
+        elif tag in ROOTS:
             yield from _placemarks(child, text_of(child, "name") if tag == "Folder" else folder)
 
 
@@ -89,7 +91,7 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
             vertices = _vertices(geometry, f"{drawing.source}: {place}", modes)
             (points if tag == "Point" else parts).append(vertices)
         else:
-            drawing.found.append(Finding(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
+            drawing.found.append(Remark(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
     heights = heights_of(attributes, f"{drawing.source}: {place}") if points else (None, None)
     for vertices in points:
         lat_deg, lon_deg, third_m = vertices[0]
@@ -126,7 +128,7 @@ def _vertices(geometry: etree._Element, place: str, modes: Counter[str]) -> list
         raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], found none")
     vertices: list[Vertex] = []
     for word in words:
-        figures = [number(figure) for figure in word.split(",")]
+        figures = [figure_of(figure) for figure in word.split(",")]
         if len(figures) not in {2, 3} or not all(map(is_figure, figures)):
             raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], got {word[:60]!r}")
         lon_deg, lat_deg = float(figures[0] or 0.0), float(figures[1] or 0.0)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from missions.geo import LocalFrame
-from missions.readers.drawing import Finding, Matter, Pole, Vertex
+from missions.readers.drawing import Matter, Pole, Remark, Vertex
 
 SAME_POLE_M = 0.5
 """Two poles of a file that are nearer than this are one."""
@@ -36,7 +36,7 @@ class Nodes:
     snap_m: float
     nodes: list[Node] = field(default_factory=list)
     by_name: dict[str, int] = field(default_factory=dict)
-    found: list[Finding] = field(default_factory=list)
+    found: list[Remark] = field(default_factory=list)
     _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def nearest(self, at_m: tuple[float, float], within_m: float) -> tuple[int | None, float]:
@@ -113,11 +113,11 @@ class Nodes:
             return  # a table has a pole of two lines in the rows of both
         if pole.name != node.name:
             text = f"{away_m:.2f} m from {node.name or 'a pole without a name'!r}: taken for the same pole"
-            self.found.append(Finding(Matter.SAME_PLACE, pole.name or pole.place, text))
+            self.found.append(Remark(Matter.SAME_PLACE, pole.name or pole.place, text))
             if pole.name and pole.name not in self.by_name:
                 self.by_name[pole.name] = self.by_name.get(node.name, len(self.nodes))
         else:
-            self.found.append(Finding(Matter.SAME_PLACE, pole.name or pole.place, "drawn twice: taken once"))
+            self.found.append(Remark(Matter.SAME_PLACE, pole.name or pole.place, "drawn twice: taken once"))
 
     def _own_name(self, pole: Pole) -> str:
         if pole.name not in self.by_name:
@@ -127,7 +127,7 @@ class Nodes:
             number += 1
             name = f"{pole.name} ({number})"
         text = f"another pole has this name: it is called {name!r} here"
-        self.found.append(Finding(Matter.SAME_NAME, pole.name, text))
+        self.found.append(Remark(Matter.SAME_NAME, pole.name, text))
         return name
 
     def _cell(self, at_m: tuple[float, float]) -> tuple[int, int]:

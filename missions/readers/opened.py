@@ -38,7 +38,7 @@ def begin_of(path: Path) -> bytes:
         raise NetworkError(f"{path}: file: expected a readable network file: {reason.strerror}") from reason
 
 
-def content_of(path: Path) -> bytes:
+def limited_content(path: Path) -> bytes:
     """Return the content of a file that can be read.
 
     Raises:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import number
+from missions.readers.attributes import figure_of
 from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Finding, Line, Matter, Pole, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -102,7 +102,7 @@ def _references(way: Mapping[str, object], number_: str, content: _Content, plac
 
 
 def _node(lat: object, lon: object, tags: Mapping[str, str], place: str) -> _Node:
-    figures = [number(value) if isinstance(value, str) else value for value in (lat, lon)]
+    figures = [figure_of(value) if isinstance(value, str) else value for value in (lat, lon)]
     lat_deg, lon_deg = figures
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         raise NetworkError(f"{place}: expected lat and lon in degrees, got {lat!r} and {lon!r}")
@@ -122,7 +122,7 @@ def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing
         name, power = tags.get("name") or tags.get("ref") or f"way {way}", tags.get("power")
         if power == "cable" or (power in LINES and tags.get("line") in INDOORS):
             kind = "a cable" if power == "cable" else f"a {tags['line']} of a substation"
-            drawing.found.append(Finding(Matter.LEFT_OUT, name, f"{kind}: left out"))
+            drawing.found.append(Remark(Matter.LEFT_OUT, name, f"{kind}: left out"))
         if power not in LINES or tags.get("line") in INDOORS or not choice.takes({**tags, "id": way}):
             continue
         parts = _parts(references, content, name, drawing.found)
@@ -143,7 +143,7 @@ def _vertex(content: _Content, node: str) -> Vertex:
     return content.nodes[node].lat_deg, content.nodes[node].lon_deg, None
 
 
-def _parts(references: Iterable[str], content: _Content, name: str, found: list[Finding]) -> list[tuple[str, ...]]:
+def _parts(references: Iterable[str], content: _Content, name: str, found: list[Remark]) -> list[tuple[str, ...]]:
     """Return the runs of nodes that the file has: a cut of a map leaves some out."""
     runs: list[list[str]] = [[]]
     missing = 0
@@ -155,7 +155,7 @@ def _parts(references: Iterable[str], content: _Content, name: str, found: list[
             runs.append([])
     whole = [tuple(run) for run in runs if len(run) > 1]
     if missing and whole:
-        found.append(Finding(Matter.LEFT_OUT, name, f"{missing} nodes are not in the file: interrupted there"))
+        found.append(Remark(Matter.LEFT_OUT, name, f"{missing} nodes are not in the file: interrupted there"))
     return whole
 
 
@@ -171,7 +171,7 @@ def _add_poles(drawing: Drawing, content: _Content, used: Iterable[str]) -> None
         known = sum(getattr(pole, key) is not None for pole in poles)
         if 0 < known < len(poles):
             text = f"{of} is known of {known} of {len(poles)} poles: not used"
-            drawing.found.append(Finding(Matter.HEIGHTS, drawing.format, text))
+            drawing.found.append(Remark(Matter.HEIGHTS, drawing.format, text))
             poles = [replace(pole, elevation_m=None) if of == "ele" else replace(pole, height_m=None) for pole in poles]
     drawing.poles += poles
 
@@ -179,7 +179,7 @@ def _add_poles(drawing: Drawing, content: _Content, used: Iterable[str]) -> None
 def _metres(text: str | None) -> float | None:
     """Return a length as OpenStreetMap writes it: in metres unless it says otherwise."""
     match = _METRES.fullmatch(text or "")
-    figure = number(match[1]) if match else None
+    figure = figure_of(match[1]) if match else None
     if match is None or figure is None:
         return None
     return figure * FOOT_M if match[2] in {"ft", "'"} else figure

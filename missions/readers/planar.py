@@ -12,8 +12,8 @@ from missions.geo import FloatArray
 IndexArray = npt.NDArray[np.intp]
 
 
-class Places:
-    """Places that are looked up by where they are."""
+class PlaceIndex:
+    """PlaceIndex that are looked up by where they are."""
 
     def __init__(self, places_m: FloatArray) -> None:
         """Sort (n, 2) places along the longer side of what they cover."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import itertools
 import struct
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -14,9 +16,9 @@ from missions.errors import NetworkError
 from missions.files import printable
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Drawing
+from missions.readers.drawing import Drawing, Matter, Remark
 from missions.readers.features import Feature, Kind, Layer, add_features, wanted_layers
-from missions.readers.opened import NEEDS, Archive, content_of
+from missions.readers.opened import NEEDS, Archive, limited_content
 
 if TYPE_CHECKING:
     import shapefile
@@ -47,8 +49,8 @@ def draw_shapefile(path: Path, source: str, choice: Choice) -> Drawing:
         beside = next((one for one in (path.with_suffix(f".{part}"), path.with_suffix(f".{part.upper()}"))
                        if one.exists()), None)  # fmt: skip
         if beside is not None:
-            files[part] = content_of(beside)
-    files["shp"] = content_of(path)
+            files[part] = limited_content(beside)
+    files["shp"] = limited_content(path)
     return _drawn([_Shapes(path.stem, files)], source, choice)
 
 
@@ -72,32 +74,38 @@ def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing
 
 
 def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
-    try:
-        import shapefile
-    except ImportError:
-        raise NetworkError(f"{source}: a shapefile {NEEDS}") from None
-    readers = {}
-    for shapes in every:
-        if "dbf" not in shapes.files:
-            raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
-        encoding = printable(shapes.files.get("cpg", b"utf-8").decode("ascii", "replace")) or "utf-8"
-        try:
-            readers[shapes.name] = shapefile.Reader(
-                shp=io.BytesIO(shapes.files["shp"]), dbf=io.BytesIO(shapes.files["dbf"]),
-                shx=io.BytesIO(shapes.files["shx"]) if "shx" in shapes.files else None,
-                encoding=_known(encoding), encodingErrors="replace",
-            )  # fmt: skip
-        except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
-            raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {printable(str(reason))}") from reason
-    layers = [Layer(name, _kind(reader.shapeType), len(reader)) for name, reader in readers.items()]
+    if find_spec("shapefile") is None:
+        raise NetworkError(f"{source}: a shapefile {NEEDS}")
     drawing, systems = Drawing(source, FORMAT), []
-    for layer in wanted_layers(layers, source, choice):
-        files = next(shapes.files for shapes in every if shapes.name == layer.name)
-        system = _system(files, f"{source}: {layer.name}", choice)
-        systems.append(system.words)
-        add_features(drawing, _features(readers[layer.name], layer.name, source), system, choice)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        readers = {shapes.name: _opened(shapes, source) for shapes in every}
+        layers = [Layer(name, _kind(reader.shapeType), len(reader)) for name, reader in readers.items()]
+        for layer in wanted_layers(layers, source, choice):
+            files = next(shapes.files for shapes in every if shapes.name == layer.name)
+            system = _system(files, f"{source}: {layer.name}", choice)
+            systems.append(system.words)
+            add_features(drawing, _features(readers[layer.name], layer.name, source), system, choice)
     drawing.crs = ", ".join(dict.fromkeys(systems))
+    said = dict.fromkeys(printable(str(one.message)) for one in warned)
+    drawing.found += [Remark(Matter.FILE, FORMAT, words) for words in said]
     return drawing
+
+
+def _opened(shapes: _Shapes, source: str) -> shapefile.Reader:
+    import shapefile
+
+    if "dbf" not in shapes.files:
+        raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
+    encoding = printable(shapes.files.get("cpg", b"utf-8").decode("ascii", "replace")) or "utf-8"
+    try:
+        return shapefile.Reader(
+            shp=io.BytesIO(shapes.files["shp"]), dbf=io.BytesIO(shapes.files["dbf"]),
+            shx=io.BytesIO(shapes.files["shx"]) if "shx" in shapes.files else None,
+            encoding=_known(encoding), encodingErrors="replace",
+        )  # fmt: skip
+    except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
+        raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {printable(str(reason))}") from reason
 
 
 def _known(encoding: str) -> str:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
 from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
-from missions.readers.choice import Choice, listed
+from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Line, Pole
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
@@ -66,7 +66,8 @@ def draw_csv(text: str, source: str, choice: Choice) -> Drawing:
     delimiter = _delimiter(text)
     try:
         rows = [
-            (f"line {number}", row) for number, row in enumerate(csv.reader(io.StringIO(text), delimiter=delimiter), 1)
+            (f"line {number}", row)
+            for number, row in enumerate(csv.reader(io.StringIO(text, newline=None), delimiter=delimiter), 1)
         ]
     except csv.Error as reason:
         raise NetworkError(f"{source}: content: expected a table: {reason}") from reason
@@ -103,7 +104,7 @@ def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> list[tuple[s
     titles = [sheet.title for sheet in book.worksheets]
     wanted = choice.chosen_layers(source, titles, "sheet")
     if len(wanted) != 1:
-        raise NetworkError(f"{source}: layer: expected one sheet of {listed(titles)}, found {len(wanted)}")
+        raise NetworkError(f"{source}: layer: expected one sheet of {quoted_names(titles)}, found {len(wanted)}")
     sheet = book[wanted[0]]
     sheet.reset_dimensions()  # what a sheet says of its own size may be anything
     rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
@@ -150,8 +151,8 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Draw
     system, horizontal = _system(columns, source, choice)
     if not {name.lower() for name in columns} & set(ORDER):
         raise NetworkError(
-            f"{source}: columns: expected one that says which pole follows which, {listed(ORDER)}, "
-            f"got {listed(columns)}"
+            f"{source}: columns: expected one that says which pole follows which, {quoted_names(ORDER)}, "
+            f"got {quoted_names(columns)}"
         )
     drawing = Drawing(source, what, crs=system.words)
     members: dict[str, list[_Member]] = {}
@@ -173,7 +174,9 @@ def _system(
         choice.no_crs(source, "columns lat and lon")
         return ToWgs84("WGS 84", source, None), (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
-        raise NetworkError(f"{source}: columns: expected lat and lon, or easting and northing, got {listed(columns)}")
+        raise NetworkError(
+            f"{source}: columns: expected lat and lon, or easting and northing, got {quoted_names(columns)}"
+        )
     if choice.crs is None:
         raise NetworkError(f"{source}: crs: expected one such as 'EPSG:5514' for easting and northing, none is given")
     return to_wgs84(choice.crs, source), (EAST, NORTH)

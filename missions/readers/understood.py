@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from missions.network import Network
 from missions.readers.build import Mending
 from missions.readers.choice import Term
-from missions.readers.drawing import Finding
+from missions.readers.drawing import Remark
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Selection:
     """What of a file is wanted, and how far it may be mended."""
 
     layers: tuple[str, ...] = ()
@@ -33,5 +33,5 @@ class Understood:
     """Whether the depot is known; otherwise the network's is the middle of its poles."""
     lines: Mapping[str, str]
     """The line of each segment, by the segment's label; empty where there is none."""
-    found: tuple[Finding, ...]
+    found: tuple[Remark, ...]
     """What was mended or left out, and what is worth a look."""

@@ -34,7 +34,7 @@ def root_of(content: bytes, source: str) -> etree._Element:
     except (etree.XMLSyntaxError, ValueError) as reason:
         line = getattr(reason, "lineno", None)
         place = f"{source}: line {line}" if line else f"{source}: content"
-        words = printable(str(reason)) or "it is empty"
+        words = printable(getattr(reason, "msg", None) or str(reason)) or "it is empty"
         if "ntit" in words:  # of an entity that is unknown, or of too many
             words = "entities are not expanded"
         raise NetworkError(f"{place}: expected XML: {words}") from reason

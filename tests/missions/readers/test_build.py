@@ -89,8 +89,9 @@ def test_two_circuits_on_the_same_towers_are_inspected_once() -> None:
     found = built(*towers, line("V1", (0, 0), (200, 0), (400, 50)), line("V2", (400, 50), (200, 0), (0, 0)))
     assert [pair[1:] for pair in spans(found)] == [("A", "B"), ("B", "C")]
     assert said(found, Matter.DUPLICATE) == [
-        "V2.1: runs over the same poles as V1.2: inspected once", "V2.2: runs over the same poles as V1.1: inspected once"
-    ]  # fmt: skip
+        "V2.1: runs over the same poles as V1.2: inspected once",
+        "V2.2: runs over the same poles as V1.1: inspected once",
+    ]
 
 
 def test_lines_that_cross_without_a_pole_do_not_meet_and_it_is_said() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from missions import NetworkError, read_network
-from missions.readers import Matter, Mending, Wanted, default_network_path, understand
+from missions.readers import Matter, Mending, Selection, default_network_path, understand
 
 
 def point(name: str | int, lon: float, lat: float | None, **properties: object) -> dict[str, object]:
@@ -182,7 +182,7 @@ def test_a_line_that_ends_without_a_pylon_gets_one_and_it_is_said(tmp_path: Path
         "V1: ends at 49.601020, 15.604000 without a pole of the file: 'P4' is made there; 'B' is 2.2 m away, "
         "snap_m = 2.3 takes it"
     )
-    closer = understand(path, Wanted(mending=Mending(snap_m=2.3)))
+    closer = understand(path, Selection(mending=Mending(snap_m=2.3)))
     assert [pylon.id for pylon in closer.network.pylons] == ["A", "B"]
 
 
