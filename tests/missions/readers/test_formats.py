@@ -68,7 +68,10 @@ def test_lines_alone_have_their_poles_at_their_positions(crs: str, tmp_path: Pat
 MARK = (
     "<Placemark><name>V1</name><LineString><coordinates>15.6,49.6 15.602,49.6,7</coordinates></LineString></Placemark>"
 )
-ROUTE = '<gpx><trk><name>V1</name>{}<trkseg><trkpt lat="49.6" lon="15.6"/><trkpt lat="49.6" lon="15.602"/></trkseg></trk></gpx>'
+ROUTE = (
+    '<gpx><trk><name>V1</name>{}<trkseg><trkpt lat="49.6" lon="15.6"/><trkpt lat="49.6" lon="15.602"/></trkseg></trk>'
+    "</gpx>"
+)
 AS_FOUND: dict[str, tuple[str, bytes]] = {
     "KML in UTF-16": ("a.kml", f'<?xml version="1.0" encoding="UTF-16"?><kml>{MARK}</kml>'.encode("utf-16")),
     "KML without its outermost element": ("a.kml", MARK.encode()),
