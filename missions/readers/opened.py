@@ -31,6 +31,8 @@ def begin_of(path: Path) -> bytes:
     Raises:
         NetworkError: it cannot be read.
     """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise NetworkError(f"{path}: file: expected a readable network file: it is a device or a pipe")
     try:
         with path.open("rb") as file:
             return file.read(16)
