@@ -103,19 +103,24 @@ def understand(
     except RecursionError:
         raise NetworkError(f"{path}: content: {NESTED}") from None
     if isinstance(drawing, str):
-        if frame is None:
-            raise NetworkError(
-                f"{path}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only"
-            )
-        choice.no_layers(str(path), f"a {GRAPH}")
-        if wanted.where:
-            raise NetworkError(f"{path}: where: expected none for a {GRAPH}, whose lines have no attributes")
-        network = parse_graph(drawing, source=str(path), frame=frame, crs=wanted.crs)
-        understood = Understood(network, GRAPH, wanted.crs or "metres about the depot", True, {}, ())
+        understood = _graph(drawing, str(path), choice, frame, anywhere=anywhere)
     else:
         choice.check_where(str(path))
         understood = _placed(drawing, build(drawing, wanted.mending), frame, depot, anywhere=anywhere)
     return understood if radius_m is None else _within(understood, radius_m)
+
+
+def _graph(text: str, source: str, choice: Choice, frame: LocalFrame | None, *, anywhere: bool) -> Understood:
+    """Return what a graph file shows, which holds offsets from a depot only."""
+    choice.no_layers(source, f"a {GRAPH}")
+    if choice.where:
+        raise NetworkError(f"{source}: where: expected none for a {GRAPH}, whose lines have no attributes")
+    if frame is None and (not anywhere or choice.crs is not None):
+        raise NetworkError(f"{source}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
+    network = parse_graph(text, source=source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
+    words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
+    found = () if frame is not None else (Remark(Matter.FILE, GRAPH, words),)
+    return Understood(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
 
 
 def station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:

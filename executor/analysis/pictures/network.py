@@ -14,6 +14,8 @@ from missions import Understood
 
 NAMED_POLES = 60
 """Beyond so many, their names hide each other."""
+DOTTED_POLES = 1000
+"""Beyond so many, their dots hide the lines' colours."""
 LETTERS = 24
 """Of a line's name below the map."""
 
@@ -32,7 +34,8 @@ def network_figure(understood: Understood) -> Figure:
     ]
     if len(lengths_m) > len(longest):
         handles.append(Line2D([], [], color=FAINT, lw=3.0, label=f"{len(lengths_m) - len(longest)} more lines"))
-    handles.append(Line2D([], [], ls="", marker="o", ms=4, mfc=INK, mec=INK, label="poles"))
+    if len(network.pylons) <= DOTTED_POLES:
+        handles.append(Line2D([], [], ls="", marker="o", ms=4, mfc=INK, mec=INK, label="poles"))
     if understood.has_depot:
         handles.append(Line2D([], [], ls="", marker="*", ms=11, mfc=INK, mec=PAPER, label="depot"))
     shown_m = network.positions_m
@@ -43,8 +46,8 @@ def network_figure(understood: Understood) -> Figure:
     axes = sheet.panels[0]
     shades = [colours.get(line, FAINT) for line in lines]
     axes.add_collection(LineCollection(list(network.ends_m), colors=shades, linewidths=2.0, zorder=2), autolim=False)
-    dots = 3.0 if len(network.pylons) < 1000 else 1.0
-    axes.plot(network.positions_m[:, 0], network.positions_m[:, 1], ls="", marker="o", ms=dots, color=INK, zorder=3)
+    if len(network.pylons) <= DOTTED_POLES:
+        axes.plot(network.positions_m[:, 0], network.positions_m[:, 1], ls="", marker="o", ms=3.0, color=INK, zorder=3)
     if understood.has_depot:
         axes.plot([0.0], [0.0], ls="", marker="*", ms=13, mfc=INK, mec=PAPER, mew=0.8, zorder=8)
     if len(network.pylons) <= NAMED_POLES:

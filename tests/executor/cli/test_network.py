@@ -187,7 +187,7 @@ MALFORMED: dict[str, tuple[str, bytes, str, str]] = {
                                    "OpenStreetMap XML, which is always WGS 84; got 'EPSG:5514'")),
     "a picture": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(30), "", "a.png: encoding: expected UTF-8 text"),
     "a letter": ("a.txt", b"Dear Sir,\nplease find attached", "", "a.txt: content: expected GeoJSON, or a graph file"),
-    "an empty file": ("a.kml", b"", "", "a.kml: content: expected GeoJSON, or a graph file"),
+    "an empty file": ("a.csv", b"", "", "a.csv: content: expected a row of column names, found none"),
 }  # fmt: skip
 
 
@@ -242,6 +242,17 @@ def test_flat_ground_by_format_is_still_flat_when_written(place: Place) -> None:
     assert place.run("network", str(graph), "--depot", "49.6,15.6,450", "-o", place.path("o.geojson"))[0] == 0
     first, again = read_network(graph, depot=(49.6, 15.6, 450.0)), read_network(place.path("o.geojson"))
     assert (again.flat, again.frame, again.pylons, again.segments) == (True, first.frame, first.pylons, first.segments)
+
+
+def test_a_graph_file_is_shown_without_a_depot_and_it_is_said(place: Place) -> None:
+    graph = Path(place.path("line.graph"))
+    graph.write_text('pylons_position = "0 0 0; 100 0 0; 200 0 0;"\nconnections_indexes = "2; 1 3; 2;"\n')
+    said = json.loads(place.run("network", str(graph), "--json")[1])
+    assert (said["segments"], said["depot"], said["length_m"]) == (2, None, pytest.approx(200.0))
+    assert [one["text"] for one in said["findings"]] == [
+        "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
+    ]
+    assert "depot: expected lat_deg" in place.refused("network", str(graph), "--crs", "EPSG:25833")
 
 
 def test_a_site_chooses_lines_and_they_keep_their_names(place: Place) -> None:
