@@ -47,7 +47,20 @@ from missions.planfile import BreakingLoss, PlanFile, PlanSegment, Solved, Windo
 from missions.planjson import plan_document, read_plan, write_plan
 from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
-from missions.readers import default_network_path, read_network
+from missions.readers import (
+    SNAP_M,
+    Matter,
+    Mending,
+    Remark,
+    Selection,
+    Understood,
+    default_network_path,
+    network_document,
+    parse_where,
+    read_network,
+    station_points,
+    understand,
+)
 from missions.routes import continue_path, flight_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, flight_setup
@@ -60,6 +73,7 @@ __all__ = [
     "AUTOPILOTS",
     "NESTED",
     "PX4",
+    "SNAP_M",
     "Base",
     "BatteryFailsafe",
     "BatteryLevel",
@@ -81,6 +95,8 @@ __all__ = [
     "Layers",
     "LegEstimate",
     "LocalFrame",
+    "Matter",
+    "Mending",
     "MissionFileError",
     "MissionItem",
     "MissionsError",
@@ -100,15 +116,18 @@ __all__ = [
     "Pylon",
     "QgcPlan",
     "Ramp",
+    "Remark",
     "ReturnParameters",
     "SafetyError",
     "Segment",
+    "Selection",
     "SetCurrent",
     "Solved",
     "StartStep",
     "Task",
     "ThresholdUnit",
     "Tuning",
+    "Understood",
     "Waypoint",
     "Window",
     "alike",
@@ -135,11 +154,13 @@ __all__ = [
     "lowest_over_tops_m",
     "make_plan_file",
     "margin_m",
+    "network_document",
     "open_task",
     "over_ground_m",
     "parse_json",
     "parse_qgc_plan",
     "parse_qgc_waypoints",
+    "parse_where",
     "place_pads",
     "plan_document",
     "plan_layers",
@@ -149,8 +170,10 @@ __all__ = [
     "read_plan",
     "read_text",
     "return_over_ground_m",
+    "station_points",
     "tracks_m",
     "tuned",
+    "understand",
     "with_heights",
     "write_plan",
 ]

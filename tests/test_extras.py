@@ -7,12 +7,13 @@ import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
-from executor.adapters.extras import MODULES, Extra
+from executor.adapters.extras import MODULES, Extra, packages
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -72,6 +73,8 @@ REFUSED = {
     "bench table --network default": ("bench table", Extra.PICTURES),
     "bench solvers --part scale": ("bench solvers --part scale", Extra.PICTURES),
     "bench fleet --out out": ("bench fleet --out", Extra.PICTURES),
+    "network poles.xlsx": ("poles.xlsx: a workbook", Extra.GEO),
+    "network lines.zip": ("lines.zip: a shapefile", Extra.GEO),
     "bench fleet --browsers 1": ("bench fleet --browsers", Extra.WEB),
 }
 """What needs one: in whose words, and which."""
@@ -93,6 +96,9 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
     (folder / "published.toml").write_text(f"{SITE}\n[mqtt]\n", encoding="utf-8")
     (folder / "mavsdk.toml").write_text(f'{SITE}backend = "mavsdk"\n', encoding="utf-8")
     (folder / "flight.ulg").write_bytes(ULOG_MAGIC)
+    for name, inside in (("poles.xlsx", "xl/workbook.xml"), ("lines.zip", "lines.shp")):
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            archive.writestr(inside, b"")
     (folder / "flight.tlog").write_bytes(b"")
     return called(folder, [*GOES_ON, *REFUSED])
 
@@ -108,7 +114,7 @@ def test_a_missing_one_is_one_line_that_says_what_to_install(
     call: str, said: Mapping[str, tuple[int, str, str]]
 ) -> None:
     wanted_by, extra = REFUSED[call]
-    line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(MODULES[extra])}\n"
+    line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(packages(extra))}\n"
     assert said[call] == (2, "", line)
 
 
@@ -121,7 +127,7 @@ def test_the_extras_are_those_of_the_package() -> None:
     named = project["optional-dependencies"]
     always = {re.split(r"[^\w-]", one)[0] for one in project["dependencies"]}
     for extra, modules in MODULES.items():
-        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value]} == set(modules)
+        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value]} == set(packages(extra))
         assert always.isdisjoint(modules)
     whole = {name for one in named["all"] for name in re.findall(r"[\w-]+", one.partition("[")[2])}
     assert whole == set(named) - {"all"}

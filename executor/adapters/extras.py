@@ -21,6 +21,7 @@ class Extra(Enum):
     WEB = "web"
     MQTT = "mqtt"
     DASK = "dask"
+    GEO = "geo"
 
 
 MODULES: Mapping[Extra, tuple[str, ...]] = {
@@ -30,8 +31,11 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.WEB: ("starlette", "uvicorn"),
     Extra.MQTT: ("aiomqtt",),
     Extra.DASK: ("distributed",),
+    Extra.GEO: ("openpyxl", "shapefile"),
 }
-"""What is imported of each, and the name that it is installed by."""
+"""What is imported of each."""
+INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp"}
+"""The name that a module is installed by, where that is another one."""
 
 
 def what_to_install(extra: Extra, wanted_by: str) -> str:
@@ -44,7 +48,12 @@ def what_to_install(extra: Extra, wanted_by: str) -> str:
     if all(find_spec(name) is not None for name in MODULES[extra]):
         return ""
     # The libraries by their names: on the public index this program's name is another project's.
-    return f"{wanted_by} needs the extra {extra.value}: pip install {' '.join(MODULES[extra])}"
+    return f"{wanted_by} needs the extra {extra.value}: pip install {' '.join(packages(extra))}"
+
+
+def packages(extra: Extra) -> tuple[str, ...]:
+    """Return what an extra is installed by."""
+    return tuple(INSTALLED_BY.get(module, module) for module in MODULES[extra])
 
 
 def need(extra: Extra, wanted_by: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from executor.cli import flights, init_site, plans, replay, restore, risk
+from executor.cli import flights, init_site, network, plans, replay, restore, risk
 from executor.cli.bench import cli as bench
 
 cli = typer.Typer(
@@ -18,6 +18,7 @@ cli = typer.Typer(
 for command in (
     flights.demo,
     init_site.init,
+    network.network,
     plans.plan,
     plans.check,
     plans.window,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -22,10 +22,13 @@ from missions import (
     FlightPath,
     FlightSetup,
     Inspection,
+    Mending,
     Network,
     Pad,
     Performance,
     Pricing,
+    Remark,
+    Selection,
     Task,
     default_network_path,
     dialect_for,
@@ -33,7 +36,8 @@ from missions import (
     flight_setup,
     implausible,
     open_task,
-    read_network,
+    parse_where,
+    understand,
     with_heights,
 )
 from missions.pace import AS_MODELLED
@@ -59,7 +63,7 @@ class Ground:
     setup: FlightSetup
     """Heights, and pads that are chosen around the depot."""
     worth_a_look: tuple[str, ...] = ()
-    """What was found about the network's heights, in words."""
+    """What was mended or found of the network's file and its heights, in words."""
     learned: Mapping[str, Known] = field(default_factory=dict)
     """What is known of vehicles from flights before, by their name."""
 
@@ -82,10 +86,29 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     """
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    network = read_network(file, depot=depot, crs=site.network.crs, radius_m=site.network.radius_m)
-    network = with_heights(network, flat=site.inspection.heights == "flat")
-    ground = ground_over(site, network, tuple(implausible(network, tallest_m=site.network.tallest_m)))
+    understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
+    network = with_heights(understood.network, flat=site.inspection.heights == "flat")
+    worth_a_look = (*remark_lines(understood.found), *implausible(network, tallest_m=site.network.tallest_m))
+    ground = ground_over(site, network, worth_a_look)
     return replace(ground, learned=dict(learned))
+
+
+def wanted_of(site: Site) -> Selection:
+    """Return what a site wants of its network's file."""
+    table = site.network
+    layers = (table.layer,) if isinstance(table.layer, str) else table.layer
+    where = () if table.where is None else parse_where(table.where)
+    return Selection(layers, where, table.crs, Mending(table.snap_m, table.max_span_m))
+
+
+def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
+    """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
+    by_matter: dict[str, list[Remark]] = {}
+    for finding in found:
+        by_matter.setdefault(finding.matter.value, []).append(finding)
+    for matter, own in by_matter.items():
+        more = f"; {len(own) - 1} more in 'faultline network'" if len(own) > 1 else ""
+        yield f"{matter}: {own[0].words}{more}"
 
 
 def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()) -> Ground:

@@ -22,7 +22,7 @@ from executor.core.connection import Connection, parse_connection
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
 from executor.site.learned import LearnedTable
-from missions import AUTOPILOTS, NESTED, first_reason
+from missions import AUTOPILOTS, NESTED, SNAP_M, first_reason, parse_where
 from planner import PRESETS
 
 Percent = Annotated[float, Field(ge=0, le=100)]
@@ -34,6 +34,7 @@ HostName = Annotated[
     str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
 ]
 """A name, or an address of version 4 or 6."""
+LayerName = Annotated[str, Field(min_length=1, max_length=200)]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
 PAGE = "docs/reference/site-file.md"
 """Where every key stands."""
@@ -55,15 +56,33 @@ class DepotTable(_Table):
     """Ground above mean sea level. Needed, here or in the network's file, where the network knows its ground."""
 
 
+def _where(text: str) -> str:
+    try:
+        parse_where(text)
+    except ValueError as error:
+        raise PydanticCustomError("filter", "{reason}", {"reason": str(error)}) from error
+    return text
+
+
 class NetworkTable(_Table):
     """The power line."""
 
     file: FileName
-    """GeoJSON, or a graph file of pylon offsets, relative to the site file; `default` is faultline's own network."""
+    """GeoJSON, KML, KMZ, GPX, OpenStreetMap, GeoPackage, shapefile, CSV, XLSX, or a graph file of pylon offsets,
+    relative to the site file; `default` is faultline's own network."""
+    layer: LayerName | tuple[LayerName, ...] = ()
+    """The layer, sheet or folder to read, or several; needed where a file has more than one of poles or of lines."""
+    where: Annotated[str, AfterValidator(_where), Field(max_length=1000)] | None = None
+    """Only lines of which this holds, such as `voltage >= 110000 and operator = 'CEPS'`; of a table, only such rows."""
+    snap_m: Annotated[float, Field(ge=0.01, le=50, allow_inf_nan=False)] = SNAP_M
+    """Ends of lines, and lines and poles, that are nearer to each other than this meet."""
+    max_span_m: Annotated[float, Field(ge=5, le=20_000, allow_inf_nan=False)] | None = None
+    """Where the file has no poles, spans that are longer than this are divided evenly."""
     radius_m: Positive | None = None
     """Only segments whose two pylons are both nearer to the depot than this; without it all of them."""
     crs: str | None = None
-    """The map grid of a graph file's metres, such as `EPSG:32633`; without it they are true east and north."""
+    """The reference system of a file that does not say its own, such as `EPSG:5514`. Of a graph file the map grid of
+    its metres; without it they are true east and north."""
     tallest_m: Positive | None = None
     """Height of the tallest structure. Confirms that heights which look too large for pylons are metres over ground."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import tomli_w
 
@@ -28,6 +28,8 @@ class Wish:
     radius_m: float | None
     vehicles: int
     autopilot: str
+    choice: Mapping[str, object] = field(default_factory=dict)
+    """What else is said of the network's file, by its keys; None for what is not."""
 
 
 def starter(wish: Wish) -> str:
@@ -40,12 +42,13 @@ def _lines(wish: Wish) -> Iterator[str]:
         yield "# [depot] with lat_deg, lon_deg and alt_m is where the vehicles stand; this network's file has it"
     else:
         yield _noted("[depot]", "where the vehicles stand; alt_m is the ground's, above mean sea level")
-        yield from (_row(key, value) for key, value in wish.depot.model_dump().items())
+        yield from (_row(key, value) for key, value in wish.depot.model_dump(exclude_none=True).items())
     radius = "# radius_m = 1500" if wish.radius_m is None else _row("radius_m", wish.radius_m)
     yield from (
         "",
         "[network]",
-        _row("file", wish.file, "GeoJSON, or a graph file of pylon offsets; 'default' is faultline's own"),
+        _row("file", wish.file, "what 'faultline network' reads; 'default' is faultline's own"),
+        *(tomli_w.dumps({key: value}).strip() for key, value in wish.choice.items() if value),
         _noted(radius, "only segments whose two pylons are nearer to the depot than this"),
         "",
         *_inspection(has_heights=wish.has_heights),

@@ -1,17 +1,49 @@
-"""Network files: which reader takes which file."""
+"""Network files: which reader takes which file, and what comes of it."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import NetworkError
-from missions.files import NESTED, read_text
-from missions.geo import LocalFrame
-from missions.network import Network
-from missions.readers.geojson import parse_geojson
+from missions.files import NESTED, parse_json
+from missions.geo import LocalFrame, distance_m
+from missions.network import MAX_DISTANCE_M, Network
+from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
+from missions.readers.build import SNAP_M, Built, Mending, build
+from missions.readers.choice import Choice, Term, parse_where
+from missions.readers.drawing import Drawing, Matter, Remark
 from missions.readers.graph import parse_graph
+from missions.readers.opened import Archive, begin_of, limited_content
+from missions.readers.understood import Selection, Understood
+from missions.readers.written import network_document
+from missions.readers.xmltree import root_of, tag_of
 
-__all__ = ["default_network_path", "read_network"]
+__all__ = [
+    "SNAP_M",
+    "Matter",
+    "Mending",
+    "Remark",
+    "Selection",
+    "Term",
+    "Understood",
+    "default_network_path",
+    "network_document",
+    "parse_where",
+    "read_network",
+    "station_points",
+    "understand",
+]
+
+SAME_DEPOT_M = 100.0
+"""A site's depot without a height takes that of the file's when it is this near."""
+GRAPH = "graph file"
+XML = (".kml", ".gpx", ".osm", ".xml")
+"""Whatever is in them: UTF-16 does not begin with a bracket."""
+FORMATS = (
+    "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
+)
 
 
 def default_network_path() -> Path:
@@ -26,43 +58,214 @@ def read_network(
     crs: str | None = None,
     radius_m: float | None = None,
 ) -> Network:
-    """Read a network file; its content decides the format: GeoJSON, or a libconfig graph.
+    """Read a network file; its content decides the format.
 
     Args:
         path: The file.
-        depot: Latitude and longitude in degrees and height above mean sea level in metres. Graph files need it;
-            for a GeoJSON file it wins over the file's own depot. Without a height the file's own depot gives it; a file
-            of flat ground needs none.
-        crs: For graph files whose offsets are metres of a map grid, e.g. ``EPSG:32633``; otherwise they are metres
-            east and north of the depot.
+        depot: Latitude and longitude in degrees and height above mean sea level in metres. Files without a depot need
+            it; otherwise it wins over the file's own. Without a height the file's own depot gives it; a file of flat
+            ground needs none.
+        crs: Of files that do not say theirs, e.g. ``EPSG:32633``. The offsets of a graph file are metres of that grid,
+            or without it metres east and north of the depot.
         radius_m: Keep only segments with both pylons nearer than this to the depot.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    path = Path(path)
-    text = read_text(path, "network file", NetworkError)
+    return understand(path, Selection(crs=crs), depot=depot, radius_m=radius_m).network
+
+
+def understand(
+    path: Path | str,
+    wanted: Selection | None = None,
+    *,
+    depot: tuple[float, float, float | None] | None = None,
+    radius_m: float | None = None,
+    anywhere: bool = False,
+) -> Understood:
+    """Read a network file, and say what was understood of it.
+
+    Args:
+        path: The file.
+        wanted: What of it is wanted.
+        depot: As `read_network` has it.
+        radius_m: As `read_network` has it.
+        anywhere: Whether a depot may be missing: then the middle of the poles is taken for it.
+
+    Raises:
+        NetworkError: one line that names the file, the place in it and what was expected.
+    """
+    path, wanted = Path(path), wanted or Selection()
     frame = _frame_of(path, depot)
+    choice = Choice(wanted.layers, wanted.where, wanted.crs)
     try:
-        network = _parsed(path, text, frame, crs, alt_known=depot is None or depot[2] is not None)
+        drawing = _drawn(path, choice)
     except RecursionError:
         raise NetworkError(f"{path}: content: {NESTED}") from None
-    return network if radius_m is None else network.within(radius_m)
+    if isinstance(drawing, str):
+        understood = _graph(drawing, str(path), choice, frame, anywhere=anywhere)
+    else:
+        choice.check_where(str(path))
+        understood = _placed(drawing, build(drawing, wanted.mending), frame, depot, anywhere=anywhere)
+    return understood if radius_m is None else _within(understood, radius_m)
 
 
-def _parsed(path: Path, text: str, frame: LocalFrame | None, crs: str | None, *, alt_known: bool) -> Network:
-    head = text.lstrip("\ufeff \t\r\n")
-    if head.startswith("{"):
-        if crs is not None:
-            raise NetworkError(f"{path}: crs: expected none for GeoJSON, which is always WGS 84; got {crs!r}")
-        return parse_geojson(head, source=str(path), frame=frame, alt_known=alt_known)
+def _graph(text: str, source: str, choice: Choice, frame: LocalFrame | None, *, anywhere: bool) -> Understood:
+    """Return what a graph file shows, which holds offsets from a depot only."""
+    choice.no_layers(source, f"a {GRAPH}")
+    if choice.where:
+        raise NetworkError(f"{source}: where: expected none for a {GRAPH}, whose lines have no attributes")
+    if frame is None and (not anywhere or choice.crs is not None):
+        raise NetworkError(f"{source}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
+    network = parse_graph(text, source=source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
+    words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
+    found = () if frame is not None else (Remark(Matter.FILE, GRAPH, words),)
+    return Understood(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
+
+
+def station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
+    """Return the points of a file by their names: where vehicles may stand, with the ground's height where it is known.
+
+    Raises:
+        NetworkError: it cannot be read.
+    """
+    drawing = _drawn(Path(path), Choice())
+    if isinstance(drawing, str):
+        raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
+    depot = drawing.depot
+    found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
+    return found | {pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m) for pole in drawing.poles}
+
+
+def _drawn(path: Path, choice: Choice) -> Drawing | str:
+    """Return what a file shows; of a graph file its text, which its depot gives a place to."""
+    source = str(path)
+    if begin_of(path) == geopackage.MAGIC:
+        return geopackage.draw_geopackage(path, source, choice)
+    content = limited_content(path)
+    if content.startswith(shapes.MAGIC):
+        return shapes.draw_shapefile(path, source, choice)
+    if content.startswith(b"PK"):
+        return _drawn_archive(content, source, choice)
+    if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return _drawn_xml(content, source, choice)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        raise NetworkError(f"{path}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
+    if text.lstrip().startswith("{"):
+        return _drawn_json(text.lstrip(), source, choice)
     if "pylons_position" in text:
-        if frame is None:
+        return text
+    if table.looks_like_table(text) or path.suffix.lower() == ".csv":
+        return table.draw_csv(text, source, choice)
+    raise NetworkError(
+        f"{source}: content: expected GeoJSON, or a graph file with pylons_position, or one of {FORMATS}; found none"
+    )
+
+
+def _drawn_archive(content: bytes, source: str, choice: Choice) -> Drawing:
+    archive = Archive(content, source)
+    if "xl/workbook.xml" in archive.names:
+        return table.draw_xlsx(archive, content, source, choice)
+    if archive.ending_in(".shp"):
+        return shapes.draw_zipped_shapes(archive, source, choice)
+    if archive.ending_in(".kml"):
+        return kml.draw_kml(root_of(kml.kml_of(archive), source), source, choice)
+    raise NetworkError(f"{source}: content: expected a KMZ, shapefiles or a workbook in the archive, found none")
+
+
+def _drawn_xml(content: bytes, source: str, choice: Choice) -> Drawing:
+    root = root_of(content, source)
+    readers = {"kml": kml.draw_kml, "gpx": gpx.draw_gpx, "osm": osm.draw_osm_xml} | dict.fromkeys(
+        kml.ROOTS, kml.draw_kml
+    )
+    reader = readers.get(tag_of(root))
+    if reader is None:
+        raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}")
+    return reader(root, source, choice)
+
+
+def _drawn_json(text: str, source: str, choice: Choice) -> Drawing:
+    document = parse_json(text, source, NetworkError)
+    if not isinstance(document, dict):
+        raise NetworkError(f"{source}: content: expected a JSON object")
+    if "elements" in document and "features" not in document:
+        return osm.draw_overpass(document, source, choice)
+    return geojson.draw_geojson(document, source, choice)
+
+
+def _placed(
+    drawing: Drawing,
+    built: Built,
+    frame: LocalFrame | None,
+    given: tuple[float, float, float | None] | None,
+    *,
+    anywhere: bool,
+) -> Understood:
+    """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
+    if not built.segments:
+        poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
+        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none{poles}")
+    alt_known = given is not None and given[2] is not None
+    if frame is None or not alt_known:
+        frame, alt_known = _own_depot(drawing, frame)
+    has_depot, knows_ground = frame is not None, any(pylon.elevation_m is not None for pylon in built.pylons)
+    if frame is None:
+        if not anywhere:
             raise NetworkError(
-                f"{path}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only"
+                f"{drawing.source}: depot: expected a Point with property role 'depot', or a depot in the site file"
             )
-        return parse_graph(text, source=str(path), frame=frame, crs=crs)
-    raise NetworkError(f"{path}: content: expected GeoJSON, or a graph file with pylons_position; found neither")
+        frame = _middle(drawing.source, built)
+    elif not alt_known and knows_ground and not anywhere:
+        raise NetworkError(
+            f"{drawing.source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
+            "of the site's [depot], or elevation_m of the file's"
+        )
+    network = Network(built.pylons, built.segments, frame, drawing.source, drawing.flat)
+    return Understood(network, drawing.format, drawing.crs, has_depot, built.lines, built.found)
+
+
+def _own_depot(drawing: Drawing, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:
+    """Return the file's depot, or one that is known with the height of the file's if that is near.
+
+    With it comes whether its height is known.
+    """
+    depot = drawing.depot
+    if depot is None:
+        return known, False
+    if known is not None:
+        near = distance_m(known.lat_deg, known.lon_deg, depot.lat_deg, depot.lon_deg) <= SAME_DEPOT_M
+        if near and depot.elevation_m is not None:
+            return LocalFrame(known.lat_deg, known.lon_deg, depot.elevation_m), True
+        return known, False
+    try:
+        return LocalFrame(depot.lat_deg, depot.lon_deg, depot.elevation_m or 0.0), depot.elevation_m is not None
+    except ValueError as error:
+        raise NetworkError(f"{drawing.source}: {depot.place}: depot: {error}") from error
+
+
+def _middle(source: str, built: Built) -> LocalFrame:
+    """Return the middle of the poles, for who only looks at them."""
+    first = built.pylons[0]
+    about = LocalFrame(first.lat_deg, first.lon_deg)
+    places_m = [about.to_local_m(pylon.lat_deg, pylon.lon_deg) for pylon in built.pylons]
+    for pylon, place_m in zip(built.pylons, places_m, strict=True):
+        if not math.hypot(*place_m) <= MAX_DISTANCE_M:
+            raise NetworkError(
+                f"{source}: pylon {pylon.id!r}: position: expected within {MAX_DISTANCE_M / 1000:g} km of pylon "
+                f"{first.id!r}, got {pylon.lat_deg:.6f}, {pylon.lon_deg:.6f}; are latitude and longitude swapped, or "
+                "is it another crs?"
+            )
+    east_m, north_m = ([place_m[axis] for place_m in places_m] for axis in (0, 1))
+    middle = about.to_wgs84_deg((min(east_m) + max(east_m)) / 2, (min(north_m) + max(north_m)) / 2)
+    return LocalFrame(*middle)
+
+
+def _within(understood: Understood, radius_m: float) -> Understood:
+    network = understood.network.within(radius_m)
+    lines = {segment.label: understood.lines.get(segment.label, "") for segment in network.segments}
+    return replace(understood, network=network, lines=lines)
 
 
 def _frame_of(path: Path, depot: tuple[float, float, float | None] | None) -> LocalFrame | None:

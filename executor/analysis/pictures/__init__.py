@@ -14,10 +14,11 @@ from executor.analysis.flight_record import FlightRecord
 from executor.analysis.pictures.battery import battery_figure
 from executor.analysis.pictures.front import FrontPoint, front_figure
 from executor.analysis.pictures.maps import map_figure, plan_figure
+from executor.analysis.pictures.network import network_figure
 from executor.analysis.pictures.risk import risk_figure
 from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window import window_figure
-from missions import PlanFile
+from missions import PlanFile, Understood
 from planner import LossRepair, ReplanWindow, Risk
 
 __all__ = [
@@ -26,11 +27,13 @@ __all__ = [
     "draw_battery",
     "draw_front",
     "draw_map",
+    "draw_network",
     "draw_plan",
     "draw_risk",
     "draw_window",
     "front_figure",
     "map_figure",
+    "network_figure",
     "plan_figure",
     "risk_figure",
     "window_figure",
@@ -44,6 +47,15 @@ def draw_plan(content: PlanFile, path: Path) -> None:
         OSError: the file cannot be written.
     """
     _save(plan_figure(content), path)
+
+
+def draw_network(understood: Understood, path: Path) -> None:
+    """Write the map of a network as it was understood from its file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(network_figure(understood), path)
 
 
 def draw_map(record: FlightRecord, path: Path) -> None:

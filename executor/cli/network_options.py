@@ -1,0 +1,96 @@
+"""What the commands that read a network's file ask of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.options import finite
+from executor.errors import SiteError
+from missions import Mending, Selection, parse_where, station_points
+
+LayersOption = Annotated[
+    list[str] | None,
+    typer.Option("--layer", metavar="NAME", help="The layer, sheet or folder to read; may be repeated."),
+]
+WhereOption = Annotated[
+    str | None,
+    typer.Option(metavar="FILTER", help='Only lines of which this holds, such as "voltage >= 110000".'),
+]
+CrsOption = Annotated[
+    str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
+]
+SnapOption = Annotated[
+    float,
+    typer.Option("--snap", min=0.01, max=50, callback=finite, metavar="M", help="What is nearer than M metres meets."),
+]
+MaxSpanOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-span",
+        min=5,
+        max=20_000,
+        callback=finite,
+        metavar="M",
+        help="Divide longer spans, where there are no poles.",
+    ),
+]
+DepotOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LAT,LON,ALT",
+        help="The depot, where the network's file does not give it; or a file with it, FILE#NAME.",
+    ),
+]
+
+
+def wanted(
+    layer: Sequence[str] | None, where: str | None, crs: str | None, mending: Mending | None = None
+) -> Selection:
+    """Return what options ask of a network's file.
+
+    Raises:
+        SiteError: the filter is none.
+    """
+    try:
+        terms = () if where is None else parse_where(where)
+    except ValueError as error:
+        raise SiteError(f"--where: {error}, got {where!r}") from error
+    return Selection(tuple(layer or ()), terms, crs, mending or Mending())
+
+
+def depot_of(text: str) -> tuple[float, float, float | None]:
+    """Return where a depot is: by its figures, or as a point of a file by its name.
+
+    Raises:
+        SiteError: it is neither.
+        NetworkError: the file cannot be read.
+    """
+    try:
+        lat_deg, lon_deg, *rest = (float(word) for word in text.split(","))
+    except ValueError:
+        return _station(text)
+    if len(rest) > 1 or not (abs(lat_deg) <= 89 and abs(lon_deg) <= 180 and all(-500 <= up <= 9000 for up in rest)):
+        raise _no_depot(text)
+    return lat_deg, lon_deg, rest[0] if rest else None
+
+
+def _station(text: str) -> tuple[float, float, float | None]:
+    name, _, point = text.partition("#")
+    if not Path(name).is_file():
+        raise _no_depot(text)
+    found = station_points(name)
+    if point in found or (len(found) == 1 and not point):
+        return found[point] if point else next(iter(found.values()))
+    known = ", ".join(f"#{one}" for one in list(found)[:12]) or "none"
+    raise SiteError(f"--depot: expected the name of a point in {name}, of {known}, got {text!r}")
+
+
+def _no_depot(text: str) -> SiteError:
+    return SiteError(
+        "--depot: expected latitude and longitude in degrees and the ground's height in metres, such as "
+        f"49.5985,15.6137,462, or FILE#NAME, got '{text}'"
+    )

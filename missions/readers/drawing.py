@@ -1,0 +1,133 @@
+"""What every reader makes of its file: poles, lines and single spans in WGS 84, before anybody asks what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from missions.errors import NetworkError
+
+Vertex = tuple[float, float, float | None]
+"""Latitude and longitude in degrees, and the third coordinate where there is one."""
+Attributes = Mapping[str, object]
+
+MOST_VERTICES = 1_000_000
+"""Of all lines together; what holds more is a country's, to be cut to what is flown."""
+
+
+class Matter(StrEnum):
+    """What a finding is about."""
+
+    SNAPPED = "ends joined"
+    SPLIT = "lines split at poles"
+    CUT = "long spans divided"
+    MADE = "poles made"
+    SAME_PLACE = "poles at one place"
+    SAME_NAME = "poles of one name"
+    DUPLICATE = "spans drawn twice"
+    ZERO = "spans without length"
+    UNUSED = "poles on no line"
+    CROSSING = "crossings without a pole"
+    NEARLY = "ends that nearly meet"
+    LONG = "long spans"
+    SHORT = "short spans"
+    HEIGHTS = "heights"
+    FILE = "the file itself"
+    LEFT_OUT = "left out"
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """One thing of a file that was mended, or left for people to look at."""
+
+    matter: Matter
+    asset: str
+    """The line's, span's or pole's name."""
+    text: str
+    """What was found of it and what was done."""
+
+    @property
+    def words(self) -> str:
+        """The whole line."""
+        return f"{self.asset}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class Pole:
+    """One structure as its file has it."""
+
+    place: str
+    """Where it stands in the file, for messages."""
+    name: str
+    """Empty where the file has none."""
+    lat_deg: float
+    lon_deg: float
+    elevation_m: float | None = None
+    height_m: float | None = None
+    third_m: float | None = None
+    line: str = ""
+    """What tells it from another line's pole of the same name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line as its file has it: of several parts where it is interrupted or branches."""
+
+    place: str
+    name: str
+    parts: tuple[tuple[Vertex, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A span that its file gives by the names of its two poles."""
+
+    place: str
+    name: str
+    a: str
+    b: str
+    line: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Depot:
+    """The depot, where the file has one."""
+
+    place: str
+    lat_deg: float
+    lon_deg: float
+    elevation_m: float | None
+
+
+@dataclass(slots=True)
+class Drawing:
+    """All that was read of a file."""
+
+    source: str
+    """The file's name, for messages."""
+    format: str
+    crs: str = "WGS 84"
+    """What its coordinates were, in words."""
+    poles: list[Pole] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    spans: list[Span] = field(default_factory=list)
+    depot: Depot | None = None
+    found: list[Remark] = field(default_factory=list)
+    flat: bool = False
+    """Whether the file says that its ground is as high as the depot's everywhere."""
+    vertices: int = 0
+
+    def draw(self, line: Line) -> None:
+        """Add a line.
+
+        Raises:
+            NetworkError: there are too many vertices by now.
+        """
+        self.vertices += sum(map(len, line.parts))
+        if self.vertices > MOST_VERTICES:
+            raise NetworkError(
+                f"{self.source}: {line.place}: expected at most {MOST_VERTICES} positions in all; layer, where, or a "
+                "cut of the file choose what is flown"
+            )
+        self.lines.append(line)

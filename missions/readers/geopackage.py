@@ -1,0 +1,188 @@
+"""GeoPackage (OGC 12-128): an SQLite file with layers of features, of any reference system.
+
+Read with Python's own sqlite3 from a file that nothing is written to; geometries are the standard's header before
+well-known binary.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import quote
+
+from missions.errors import NetworkError
+from missions.files import printable
+from missions.readers.choice import Choice
+from missions.readers.crs import ToWgs84, to_wgs84
+from missions.readers.drawing import Drawing
+from missions.readers.features import Feature, Kind, Layer, Position, add_features, wanted_layers
+
+FORMAT = "GeoPackage"
+MAGIC = b"SQLite format 3\x00"
+MOST_FEATURES = 500_000
+ENVELOPE_BYTES = {0: 0, 1: 32, 2: 48, 3: 48, 4: 64}
+POINT, LINE, POLYGON, MULTI_POINT, MULTI_LINE, COLLECTION = 1, 2, 3, 4, 5, 7
+MOST_WORK = 20_000_000
+"""Thousands of steps of SQLite's machine before a query is given up: a view may be anything."""
+KINDS = {
+    "POINT": Kind.POINT, "MULTIPOINT": Kind.POINT, "LINESTRING": Kind.LINE, "MULTILINESTRING": Kind.LINE,
+    "GEOMETRY": Kind.LINE, "GEOMETRYCOLLECTION": Kind.LINE,
+}  # fmt: skip
+
+
+class _Damaged(Exception):
+    """A geometry that is none."""
+
+
+def draw_geopackage(path: Path, source: str, choice: Choice) -> Drawing:
+    """Return what a GeoPackage shows.
+
+    Raises:
+        NetworkError: one line that names the file, the layer and feature and what was expected.
+    """
+    try:
+        with closing(_opened(path)) as database:
+            return _drawn(database, source, choice)
+    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError) as reason:
+        raise NetworkError(f"{source}: content: expected a GeoPackage: {printable(str(reason))}") from reason
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
+    database.execute("PRAGMA trusted_schema = OFF")
+    database.execute("PRAGMA cell_size_check = ON")
+    left = iter(range(MOST_WORK))
+    database.set_progress_handler(lambda: int(next(left, None) is None), 1000)
+    return database
+
+
+def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing:
+    rows = database.execute(
+        "SELECT c.table_name, g.column_name, g.geometry_type_name, g.srs_id FROM gpkg_contents c "
+        "JOIN gpkg_geometry_columns g ON g.table_name = c.table_name WHERE c.data_type = 'features' ORDER BY c.rowid"
+    ).fetchall()
+    columns = {str(table): (str(column), srs) for table, column, _, srs in rows}
+    layers = []
+    for table, _, kind, _ in rows:
+        ((count,),) = database.execute(_select("count(*)", table))
+        layers.append(Layer(str(table), KINDS.get(str(kind).upper(), Kind.OTHER), count))
+    drawing, systems = Drawing(source, FORMAT), []
+    for layer in wanted_layers(layers, source, choice):
+        if layer.count > MOST_FEATURES:
+            raise NetworkError(f"{source}: layer {layer.name!r}: expected at most {MOST_FEATURES} features")
+        column, srs = columns[layer.name]
+        system = _system(database, srs, source, layer.name, choice)
+        systems.append(system.words)
+        add_features(drawing, _features(database, layer.name, column, source), system, choice)
+    drawing.crs = ", ".join(dict.fromkeys(systems))
+    return drawing
+
+
+def _select(what: str, table: object) -> str:
+    """Return a query of a whole table, whose name is the file's."""
+    name = str(table).replace('"', '""')
+    return " ".join(("SELECT", what, "FROM", f'"{name}"'))
+
+
+def _system(database: sqlite3.Connection, srs: object, source: str, layer: str, choice: Choice) -> ToWgs84:
+    place = f"{source}: layer {layer!r}"
+    row = database.execute(
+        "SELECT organization, organization_coordsys_id, definition FROM gpkg_spatial_ref_sys WHERE srs_id = ?", (srs,)
+    ).fetchone()
+    if row is None or srs in {0, -1}:
+        if choice.crs is None:
+            raise NetworkError(f"{place}: crs: expected a reference system, none is in the file; crs says it")
+        return to_wgs84(choice.crs, place)
+    organization, code, definition = row
+    known = str(organization).upper() in {"EPSG", "ESRI", "IGNF", "OGC"}
+    system = to_wgs84(f"{organization}:{code}" if known else str(definition), place)
+    if choice.crs is not None and to_wgs84(choice.crs, place).words != system.words:
+        raise NetworkError(f"{place}: crs: expected none, the file says {system.words}; got {choice.crs!r}")
+    return system
+
+
+def _features(database: sqlite3.Connection, table: str, column: str, source: str) -> Iterator[Feature]:
+    cursor = database.execute(_select("*", table))
+    names = [str(entry[0]) for entry in cursor.description]
+    if column not in names:
+        raise NetworkError(f"{source}: layer {table!r}: expected its column {column!r}, found none")
+    key = next((name for name in names if name.lower() in {"fid", "ogc_fid"}), None)
+    at = names.index(column)
+    for number, row in enumerate(cursor, start=1):
+        attributes = {name: value for name, value in zip(names, row, strict=True) if name != column}
+        place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
+        blob = row[at]
+        if blob is None:
+            continue
+        try:
+            kind, parts = geometry_of(blob)
+        except (_Damaged, struct.error, TypeError) as reason:
+            raise NetworkError(f"{source}: {place}: geometry: expected a GeoPackage's: {reason}") from reason
+        yield Feature(place, kind, parts, attributes)
+
+
+def geometry_of(blob: bytes) -> tuple[Kind, Sequence[Sequence[Position]]]:
+    """Return what a geometry of a GeoPackage is, and its positions by part.
+
+    Raises:
+        _Damaged: it is none.
+    """
+    if not isinstance(blob, bytes) or blob[:2] != b"GP" or len(blob) < 8:
+        raise _Damaged("no header 'GP'")
+    envelope = ENVELOPE_BYTES.get(blob[3] >> 1 & 7)
+    if envelope is None:
+        raise _Damaged("an unknown envelope")
+    if blob[3] >> 4 & 1:  # empty
+        return Kind.LINE, ()
+    geometries: list[tuple[int, list[Position]]] = []
+    _read(blob, 8 + envelope, geometries, 0)
+    kinds = {code for code, _ in geometries}
+    if kinds <= {POINT}:
+        return Kind.POINT, [part for _, part in geometries]
+    if kinds <= {LINE}:
+        return Kind.LINE, [part for _, part in geometries]
+    return Kind.OTHER, ()
+
+
+def _read(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: int) -> int:
+    """Read well-known binary at a place; return where it ends."""
+    order = {0: ">", 1: "<"}.get(blob[at] if at < len(blob) else -1)
+    if order is None or depth > 4:
+        raise _Damaged("no well-known binary")
+    code = int(struct.unpack_from(f"{order}I", blob, at + 1)[0])
+    width = 2 + _more(code)
+    kind, at = (code & 0x0FFFFFFF) % 1000, at + 5
+    if kind == POINT:
+        into.append((POINT, [_position(struct.unpack_from(f"{order}{width}d", blob, at), code)]))
+        return at + 8 * width
+    if kind == LINE:
+        count = int(struct.unpack_from(f"{order}I", blob, at)[0])
+        if count * 8 * width > len(blob) - at:
+            raise _Damaged(f"{count} positions do not fit in {len(blob)} bytes")
+        figures = struct.unpack_from(f"{order}{count * width}d", blob, at + 4)
+        into.append((LINE, [_position(figures[i : i + width], code) for i in range(0, len(figures), width)]))
+        return at + 4 + 8 * width * count
+    if kind in {MULTI_POINT, MULTI_LINE, COLLECTION}:
+        (count,) = struct.unpack_from(f"{order}I", blob, at)
+        at += 4
+        if count > len(blob) - at:
+            raise _Damaged(f"{count} parts do not fit in {len(blob)} bytes")
+        for _ in range(count):
+            at = _read(blob, at, into, depth + 1)
+        return at
+    into.append((kind, []))
+    return len(blob)
+
+
+def _more(code: int) -> int:
+    """Return how many coordinates come beside the first two, as ISO or as PostGIS says it."""
+    thousands = (code & 0x0FFFFFFF) // 1000
+    return max({1: 1, 2: 1, 3: 2}.get(thousands, 0), bool(code & 0x80000000) + bool(code & 0x40000000))
+
+
+def _position(figures: Sequence[float], code: int) -> Position:
+    has_z = (code & 0x0FFFFFFF) // 1000 in {1, 3} or bool(code & 0x80000000)
+    return figures[0], figures[1], figures[2] if has_z else None

@@ -1,0 +1,139 @@
+"""KML and KMZ: Placemarks with Point, LineString or MultiGeometry, in folders; always WGS 84.
+
+A Point is a pole and a LineString a line, by the Placemark's name. ``elevation_m`` and ``height_m`` are taken from
+ExtendedData. An altitude is one of ground, wire or top, nobody knows: one that is ``absolute`` (above mean sea level)
+is kept with its pole and never flown by; one that is relative to the ground, or clamped to it, is not used, and said.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from missions.errors import NetworkError
+from missions.files import is_figure, printable
+from missions.readers.attributes import LINES, figure_of, heights_of, name_of
+from missions.readers.choice import Choice
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
+from missions.readers.opened import Archive
+from missions.readers.xmltree import children, line_of, tag_of, text_of
+
+if TYPE_CHECKING:
+    from lxml import etree
+
+FORMAT = "KML"
+GEOMETRIES = ("Point", "LineString", "MultiGeometry", "Polygon", "LinearRing", "Track", "MultiTrack", "Model")
+ROOTS = ("kml", "Document", "Folder", "Placemark")
+"""Elements that a file may begin with; programs leave out the outermost."""
+CLAMPED = "clampToGround"
+MODES = {
+    "absolute": "above sea level (absolute): kept, and not flown by",
+    "relativeToGround": "above the ground (relativeToGround), of wire or top is not said: not used",
+    CLAMPED: "on the ground (clampToGround): not used",
+}
+"""What is said of each altitudeMode."""
+
+
+def kml_of(archive: Archive) -> bytes:
+    """Return the document of a KMZ: doc.kml, or else the first .kml file of its root.
+
+    Raises:
+        NetworkError: it cannot be read.
+    """
+    names = archive.ending_in(".kml")
+    return archive.read(min(names, key=lambda name: (name.lower() != "doc.kml", name.count("/"), names.index(name))))
+
+
+def draw_kml(root: etree._Element, source: str, choice: Choice) -> Drawing:
+    """Return what a KML document shows.
+
+    Raises:
+        NetworkError: one line that names the file, the place in it and what was expected.
+    """
+    choice.no_crs(source, FORMAT)
+    drawing, modes = Drawing(source, FORMAT), Counter[str]()
+    marks = list(_placemarks([root], ""))
+    wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    for mark, folder in marks:
+        if folder in wanted:
+            _add(drawing, mark, folder, choice, modes)
+    for link in root.iter("{*}NetworkLink"):
+        text = "a link to another file: not followed"
+        drawing.found.append(Remark(Matter.LEFT_OUT, text_of(link, "name") or line_of(link), text))
+    for mode, count in modes.items():
+        what = "position has an altitude" if count == 1 else "positions have an altitude"
+        drawing.found.append(Remark(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
+    return drawing
+
+
+def _placemarks(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
+    """Yield every Placemark with its folder's name; the document's own name is none."""
+    for child in elements:
+        tag = tag_of(child)
+        if tag == "Placemark":
+            yield child, folder
+        elif tag in ROOTS:
+            yield from _placemarks(child, text_of(child, "name") if tag == "Folder" else folder)
+
+
+def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, modes: Counter[str]) -> None:
+    name = text_of(mark, "name")
+    place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
+    attributes = {**_attributes(mark), "folder": folder}
+    if name:
+        attributes["name"] = name
+    points: list[list[Vertex]] = []
+    parts: list[list[Vertex]] = []
+    for geometry in _geometries(mark):
+        tag = tag_of(geometry)
+        if tag in {"Point", "LineString"}:
+            vertices = _vertices(geometry, f"{drawing.source}: {place}", modes)
+            (points if tag == "Point" else parts).append(vertices)
+        else:
+            drawing.found.append(Remark(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
+    heights = heights_of(attributes, f"{drawing.source}: {place}") if points else (None, None)
+    for vertices in points:
+        lat_deg, lon_deg, third_m = vertices[0]
+        drawing.poles.append(Pole(place, name, lat_deg, lon_deg, *heights, third_m, name_of(attributes, LINES)))
+    for part in parts:
+        if len(part) < 2:
+            raise NetworkError(f"{drawing.source}: {place}: coordinates: expected a line of at least two positions")
+    if parts and choice.takes(attributes):
+        drawing.draw(Line(place, name, tuple(map(tuple, parts))))
+
+
+def _geometries(element: etree._Element) -> Iterator[etree._Element]:
+    for child in children(element, *GEOMETRIES):
+        if tag_of(child) == "MultiGeometry":
+            yield from _geometries(child)
+        else:
+            yield child
+
+
+def _attributes(mark: etree._Element) -> dict[str, object]:
+    found: dict[str, object] = {}
+    for data in children(mark, "ExtendedData"):
+        for element in data.iter("{*}Data", "{*}SimpleData"):
+            text = text_of(element, "value") if tag_of(element) == "Data" else printable(element.text or "")
+            found[printable(element.get("name") or "")] = text
+    return found
+
+
+def _vertices(geometry: etree._Element, place: str, modes: Counter[str]) -> list[Vertex]:
+    mode = text_of(geometry, "altitudeMode") or CLAMPED
+    coordinates = next(children(geometry, "coordinates"), None)
+    words = ((coordinates.text or "") if coordinates is not None else "").split()
+    if not words:
+        raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], found none")
+    vertices: list[Vertex] = []
+    for word in words:
+        figures = [figure_of(figure) for figure in word.split(",")]
+        if len(figures) not in {2, 3} or not all(map(is_figure, figures)):
+            raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], got {word[:60]!r}")
+        lon_deg, lat_deg = float(figures[0] or 0.0), float(figures[1] or 0.0)
+        altitude_m = figures[2] if len(figures) == 3 else None
+        if altitude_m:
+            modes[mode] += 1
+        vertices.append((lat_deg, lon_deg, altitude_m if altitude_m and mode == "absolute" else None))
+    return vertices

@@ -1,0 +1,135 @@
+"""The poles of a network while it is put together: those of the file, and those that its lines ask for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from missions.geo import LocalFrame
+from missions.readers.drawing import Matter, Pole, Remark, Vertex
+
+SAME_POLE_M = 0.5
+"""Two poles of a file that are nearer than this are one."""
+
+
+@dataclass(slots=True)
+class Node:
+    """A pole, or a place that may become one."""
+
+    name: str
+    lat_deg: float
+    lon_deg: float
+    at_m: tuple[float, float]
+    elevation_m: float | None = None
+    height_m: float | None = None
+    third_m: float | None = None
+    drawn: bool = True
+    """Whether the file has it as a pole."""
+
+
+@dataclass(slots=True)
+class Nodes:
+    """All of them, by name and by place: a grid of cells as wide as what is joined."""
+
+    frame: LocalFrame
+    snap_m: float
+    nodes: list[Node] = field(default_factory=list)
+    by_name: dict[str, int] = field(default_factory=dict)
+    found: list[Remark] = field(default_factory=list)
+    _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict)
+
+    def nearest(self, at_m: tuple[float, float], within_m: float) -> tuple[int | None, float]:
+        """Return the nearest node, at most as far as what is joined, and how far it is."""
+        row, column = self._cell(at_m)
+        least_m, found = math.inf, None
+        for cell in ((row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
+            for index in self._cells.get(cell, ()):
+                away_m = math.dist(at_m, self.nodes[index].at_m)
+                if away_m < least_m:
+                    least_m, found = away_m, index
+        return (found, least_m) if least_m <= within_m else (None, least_m)
+
+    def add_poles(self, poles: Iterable[Pole], named: frozenset[str]) -> None:
+        """Add the file's poles; those that spans name stay as they are, of others two at one place are one."""
+        unnamed = []
+        for pole in poles:
+            at_m = self.frame.to_local_m(pole.lat_deg, pole.lon_deg)
+            index, away_m = (None, 0.0)
+            if pole.name not in named:
+                index, away_m = self.nearest(at_m, min(self.snap_m, SAME_POLE_M))
+            if index is not None and self.nodes[index].name not in named:
+                self._join(self.nodes[index], pole, away_m)
+                continue
+            name = self._own_name(pole) if pole.name else ""
+            if not name:
+                unnamed.append(len(self.nodes))
+            self._add(Node(name, pole.lat_deg, pole.lon_deg, at_m, pole.elevation_m, pole.height_m, pole.third_m))
+        for index in unnamed:
+            self._name(index)
+
+    def at(self, vertex: Vertex, at_m: tuple[float, float]) -> tuple[int, float]:
+        """Return the node of a line's vertex, a new one if none is near, and how far it was."""
+        lat_deg, lon_deg, third_m = vertex
+        index, away_m = self.nearest(at_m, self.snap_m)
+        if index is None:
+            self._add(Node("", lat_deg, lon_deg, at_m, third_m=third_m, drawn=False))
+            return len(self.nodes) - 1, 0.0
+        if self.nodes[index].third_m is None:
+            self.nodes[index].third_m = third_m
+        return index, away_m
+
+    def between(self, at_m: tuple[float, float]) -> int:
+        """Add a place of which the file knows nothing."""
+        lat_deg, lon_deg = self.frame.to_wgs84_deg(*at_m)
+        self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
+        return len(self.nodes) - 1
+
+    def name_made(self, indices: Iterable[int]) -> None:
+        """Name what has no name yet."""
+        for index in indices:
+            if not self.nodes[index].name:
+                self._name(index)
+
+    def _add(self, node: Node) -> None:
+        if node.name:
+            self.by_name[node.name] = len(self.nodes)
+        self._cells.setdefault(self._cell(node.at_m), []).append(len(self.nodes))
+        self.nodes.append(node)
+
+    def _name(self, index: int) -> None:
+        number = index + 1
+        while (name := f"P{number}") in self.by_name:
+            number += len(self.nodes)
+        self.nodes[index].name = name
+        self.by_name[name] = index
+
+    def _join(self, node: Node, pole: Pole, away_m: float) -> None:
+        """Take a pole for one that is there already; what only one of them knows is kept."""
+        node.elevation_m = pole.elevation_m if node.elevation_m is None else node.elevation_m
+        node.height_m = pole.height_m if node.height_m is None else node.height_m
+        node.third_m = pole.third_m if node.third_m is None else node.third_m
+        if pole.name in {"", node.name} and pole.line:
+            return  # a table has a pole of two lines in the rows of both
+        if pole.name != node.name:
+            text = f"{away_m:.2f} m from {node.name or 'a pole without a name'!r}: taken for the same pole"
+            self.found.append(Remark(Matter.SAME_PLACE, pole.name or pole.place, text))
+            if pole.name and pole.name not in self.by_name:
+                self.by_name[pole.name] = self.by_name.get(node.name, len(self.nodes))
+        else:
+            self.found.append(Remark(Matter.SAME_PLACE, pole.name or pole.place, "drawn twice: taken once"))
+
+    def _own_name(self, pole: Pole) -> str:
+        if pole.name not in self.by_name:
+            return pole.name
+        name, number = f"{pole.line} {pole.name}" if pole.line else f"{pole.name} (2)", 2
+        while name in self.by_name:
+            number += 1
+            name = f"{pole.name} ({number})"
+        text = f"another pole has this name: it is called {name!r} here"
+        self.found.append(Remark(Matter.SAME_NAME, pole.name, text))
+        return name
+
+    def _cell(self, at_m: tuple[float, float]) -> tuple[int, int]:
+        wide_m = max(self.snap_m, SAME_POLE_M)
+        return math.floor(at_m[0] / wide_m), math.floor(at_m[1] / wide_m)

@@ -1,0 +1,96 @@
+"""Files of limited size, and what is in archives: no bomb of a few kilobytes fills the memory."""
+
+from __future__ import annotations
+
+import io
+import lzma
+import zipfile
+import zlib
+from pathlib import Path
+
+from missions.errors import NetworkError
+from missions.files import printable
+
+MOST_BYTES = 256_000_000
+"""Of a file, and of all that an archive unpacks to."""
+NEEDS = "needs the extra geo: pip install openpyxl pyshp"
+"""What is said of a workbook or a shapefile where nothing is installed to read it with."""
+UNREADABLE = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, RuntimeError, NotImplementedError, ValueError, OSError,
+)  # fmt: skip
+"""What zipfile raises for a member that is damaged, locked, or packed in a way that nobody knows."""
+MOST_MEMBERS = 10_000
+MOST_RATIO = 200
+"""A member that unpacks to more than so many times its size is a bomb, or empty space."""
+RATIO_FROM_BYTES = 10_000_000
+
+
+def begin_of(path: Path) -> bytes:
+    """Return the first 16 bytes of a file.
+
+    Raises:
+        NetworkError: it cannot be read.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise NetworkError(f"{path}: file: expected a readable network file: it is a device or a pipe")
+    try:
+        with path.open("rb") as file:
+            return file.read(16)
+    except OSError as reason:
+        raise NetworkError(f"{path}: file: expected a readable network file: {reason.strerror}") from reason
+
+
+def limited_content(path: Path) -> bytes:
+    """Return the content of a file that can be read.
+
+    Raises:
+        NetworkError: it is too large.
+    """
+    if path.stat().st_size > MOST_BYTES:
+        raise NetworkError(f"{path}: file: expected at most {MOST_BYTES // 1_000_000} MB; cut out what is flown")
+    return path.read_bytes()
+
+
+class Archive:
+    """A zip archive, of which nothing is unpacked that is not asked for."""
+
+    def __init__(self, content: bytes, source: str) -> None:
+        """Look into an archive.
+
+        Raises:
+            NetworkError: it is none, or unpacks to too much.
+        """
+        self.source = source
+        try:
+            self._zip = zipfile.ZipFile(io.BytesIO(content))
+            members = [member for member in self._zip.infolist() if not member.is_dir()]
+        except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as reason:
+            raise NetworkError(f"{source}: content: expected a whole zip archive: {printable(str(reason))}") from reason
+        if len(members) > MOST_MEMBERS:
+            raise NetworkError(f"{source}: content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
+        if sum(member.file_size for member in members) > MOST_BYTES:
+            raise NetworkError(f"{source}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
+        for member in members:
+            if member.file_size > max(RATIO_FROM_BYTES, MOST_RATIO * member.compress_size):
+                place = f"{source}: {printable(member.filename)}"
+                raise NetworkError(f"{place}: expected a file that unpacks to at most {MOST_RATIO} times its size")
+        # What macOS puts beside every file is none of ours.
+        self.names = tuple(member.filename for member in members if not member.filename.startswith("__MACOSX/"))
+
+    def ending_in(self, suffix: str) -> tuple[str, ...]:
+        """Return the files whose names end so, without regard to case."""
+        return tuple(name for name in self.names if name.lower().endswith(suffix))
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file, never more than its size says.
+
+        Raises:
+            NetworkError: it is damaged or locked.
+        """
+        try:
+            with self._zip.open(name) as file:
+                return file.read(self._zip.getinfo(name).file_size)
+        except UNREADABLE as reason:
+            raise NetworkError(
+                f"{self.source}: {printable(name)}: expected a whole file without a password: {printable(str(reason))}"
+            ) from reason

@@ -1,0 +1,159 @@
+"""Shapefiles, one by its .shp or several in a zip archive, of any reference system that a .prj names."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import struct
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from missions.errors import NetworkError
+from missions.files import printable
+from missions.readers.choice import Choice
+from missions.readers.crs import ToWgs84, to_wgs84
+from missions.readers.drawing import Drawing, Matter, Remark
+from missions.readers.features import Feature, Kind, Layer, add_features, wanted_layers
+from missions.readers.opened import NEEDS, Archive, limited_content
+
+if TYPE_CHECKING:
+    import shapefile
+
+FORMAT = "Shapefile"
+MAGIC = b"\x00\x00\x27\x0a"
+PARTS = ("shp", "shx", "dbf", "prj", "cpg")
+KINDS = {1: Kind.POINT, 8: Kind.POINT, 3: Kind.LINE}
+"""Shape types without their dimensions; 11 and 21 are 1 with z and with a measure, and so on."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shapes:
+    """The files of one layer, as far as they are there."""
+
+    name: str
+    files: Mapping[str, bytes]
+
+
+def draw_shapefile(path: Path, source: str, choice: Choice) -> Drawing:
+    """Return what the shapefile beside whose .shp the others lie shows.
+
+    Raises:
+        NetworkError: one line that names the file, the feature and what was expected.
+    """
+    files = {}
+    for part in PARTS:
+        beside = next((one for one in (path.with_suffix(f".{part}"), path.with_suffix(f".{part.upper()}"))
+                       if one.exists()), None)  # fmt: skip
+        if beside is not None:
+            files[part] = limited_content(beside)
+    files["shp"] = limited_content(path)
+    return _drawn([_Shapes(path.stem, files)], source, choice)
+
+
+def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing:
+    """Return what the shapefiles of an archive show.
+
+    Raises:
+        NetworkError: one line that names the file, the feature and what was expected.
+    """
+    by_name = {name.lower(): name for name in archive.names}
+    every = []
+    for shp in archive.ending_in(".shp"):
+        stem = shp[: -len(".shp")]
+        files = {
+            part: archive.read(by_name[f"{stem}.{part}".lower()])
+            for part in PARTS
+            if f"{stem}.{part}".lower() in by_name
+        }
+        every.append(_Shapes(printable(PurePosixPath(stem).name), files))
+    return _drawn(every, source, choice)
+
+
+def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
+    if find_spec("shapefile") is None:
+        raise NetworkError(f"{source}: a shapefile {NEEDS}")
+    drawing, systems = Drawing(source, FORMAT), []
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        readers = {shapes.name: _opened(shapes, source) for shapes in every}
+        layers = [Layer(name, _kind(reader.shapeType), len(reader)) for name, reader in readers.items()]
+        for layer in wanted_layers(layers, source, choice):
+            files = next(shapes.files for shapes in every if shapes.name == layer.name)
+            system = _system(files, f"{source}: {layer.name}", choice)
+            systems.append(system.words)
+            add_features(drawing, _features(readers[layer.name], layer.name, source), system, choice)
+    drawing.crs = ", ".join(dict.fromkeys(systems))
+    said = dict.fromkeys(printable(str(one.message)) for one in warned)
+    drawing.found += [Remark(Matter.FILE, FORMAT, words) for words in said]
+    return drawing
+
+
+def _opened(shapes: _Shapes, source: str) -> shapefile.Reader:
+    import shapefile
+
+    if "dbf" not in shapes.files:
+        raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
+    encoding = printable(shapes.files.get("cpg", b"utf-8").decode("ascii", "replace")) or "utf-8"
+    try:
+        return shapefile.Reader(
+            shp=io.BytesIO(shapes.files["shp"]), dbf=io.BytesIO(shapes.files["dbf"]),
+            shx=io.BytesIO(shapes.files["shx"]) if "shx" in shapes.files else None,
+            encoding=_known(encoding), encodingErrors="replace",
+        )  # fmt: skip
+    except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
+        raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {printable(str(reason))}") from reason
+
+
+def _known(encoding: str) -> str:
+    """Return what Python calls an encoding: .cpg files say 1250 where they mean cp1250."""
+    return f"cp{encoding}" if encoding.isdigit() else encoding
+
+
+def _kind(shape_type: int) -> Kind:
+    return KINDS.get(shape_type % 10, Kind.OTHER)
+
+
+def _system(files: Mapping[str, bytes], place: str, choice: Choice) -> ToWgs84:
+    text = files.get("prj", b"").decode("utf-8-sig", "replace").strip()
+    if not text:
+        if choice.crs is None:
+            raise NetworkError(f"{place}.prj: expected the reference system, the file is missing; crs says it")
+        return to_wgs84(choice.crs, place)
+    if choice.crs is not None and to_wgs84(choice.crs, place).words != to_wgs84(text, f"{place}.prj").words:
+        said = to_wgs84(text, f"{place}.prj").words
+        raise NetworkError(f"{place}.prj: crs: expected none, the file says {said}; got {choice.crs!r}")
+    return to_wgs84(text, f"{place}.prj")
+
+
+def _features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Feature]:
+    import shapefile
+
+    number = 0
+    try:
+        for number, found in enumerate(reader.iterShapeRecords(), start=1):
+            shape, place = found.shape, f"layer {layer!r} feature {number}"
+            kind = _kind(shape.shapeType)
+            if shape.shapeType == shapefile.NULL or kind is Kind.OTHER:
+                yield Feature(place, Kind.OTHER, (), {})
+                continue
+            heights = getattr(shape, "z", None) or [None] * len(shape.points)
+            positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
+                         zip(shape.points, heights, strict=False)]  # fmt: skip
+            starts = [*getattr(shape, "parts", [0]), len(positions)] if kind is Kind.LINE else [0, len(positions)]
+            parts = [positions[a:b] for a, b in itertools.pairwise(starts)]
+            yield Feature(place, kind, parts, found.record.as_dict())
+    except (
+        shapefile.ShapefileException,
+        struct.error,
+        ValueError,
+        IndexError,
+        TypeError,
+        OSError,
+        AssertionError,
+    ) as reason:
+        place = f"{source}: layer {layer!r} feature {number + 1}"
+        raise NetworkError(f"{place}: expected a whole shape and its attributes: {printable(str(reason))}") from reason

@@ -1,0 +1,37 @@
+"""What came of a network file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from missions.network import Network
+from missions.readers.build import Mending
+from missions.readers.choice import Term
+from missions.readers.drawing import Remark
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What of a file is wanted, and how far it may be mended."""
+
+    layers: tuple[str, ...] = ()
+    where: tuple[Term, ...] = ()
+    crs: str | None = None
+    """Of a file that does not say its own; of a graph file the map grid of its metres."""
+    mending: Mending = field(default_factory=Mending)
+
+
+@dataclass(frozen=True, slots=True)
+class Understood:
+    """A network, and how it came out of its file."""
+
+    network: Network
+    format: str
+    crs: str
+    has_depot: bool
+    """Whether the depot is known; otherwise the network's is the middle of its poles."""
+    lines: Mapping[str, str]
+    """The line of each segment, by the segment's label; empty where there is none."""
+    found: tuple[Remark, ...]
+    """What was mended or left out, and what is worth a look."""
