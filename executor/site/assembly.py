@@ -36,6 +36,7 @@ from missions import (
     with_heights,
 )
 from missions.pace import AS_MODELLED
+from missions.pads import column_radius_m
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -188,7 +189,9 @@ def pricing_of(
             performances.get(vehicle.name, usual), power, table.transit_speed_m_s, table.speed_m_s,
             AS_MODELLED if known is None else known.pace,
         )  # fmt: skip
-    return Pricing(setup.tracks_up_m, {name: setup.base_of(name) for name in ground.names}, models)
+    bases = {name: setup.base_of(name) for name in ground.names}
+    pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    return Pricing(setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m))
 
 
 def stall_s(speedup: float) -> float:

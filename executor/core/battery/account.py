@@ -34,7 +34,9 @@ GAP_S = 10.0
 BLIND_PCT = 1.5
 """PX4 without a current sensor: its percentage is off by some percent, and slowly so."""
 CAPACITY_PCT = 4.0
-"""As much must be used before charge can be set against percent: whole percents err by one."""
+"""As much must be used before charge can be set against percent: a step of it is seen up to two seconds late, 0.1 %."""
+STEP_PCT = 1.01
+"""A percentage that falls by more at once left out a report, or jumped: nobody knows where between."""
 
 NO_PRIOR = Prior()
 DEFAULT_LIMITS = Limits()
@@ -51,6 +53,15 @@ class BatterySample:
 
 
 @dataclass(frozen=True, slots=True)
+class Step:
+    """Where a percentage went on to its next value: only there it is known better than to a whole percent."""
+
+    pct: float
+    """Between the two values."""
+    counted_ah: float
+
+
+@dataclass(frozen=True, slots=True)
 class Charge:
     """The counter of consumed charge, where there is one."""
 
@@ -60,6 +71,9 @@ class Charge:
     began_ah: float = 0.0
     began_pct: float = 0.0
     """What the percentage was when the counter was first heard."""
+    first: Step | None = None
+    """The first step of the percentage that the counter was there for."""
+    last: Step | None = None
     capacity_ah: float | None = None
     """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
     drift: Drift = field(default_factory=Drift)
@@ -70,6 +84,8 @@ class BatteryState:
     """One vehicle's battery since its first report."""
 
     first_pct: float | None = None
+    first_ah: float | None = None
+    """What the counter of charge said beside that."""
     remaining_pct: float | None = None
     """The last report; None until there was one."""
     least_pct: float | None = None
@@ -155,7 +171,8 @@ def with_remaining(
         state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
-    fine = _counted_pct(state, remaining_pct)
+    charge = _stepped(state, remaining_pct)
+    fine = _counted_pct(charge, remaining_pct)
     if fine is None:
         estimate = kalman.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
     else:
@@ -178,6 +195,7 @@ def with_remaining(
         drift=drift,
         usual_long=_followed_long(state, estimate, elapsed_s, now_s),
         slow=slow,
+        charge=charge,
     )
 
 
@@ -200,16 +218,26 @@ def with_consumed(
             drift, used, expected, slack_pct=_slack(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
             now_s=now_s, memory_s=limits.battery_window_s,
         )  # fmt: skip
-    capacity = charge.capacity_ah
-    given_pct = charge.began_pct - state.remaining_pct
-    if given_pct >= CAPACITY_PCT and drift.excess_pct <= CALM_PCT and state.remaining_pct > 0:
-        capacity = 100.0 * (consumed_ah - charge.began_ah) / given_pct
+    taken = replace(charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, drift=drift)
+    return replace(state, charge=taken)
+
+
+def _stepped(state: BatteryState, reported_pct: float) -> Charge:
+    """Set the counter against a percentage that went on to its next value.
+
+    Between two steps both have given exactly as much, however the percentage is rounded.
+    """
+    charge, before_pct = state.charge, state.remaining_pct
+    if charge.consumed_ah is None or before_pct is None or not 0.0 < before_pct - reported_pct <= STEP_PCT:
+        return charge
+    step = Step((before_pct + reported_pct) / 2, charge.consumed_ah)
+    first, capacity = charge.first or step, charge.capacity_ah
+    given_pct = first.pct - step.pct
+    if given_pct >= CAPACITY_PCT and charge.drift.excess_pct <= CALM_PCT and reported_pct > 0:
+        capacity = 100.0 * (step.counted_ah - first.counted_ah) / given_pct
         if capacity <= 0.0:
             capacity = None  # a counter that stands still while the percentage falls counts nothing
-    taken = replace(
-        charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, capacity_ah=capacity, drift=drift
-    )
-    return replace(state, charge=taken)
+    return replace(charge, first=first, last=step, capacity_ah=capacity)
 
 
 def swapped(
@@ -220,12 +248,30 @@ def swapped(
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior)
 
 
-def _counted_pct(state: BatteryState, reported_pct: float) -> float | None:
-    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
+def spent_pct(state: BatteryState) -> float:
+    """Return what was given since the first report, as exactly as it is known.
+
+    Whole percents are a large part of a small budget. The counter of charge knows what was given better than how much
+    is left, which depends on how the percentage is rounded.
+    """
+    if state.first_pct is None or state.estimate is None:
+        return 0.0
     charge = state.charge
-    if charge.capacity_ah is None or charge.consumed_ah is None:
+    if (
+        charge.capacity_ah is None
+        or charge.consumed_ah is None
+        or state.first_ah is None
+        or charge.began_ah < state.first_ah  # it began anew
+    ):
+        return max(0.0, state.first_pct - state.estimate.remaining_pct)
+    return 100.0 * (charge.consumed_ah - state.first_ah) / charge.capacity_ah
+
+
+def _counted_pct(charge: Charge, reported_pct: float) -> float | None:
+    """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
+    if charge.capacity_ah is None or charge.consumed_ah is None or charge.last is None:
         return None
-    left = charge.began_pct - 100.0 * (charge.consumed_ah - charge.began_ah) / charge.capacity_ah
+    left = charge.last.pct - 100.0 * (charge.consumed_ah - charge.last.counted_ah) / charge.capacity_ah
     return left if abs(left - reported_pct) <= AGREES_PCT else None
 
 
