@@ -187,6 +187,8 @@ class ModelPart(_Part):
     """East and north of the depot in metres: ways lead around the columns above others' pads."""
     column_m: Annotated[Figure, Field(ge=0)] = 0.0
     """Radius of these columns; 0 where every way is straight."""
+    answer_s: Annotated[Figure, Field(ge=0)] = 0.0
+    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
 
 
 class PlanDocument(_Part):
@@ -380,6 +382,7 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "tracks": pricing.tracks_m.tolist(),
         "pads": pricing.pads_m,
         "column_m": pricing.column_m,
+        "answer_s": pricing.answer_s,
     }
 
 
@@ -398,4 +401,5 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         },
         model.pads,
         model.column_m,
+        model.answer_s,
     )

@@ -212,6 +212,8 @@ class Pricing:
     """East and north of all pads, also of vehicles that do not fly any more: ways lead around the columns above them."""
     column_m: float = 0.0
     """Radius of these columns; 0 where every way is straight."""
+    answer_s: float = 0.0
+    """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -332,4 +334,5 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
         value=np.hypot(*(last_m - first_m)[::2, :2].T),
         end_m=last_m,
         landing_m=DEPOT_M,
+        answer_s=pricing.answer_s,
     )  # fmt: skip

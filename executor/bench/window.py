@@ -16,7 +16,8 @@ import numpy as np
 
 from executor.bench.errors import BenchError
 from executor.bench.store import Json
-from executor.bench.virtual.flight import VirtualFlight, fly_virtual
+from executor.bench.virtual.branches import Branch, fly_branches
+from executor.bench.virtual.flight import VirtualFlight
 from executor.bench.virtual.many import each
 from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_capacity
 from executor.site.assembly import Ground
@@ -136,9 +137,13 @@ def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list
     return drawn
 
 
-def fly_loss(claim: Claim, loss: RandomLoss) -> LossOutcome:
-    """Fly one loss; the same always gives the same."""
-    return judged_loss(fly_virtual(claim.ground, claim.plan, faults=[loss.spec], seed=loss.number), loss)
+def fly_losses(claim: Claim, drawn: Sequence[RandomLoss], *, jobs: int = 1, seed: int = 0) -> list[LossOutcome]:
+    """Fly each loss; the same always gives the same. What they share, the time before the first one, is flown once."""
+    branches = [Branch(loss.vehicle, loss.at_s, loss.spec) for loss in drawn]
+    return fly_branches(
+        claim.ground, claim.plan, branches, lambda flight, number: judged_loss(flight, drawn[number]),
+        jobs=jobs, seed=seed,
+    )  # fmt: skip
 
 
 def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
@@ -164,13 +169,6 @@ def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
     return LossOutcome(
         loss, not wrong, tuple(wrong), report.segments_uncovered, named, least_pct, flight.flown_s, flight.took_s,
     )  # fmt: skip
-
-
-def fly_losses(
-    claim: Claim, drawn: Sequence[RandomLoss], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[LossOutcome]:
-    """Fly each loss."""
-    return each(partial(fly_loss, claim), drawn, jobs=jobs, told=told)
 
 
 def results(claim: Claim, after: Sequence[LossOutcome], before: Sequence[LossOutcome]) -> Json:

@@ -105,6 +105,7 @@ def fly_virtual(
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
     sink: EventSink | None = None,
     limit_s: float = LIMIT_S,
+    look: Callable[[Mapping[str, SimulatedVehicle]], None] = lambda _: None,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
 
@@ -119,6 +120,7 @@ def fly_virtual(
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
         sink: Where events are written; without it nowhere.
         limit_s: Of the flight's time after the launch.
+        look: Called with the vehicles after every step of their lives.
 
     Raises:
         SimulatorError: a fault cannot be read, or names nobody.
@@ -128,7 +130,7 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    flown = run_virtual(lambda: _Sky(ground, plan, faults, seed, craft, sink or Nowhere()).fly(limit_s))
+    flown = run_virtual(lambda: _Sky(ground, plan, faults, seed, craft, sink or Nowhere(), look).fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
 
@@ -162,9 +164,11 @@ class _Sky:
     def __init__(
         self, ground: Ground, plan: PlanFile, faults: Sequence[str], seed: int,
         craft: Callable[[SimVehicle], SimVehicle], sink: EventSink,
+        look: Callable[[Mapping[str, SimulatedVehicle]], None],
     ) -> None:  # fmt: skip
         self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: ())
         self._sink = sink
+        self._looks_on = look
         self._solver = SolverHere(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
         setup = assembly.setup_of(ground)
@@ -220,6 +224,7 @@ class _Sky:
     def _look(self, _: float) -> None:
         for radio in self._radios.values():
             self._truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+        self._looks_on({name: radio.vehicle for name, radio in self._radios.items()})
 
 
 async def _to_the_end(flight: Flight, until_s: float) -> bool:
