@@ -77,21 +77,26 @@ def window(
         Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
     ] = None,
     radius: Annotated[
-        float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
-    ] = 700.0,
-    losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed time, each a flight.")] = 50,
-    before: Annotated[int, typer.Option(min=0, help="Losses before it: what is left over must be named.")] = 0,
+        list[float],
+        typer.Option(min=1, metavar="M", help="Only segments within M metres of the depot; a plan for each one given."),
+    ] = [700.0],  # noqa: B006 - typer reads it, nobody writes it
+    losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
+    before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
     seed: SeedOption = 1,
     autopilot: Annotated[
         AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
     ] = FIRST_AUTOPILOT,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
     tightness: Annotated[
-        float,
+        list[float],
         typer.Option(
-            min=0.01, max=1, metavar="SHARE", help="What the best MinMax plan's dearest route takes of the budget."
+            min=0.01,
+            max=1,
+            metavar="SHARE",
+            help="What the best MinMax plan's dearest route takes of the budget; several are taken by the plans in turn.",
         ),
-    ] = 0.85,
+    ] = [0.85],  # noqa: B006 - as above
+    budget: Annotated[float, typer.Option(min=1, max=100, metavar="PCT", help="Of each vehicle's battery.")] = 28.0,
     seconds: SecondsOption = 20.0,
     jobs: JobsOption = None,
     out: Annotated[
@@ -106,22 +111,26 @@ def window(
     """
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
-    from executor.bench.window import WindowSettings, claimed, fly_losses, results
-    from executor.bench.window import losses as drawn
+    from executor.bench.window import WindowSettings, results, tried
     from executor.bench.windowpage import keep_window, print_window, window_document
 
     count = jobs or cores()
-    settings = WindowSettings(network, radius, autopilot.value, vehicles, tightness, seconds, seed, count)
-    claim = claimed(settings)
+    plans = [
+        WindowSettings(
+            network, within_m, autopilot.value, vehicles, tightness[number % len(tightness)], budget, seconds, seed, count
+        )
+        for number, within_m in enumerate(radius)
+    ]
     with ShownProgress() as shown:
-        flown = fly_losses(claim, drawn(claim, losses, seed), count, partial(shown.told, "losses after"))
-        early = fly_losses(claim, drawn(claim, before, seed, before=True), count, partial(shown.told, "losses before"))
+        trials = tried(plans, losses, before, count, partial(shown.told, "plans"))
     command = shlex.join([
         "faultline", "bench", "window", *([] if network is None else ["--network", network.name]),
-        "--radius", f"{radius:g}", "--losses", str(losses), "--before", str(before), "--seed", str(seed),
-        "--autopilot", autopilot.value, "--vehicles", str(vehicles), "--tightness", f"{tightness:g}",
+        *(part for within_m in radius for part in ("--radius", f"{within_m:g}")),
+        "--losses", str(losses), "--before", str(before), "--seed", str(seed),
+        "--autopilot", autopilot.value, "--vehicles", str(vehicles),
+        *(part for share in tightness for part in ("--tightness", f"{share:g}")), "--budget", f"{budget:g}",
     ])  # fmt: skip
-    content = window_document(settings, command, results(claim, flown, early))
+    content = window_document(plans[0], command, results(trials))
     if out is not None:
         keep_window(content, out)
     if as_json:
