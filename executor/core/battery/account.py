@@ -199,6 +199,13 @@ def with_remaining(
     )
 
 
+def with_first_count(state: BatteryState, consumed_ah: float | None) -> BatteryState:
+    """Take what the counter of charge says, while the percentage is still the first one."""
+    if state.first_ah is not None or state.remaining_pct != state.first_pct:
+        return state
+    return replace(state, first_ah=consumed_ah)
+
+
 def with_consumed(
     state: BatteryState, consumed_ah: float, now_s: float, limits: Limits = DEFAULT_LIMITS
 ) -> BatteryState:
@@ -261,7 +268,7 @@ def spent_pct(state: BatteryState) -> float:
         charge.capacity_ah is None
         or charge.consumed_ah is None
         or state.first_ah is None
-        or charge.began_ah < state.first_ah  # it began anew
+        or charge.consumed_ah < state.first_ah  # it began anew
     ):
         return max(0.0, state.first_pct - state.estimate.remaining_pct)
     return 100.0 * (charge.consumed_ah - state.first_ah) / charge.capacity_ah

@@ -29,8 +29,8 @@ def powered(context: Scene, state: VehicleState, message: Battery, now_s: float)
             roundings = replace(roundings, rounded=percent, rounded_s=now_s)
             percent = roundings.percent
         charge = _charged(context, state.name, charge, percent, message.charge_state, now_s)
-        if charge.first_ah is None and single and charge.remaining_pct == charge.first_pct:
-            charge = replace(charge, first_ah=message.consumed_ah)
+        if single:
+            charge = account.with_first_count(charge, message.consumed_ah)
     if message.voltage_v and single:
         volts = _measured(context, state, Report(message.voltage_v, message.current_a, message.cells_v), now_s)
     return replace(old, packs=packs, battery=charge, roundings=roundings, volts=volts, battery_faults=message.faults)
