@@ -6,8 +6,8 @@ transit to a segment's first pylon, which ends with a stop, and the inspection t
 move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each. A transit is priced as it leads around others' pads, and else as one straight leg;
-where hills make the flight follow the ground it is a little longer, which `estimate` of the path knows.
+what a move takes is the same in each. A transit is priced as it leads around others' pads, else as one straight
+leg; where hills make the flight follow the ground it is a little longer, which `estimate` of the path knows.
 """
 
 from __future__ import annotations
@@ -107,7 +107,9 @@ class FlightModel:
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
-    def moves_along(self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def moves_along(
+        self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
         hold_s = self.performance.hold_s
         transit_s, transit_pct = self._transit_along(facing_m, ways_m, hold_s)
@@ -129,7 +131,7 @@ class FlightModel:
         return level_s + land_s, level_pct + land_pct
 
     def _transit_along(self, before_m: FloatArray, ways_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) seconds and energies from stop to stop through (k, w, 3) places, of which those between are passed."""
+        """Return (k,) seconds and energies from stop to stop through (k, w, 3) places; those between are passed."""
         along_m = np.diff(ways_m, axis=1)
         speed_m_s = np.full(along_m.shape[:-1], self.transit_speed_m_s)
         ends = np.zeros(along_m.shape[:-1])
@@ -209,7 +211,7 @@ class Pricing:
     """By the vehicle's name."""
     models: Mapping[str, FlightModel]
     pads_m: tuple[tuple[float, float], ...] = ()
-    """East and north of all pads, also of vehicles that do not fly any more: ways lead around the columns above them."""
+    """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
     column_m: float = 0.0
     """Radius of these columns; 0 where every way is straight."""
     answer_s: float = 0.0

@@ -110,6 +110,9 @@ class Instance:
                 raise InstanceError(f"{name} holds a negative, infinite or NaN entry")
         if not (math.isfinite(self.answer_s) and self.answer_s >= 0):
             raise InstanceError(f"answer_s is {self.answer_s}, expected zero or more")
+        self._check_vehicles()
+
+    def _check_vehicles(self) -> None:
         for vehicle in self.vehicles:
             if not (math.isfinite(vehicle.budget_pct) and math.isfinite(vehicle.consumption)):
                 raise InstanceError(f"vehicle {vehicle.name!r} has a budget or consumption that is not a number")

@@ -1,8 +1,9 @@
 """A vehicle is lost: what is left to do, who is left to do it, and the plan for that.
 
 Every visit that the lost vehicle has not finished is open again, the one under way included. Each survivor finishes
-the visit that it is on or flying to when it is given the re-plan, ``Instance.answer_s`` after the loss, then starts from
-there with its budget less what it will have spent. A survivor that has landed, or is on its way home, may fly again from the landing place with what it then has left.
+the visit that it is on or flying to when it is given the re-plan, ``Instance.answer_s`` after the loss, then starts
+from there with its budget less what it will have spent. A survivor that has landed, or is on its way home, may fly
+again from the landing place with what it then has left.
 """
 
 from __future__ import annotations

@@ -182,8 +182,8 @@ def _rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: 
 def events_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
 
-    Between two of them nothing changes, whichever vehicle is lost. Where survivors fly on as planned for a while, losses
-    that much before such a time count as well.
+    Between two of them nothing changes, whichever vehicle is lost. Where survivors fly on as planned for a while,
+    losses that much before such a time count as well.
     """
     times = {0.0}
     for route in plan.routes:

@@ -173,9 +173,7 @@ def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
         segment in known or flight.context.segment_name(segment) in lines for segment in report.segments_uncovered
     )
     least_pct = min((craft.charge_pct for craft in survivors.values()), default=0.0)
-    return LossOutcome(
-        loss, not wrong, tuple(wrong), report.segments_uncovered, named, least_pct, flight.flown_s
-    )
+    return LossOutcome(loss, not wrong, tuple(wrong), report.segments_uncovered, named, least_pct, flight.flown_s)
 
 
 @dataclass(frozen=True, slots=True)

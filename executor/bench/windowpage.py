@@ -16,11 +16,12 @@ from executor.bench.window import WindowSettings
 
 TITLE = "The re-plan window, flown"
 INTRODUCTION = (
-    "`{command}`: {vehicles} vehicles ({autopilot}) with budgets of {budget_pct:g} % of a battery that is so large that "
-    "the dearest route of the best MinMax plan takes the given share of it, the tightness. A plan chosen for its window "
-    "claims that any single vehicle may be lost from a time on. Each loss (a crash, or a link that is silent for good) "
-    "is a flight of its own in virtual time, at a random time, of a random vehicle that still flies then. It is finished "
-    "if everything was inspected and everybody else stands on its pad above its reserve, by the simulator's own battery."
+    "`{command}`: {vehicles} vehicles ({autopilot}) with budgets of {budget_pct:g} % of a battery that is so large "
+    "that the dearest route of the best MinMax plan takes the given share of it, the tightness. A plan chosen for its "
+    "window claims that any single vehicle may be lost from a time on. Each loss (a crash, or a link that is silent "
+    "for good) is a flight of its own in virtual time, at a random time, of a random vehicle that still flies then. It "
+    "is finished if everything was inspected and everybody else stands on its pad above its reserve, by the "
+    "simulator's own battery."
 )
 
 

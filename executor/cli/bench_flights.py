@@ -10,8 +10,10 @@ from typing import Annotated
 
 import typer
 
-from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption, finite
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption
 
+USUAL_RADIUS_M = 700.0
+TIGHTNESS = 0.85
 JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")]
 
 
@@ -77,9 +79,13 @@ def window(
         Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
     ] = None,
     radius: Annotated[
-        list[float],
-        typer.Option(min=1, metavar="M", help="Only segments within M metres of the depot; a plan for each one given."),
-    ] = [700.0],  # noqa: B006 - typer reads it, nobody writes it
+        list[float] | None,
+        typer.Option(
+            min=1,
+            metavar="M",
+            help="Only segments within M metres of the depot; by default 700. Each one given is a plan.",
+        ),
+    ] = None,
     losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
     before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
     seed: SeedOption = 1,
@@ -88,15 +94,18 @@ def window(
     ] = FIRST_AUTOPILOT,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
     tightness: Annotated[
-        list[float],
+        list[float] | None,
         typer.Option(
             min=0.01,
             max=1,
             metavar="SHARE",
-            help="What the best MinMax plan's dearest route takes of the budget; several are taken by the plans in turn.",
+            help="What the best MinMax plan's dearest route takes of the budget; by default 0.85. Plans take several "
+            "in turn.",
         ),
-    ] = [0.85],  # noqa: B006 - as above
-    budget: Annotated[float, typer.Option(min=1, max=100, metavar="PCT", help="Of each vehicle's battery.")] = 28.0,
+    ] = None,
+    budget: Annotated[
+        float, typer.Option(min=1, max=100, metavar="PCT", help="Of a full battery, of each vehicle.")
+    ] = 28.0,
     seconds: SecondsOption = 20.0,
     jobs: JobsOption = None,
     out: Annotated[
@@ -114,10 +123,18 @@ def window(
     from executor.bench.window import WindowSettings, results, tried
     from executor.bench.windowpage import keep_window, print_window, window_document
 
-    count = jobs or cores()
+    count, radius, tightness = jobs or cores(), radius or [USUAL_RADIUS_M], tightness or [TIGHTNESS]
     plans = [
         WindowSettings(
-            network, within_m, autopilot.value, vehicles, tightness[number % len(tightness)], budget, seconds, seed, count
+            network,
+            within_m,
+            autopilot.value,
+            vehicles,
+            tightness[number % len(tightness)],
+            budget,
+            seconds,
+            seed,
+            count,
         )
         for number, within_m in enumerate(radius)
     ]

@@ -80,7 +80,7 @@ class Wanted:
     """The solver's time."""
     seed: int
     iterations: int | None = None
-    """Plans that a search looks at; then `seconds` are only its limit, and a slow computer finds the same plan later."""
+    """Of a search; then `seconds` are only its limit, and a slow computer finds the same plan later."""
     solver: PlanSolver = PlanSolver.SEARCH
     all_vehicles: bool = False
     """Keep no vehicle on the ground."""
@@ -213,8 +213,8 @@ def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callabl
             )  # fmt: skip
         case PlanSolver.SEARCH:
             return solve(
-                instance, cost=cost, stop=_ended(wanted, NoImprovement(SETTLED)), seed=wanted.seed, starts=wanted.threads,
-                all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
+                instance, cost=cost, stop=_ended(wanted, NoImprovement(SETTLED)), seed=wanted.seed,
+                starts=wanted.threads, all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
             )  # fmt: skip
 
 

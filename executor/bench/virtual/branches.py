@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import asyncio
 import os
-import pickle
+import multiprocessing
+from asyncio.events import _set_running_loop
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from typing import Generic, TypeVar
 
 from executor.bench.errors import BenchError
@@ -80,10 +82,10 @@ class _Trunk(Generic[R]):
         self._branches = branches
         self._jobs = jobs
         self._waiting = sorted(range(len(branches)), key=lambda number: branches[number].at_s)
-        self._children: dict[int, tuple[int, int]] = {}
+        self._children: dict[int, tuple[int, Connection]] = {}
         """By number: process and pipe."""
         self._found: dict[int, R] = {}
-        self._answer: int | None = None
+        self._answer: Connection | None = None
         """In a child: where its answer goes."""
         self.own = -1
         """Which flight this is; the last one is the parent's own.
@@ -107,15 +109,15 @@ class _Trunk(Generic[R]):
         """Return whether this is the child that is to fly on with a fault."""
         while len(self._children) >= self._jobs:
             self._gather(next(iter(self._children)))
-        reads, writes = os.pipe()
+        reads, writes = multiprocessing.Pipe(duplex=False)
         loop = asyncio.get_running_loop()
         process = os.fork()
         if process == 0:
-            asyncio._set_running_loop(loop)  # in a child none runs, by asyncio's own account
-            os.close(reads)
+            _set_running_loop(loop)  # in a child none runs, by asyncio's own account
+            reads.close()
             self._answer = writes
             return True
-        os.close(writes)
+        writes.close()
         self._children[number] = (process, reads)
         return False
 
@@ -123,11 +125,12 @@ class _Trunk(Generic[R]):
         process, reads = self._children.pop(number)
         with ExitStack() as stack:
             stack.callback(os.waitpid, process, 0)
-            with os.fdopen(reads, "rb") as pipe:
-                answer = pipe.read()
-        if not answer:
-            raise BenchError(f"a flight in virtual time: {self._branches[number].spec}: its process ended without one")
-        self._found[number] = pickle.loads(answer)
+            stack.enter_context(reads)
+            try:
+                self._found[number] = reads.recv()
+            except EOFError as error:
+                spec = self._branches[number].spec
+                raise BenchError(f"a flight in virtual time: {spec}: its process ended without one") from error
 
     def mine(self) -> list[int]:
         """Return which flights this one was."""
@@ -137,8 +140,8 @@ class _Trunk(Generic[R]):
         """End a child, with its answer; a parent that failed waits for its children."""
         if self._answer is not None:
             if found is not None:
-                with os.fdopen(self._answer, "wb") as pipe:
-                    pickle.dump(found[0], pipe)
+                with self._answer as pipe:
+                    pipe.send(found[0])
             os._exit(0)
 
     def gathered(self, own: list[R]) -> list[R]:

@@ -89,11 +89,12 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     offer = _offer(context, state, place, spent * account.factor(state.power.battery), airborne=True, kept=kept)
     facing_m = (0.0, 0.0)
     if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
-        (east_m, north_m), before_m = state.assignment.board.places_m[kept - 1], state.assignment.board.places_m[kept - 2]
+        (east_m, north_m), before_m = (
+            state.assignment.board.places_m[kept - 1],
+            state.assignment.board.places_m[kept - 2],
+        )
         facing_m = (east_m - before_m[0], north_m - before_m[1])
-    return replace(
-        offer, start_up_m=context.setup.lowest_layer_up_m(state.name, alt_rel_m), facing_m=facing_m
-    )
+    return replace(offer, start_up_m=context.setup.lowest_layer_up_m(state.name, alt_rel_m), facing_m=facing_m)
 
 
 def from_its_pad(context: Context, state: VehicleState) -> Survivor:

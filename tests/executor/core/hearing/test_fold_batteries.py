@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.battery.account import BatterySample, Charge
+from executor.core.battery.account import BatterySample, Charge, Step
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from executor.core.battery.roundings import Roundings
@@ -85,7 +85,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     ),
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
-                    "charge": Charge(consumed_ah=1.5, at_s=NOW_S, modelled_pct=0.072, began_ah=1.5, began_pct=90.0),
+                    "charge": Charge(
+                        consumed_ah=1.5,
+                        at_s=NOW_S,
+                        modelled_pct=0.072,
+                        began_ah=1.5,
+                        began_pct=90.0,
+                        first=Step(89.5, 1.5),
+                        last=Step(89.5, 1.5),
+                    ),
                 },
                 "packs": ((0, 89.0),),
                 "volts": {"began_s": NOW_S},
