@@ -8,8 +8,8 @@ been. Ten losses in the last quarter of a plan take the time of three flights.
 from __future__ import annotations
 
 import asyncio
-import os
 import multiprocessing
+import os
 from asyncio.events import _set_running_loop
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
