@@ -63,7 +63,7 @@ class Columns:
             yield np.array([number for number, _ in ways]), np.array([way for _, way in ways])
 
 
-def corrected(
+def led_around(
     columns: Columns, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
     along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip

@@ -20,7 +20,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from missions.detours import Columns, IntArray, corrected
+from missions.detours import Columns, IntArray, led_around
 from missions.geo import FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
@@ -188,7 +188,7 @@ class Flier:
             )
             return self.model.moves_along(facing, ways_m, last)
 
-        return corrected(self.columns, from_m, first_m, straight, along)
+        return led_around(self.columns, from_m, first_m, straight, along)
 
     def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
@@ -198,7 +198,7 @@ class Flier:
             facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
             return self.model.ways_home_along(facing, ways_m, base)
 
-        return corrected(self.columns, from_m, np.array(base.place_m), straight, along)
+        return led_around(self.columns, from_m, np.array(base.place_m), straight, along)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -89,11 +89,8 @@ def remaining(instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_aga
         raise PlanError(f"{instance.vehicles[lost].name} is the only vehicle: nobody is left")
     if not (math.isfinite(at_s) and at_s >= 0):
         raise PlanError(f"the time of the loss is {at_s} s, expected zero or more")
-    survivors = tuple(
-        _survivor(instance, route, at_s + instance.answer_s, fly_again=fly_again)
-        for route in plan.routes
-        if route.vehicle != lost
-    )
+    until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
+    survivors = tuple(_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
     completed = _completed(instance, plan.routes[lost], at_s)
     settled = {segment_of(visit) for visit in completed}
     for survivor in survivors:

@@ -136,6 +136,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
     "tests/executor/bench/test_window.py": (
+        "executor/bench/virtual/branches.py",
         "executor/bench/virtual/site.py",
         "executor/bench/windowpage.py",
         "executor/cli/bench_flights.py",

@@ -19,7 +19,7 @@ from executor.bench.errors import BenchError
 from executor.bench.store import Json
 from executor.bench.virtual.branches import Branch, fly_branches
 from executor.bench.virtual.flight import VirtualFlight
-from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_budget, with_capacity
+from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_budgets, with_capacity
 from executor.site.assembly import Ground
 from executor.site.planning import Wanted, first_plan
 from missions import PlanFile
@@ -105,7 +105,7 @@ def claimed(settings: WindowSettings) -> Claim:
         MissionsError: the network cannot be used.
         BenchError: no plan covers everything, or the plan claims no window.
     """
-    ground = with_budget(
+    ground = with_budgets(
         virtual_ground(settings.network, settings.radius_m, settings.vehicles, settings.autopilot), settings.budget_pct
     )
     ample = with_capacity(ground, AMPLE_AH)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,24 @@ from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, Sec
 
 USUAL_RADIUS_M = 700.0
 TIGHTNESS = 0.85
+RadiiOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        min=1,
+        metavar="M",
+        help="Only segments within M metres of the depot; by default 700. Each one given is a plan.",
+    ),
+]
+SharesOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        min=0.01,
+        max=1,
+        metavar="SHARE",
+        help="What the best MinMax plan's dearest route takes of the budget; by default 0.85. Plans take several "
+        "in turn.",
+    ),
+]
 JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")]
 
 
@@ -78,14 +97,7 @@ def window(
     network: Annotated[
         Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
     ] = None,
-    radius: Annotated[
-        list[float] | None,
-        typer.Option(
-            min=1,
-            metavar="M",
-            help="Only segments within M metres of the depot; by default 700. Each one given is a plan.",
-        ),
-    ] = None,
+    radius: RadiiOption = None,
     losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
     before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
     seed: SeedOption = 1,
@@ -93,16 +105,7 @@ def window(
         AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
     ] = FIRST_AUTOPILOT,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
-    tightness: Annotated[
-        list[float] | None,
-        typer.Option(
-            min=0.01,
-            max=1,
-            metavar="SHARE",
-            help="What the best MinMax plan's dearest route takes of the budget; by default 0.85. Plans take several "
-            "in turn.",
-        ),
-    ] = None,
+    tightness: SharesOption = None,
     budget: Annotated[
         float, typer.Option(min=1, max=100, metavar="PCT", help="Of a full battery, of each vehicle.")
     ] = 28.0,
@@ -142,10 +145,9 @@ def window(
         trials = tried(plans, losses, before, count, partial(shown.told, "plans"))
     command = shlex.join([
         "faultline", "bench", "window", *([] if network is None else ["--network", network.name]),
-        *(part for within_m in radius for part in ("--radius", f"{within_m:g}")),
-        "--losses", str(losses), "--before", str(before), "--seed", str(seed),
-        "--autopilot", autopilot.value, "--vehicles", str(vehicles),
-        *(part for share in tightness for part in ("--tightness", f"{share:g}")), "--budget", f"{budget:g}",
+        *_repeated("--radius", radius), "--losses", str(losses), "--before", str(before), "--seed", str(seed),
+        "--autopilot", autopilot.value, "--vehicles", str(vehicles), *_repeated("--tightness", tightness),
+        "--budget", f"{budget:g}",
     ])  # fmt: skip
     content = window_document(plans[0], command, results(trials))
     if out is not None:
@@ -156,3 +158,7 @@ def window(
         print_window(content)
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
     raise typer.Exit(0 if kept else 1)
+
+
+def _repeated(option: str, values: Sequence[float]) -> list[str]:
+    return [part for value in values for part in (option, f"{value:g}")]

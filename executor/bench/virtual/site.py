@@ -77,7 +77,7 @@ def with_capacity(ground: Ground, capacity_ah: float) -> Ground:
     return assembly.ground_over(site, ground.network)
 
 
-def with_budget(ground: Ground, budget_pct: float) -> Ground:
+def with_budgets(ground: Ground, budget_pct: float) -> Ground:
     """Return the same site with another budget for every vehicle."""
     vehicles = tuple(table.model_copy(update={"budget_pct": budget_pct}) for table in ground.site.vehicle)
     site = ground.site.model_copy(update={"vehicle": vehicles})

@@ -53,7 +53,7 @@ class BatterySample:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PercentStep:
     """Where a percentage went on to its next value: only there it is known better than to a whole percent."""
 
     pct: float
@@ -71,9 +71,9 @@ class Charge:
     began_ah: float = 0.0
     began_pct: float = 0.0
     """What the percentage was when the counter was first heard."""
-    first: Step | None = None
+    first: PercentStep | None = None
     """The first step of the percentage that the counter was there for."""
-    last: Step | None = None
+    last: PercentStep | None = None
     capacity_ah: float | None = None
     """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
     drift: Drift = field(default_factory=Drift)
@@ -237,7 +237,7 @@ def _stepped(state: BatteryState, reported_pct: float) -> Charge:
     charge, before_pct = state.charge, state.remaining_pct
     if charge.consumed_ah is None or before_pct is None or not 0.0 < before_pct - reported_pct <= STEP_PCT:
         return charge
-    step = Step((before_pct + reported_pct) / 2, charge.consumed_ah)
+    step = PercentStep((before_pct + reported_pct) / 2, charge.consumed_ah)
     first, capacity = charge.first or step, charge.capacity_ah
     given_pct = first.pct - step.pct
     if given_pct >= CAPACITY_PCT and charge.drift.excess_pct <= CALM_PCT and reported_pct > 0:
@@ -255,7 +255,7 @@ def swapped(
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior)
 
 
-def spent_pct(state: BatteryState) -> float:
+def drawn_so_far_pct(state: BatteryState) -> float:
     """Return what was given since the first report, as exactly as it is known.
 
     Whole percents are a large part of a small budget. The counter of charge knows what was given better than how much

@@ -164,7 +164,9 @@ def _offer(
     setup = context.vehicles[state.name]
     remaining = state.power.battery.remaining_pct or 0.0
     # What is never touched is the reserve, so that it is the one that a rounded report is held against.
-    left = min(remaining - QUANTUM_PCT - setup.reserve_pct, setup.budget_pct - account.spent_pct(state.power.battery))
+    left = min(
+        remaining - QUANTUM_PCT - setup.reserve_pct, setup.budget_pct - account.drawn_so_far_pct(state.power.battery)
+    )
     budget = left - spent_pct
     tail: tuple[int, ...] = ()
     if state.assignment.board is not None and airborne:

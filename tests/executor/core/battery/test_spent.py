@@ -7,7 +7,7 @@ import math
 import pytest
 
 from executor.core.battery import account
-from executor.core.battery.account import BatteryState, spent_pct
+from executor.core.battery.account import BatteryState, drawn_so_far_pct
 
 CAPACITY_AH = 5.0
 RATE_PCT_S = 0.05
@@ -33,7 +33,7 @@ def flown(until_s: int, *, cut_off: bool, counts: bool = True) -> tuple[BatteryS
 @pytest.mark.parametrize("until_s", [200, 317, 333, 480])
 def test_it_is_known_to_a_fifth_of_a_percent_however_percents_are_rounded(until_s: int, cut_off: bool) -> None:
     state, given_pct = flown(until_s, cut_off=cut_off)
-    assert spent_pct(state) == pytest.approx(given_pct, abs=0.2)
+    assert drawn_so_far_pct(state) == pytest.approx(given_pct, abs=0.2)
 
 
 def test_the_capacity_is_learned_from_step_to_step() -> None:
@@ -45,15 +45,15 @@ def test_the_capacity_is_learned_from_step_to_step() -> None:
 def test_without_a_counter_it_is_what_the_filter_says() -> None:
     state, given_pct = flown(400, cut_off=False, counts=False)
     assert state.estimate is not None
-    assert spent_pct(state) == 100.0 - state.estimate.remaining_pct == pytest.approx(given_pct, abs=0.5)
+    assert drawn_so_far_pct(state) == 100.0 - state.estimate.remaining_pct == pytest.approx(given_pct, abs=0.5)
 
 
 def test_nothing_is_spent_before_the_first_report() -> None:
-    assert spent_pct(BatteryState()) == 0.0
+    assert drawn_so_far_pct(BatteryState()) == 0.0
 
 
 def test_a_counter_that_began_anew_does_not_count() -> None:
     state, _ = flown(400, cut_off=False)
     state = account.with_consumed(state, 0.01, 401.0)
     assert state.estimate is not None
-    assert spent_pct(state) == 100.0 - state.estimate.remaining_pct
+    assert drawn_so_far_pct(state) == 100.0 - state.estimate.remaining_pct

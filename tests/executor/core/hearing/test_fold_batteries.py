@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.battery.account import BatterySample, Charge, Step
+from executor.core.battery.account import BatterySample, Charge, PercentStep
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from executor.core.battery.roundings import Roundings
@@ -91,8 +91,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                         modelled_pct=0.072,
                         began_ah=1.5,
                         began_pct=90.0,
-                        first=Step(89.5, 1.5),
-                        last=Step(89.5, 1.5),
+                        first=PercentStep(89.5, 1.5),
+                        last=PercentStep(89.5, 1.5),
                     ),
                 },
                 "packs": ((0, 89.0),),
