@@ -172,11 +172,9 @@ def with_remaining(
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
     charge = _stepped(state, remaining_pct)
-    fine = _counted_pct(charge, remaining_pct)
-    if fine is None:
-        estimate = kalman.corrected(ahead, remaining_pct, elapsed_s, max(roughness, blindness_pct(state)))
-    else:
-        estimate = kalman.refined(ahead, fine)
+    fine, wavers = _counted_pct(charge, remaining_pct), max(roughness, blindness_pct(state))
+    rounded = kalman.corrected(ahead, remaining_pct, elapsed_s, wavers)
+    estimate = rounded if fine is None else kalman.refined(ahead, fine)
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
