@@ -183,6 +183,12 @@ class ModelPart(_Part):
     tracks: tuple[tuple[Place, Place], ...]
     """Where the inspection of each segment, in the order of `segments`, is flown from a to b: metres east, north and up
     of the depot, in the lowest layer."""
+    pads: tuple[tuple[Figure, Figure], ...] = ()
+    """East and north of the depot in metres: ways lead around the columns above others' pads."""
+    column_m: Annotated[Figure, Field(ge=0)] = 0.0
+    """Radius of these columns; 0 where every way is straight."""
+    answer_s: Annotated[Figure, Field(ge=0)] = 0.0
+    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
 
 
 class PlanDocument(_Part):
@@ -374,6 +380,9 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
             for vehicle, model in zip(vehicles, models, strict=True)
         ],
         "tracks": pricing.tracks_m.tolist(),
+        "pads": pricing.pads_m,
+        "column_m": pricing.column_m,
+        "answer_s": pricing.answer_s,
     }
 
 
@@ -390,4 +399,7 @@ def _pricing(document: PlanDocument) -> Pricing | None:
             name: FlightModel(own.performance, power, travel.transit_speed_m_s, travel.inspection_speed_m_s, own.pace)
             for name, own in named.items()
         },
+        model.pads,
+        model.column_m,
+        model.answer_s,
     )

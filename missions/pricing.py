@@ -6,19 +6,21 @@ transit to a segment's first pylon, which ends with a stop, and the inspection t
 move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each. A transit is priced as one straight leg; where hills make the flight follow the
-ground it is a little longer, which `estimate` of the path knows.
+what a move takes is the same in each. A transit is priced as it leads around others' pads, else as one straight
+leg; where hills make the flight follow the ground it is a little longer, which `estimate` of the path knows.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from missions.detours import Columns, IntArray, led_around
 from missions.geo import FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
@@ -29,6 +31,8 @@ SAME_PLACE_M = 0.5
 """An inspection that starts this near to where the last one ended needs no waypoint in between."""
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+AROUND_UP_TO = 1000
+"""Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
 DEPOT_M = (0.0, 0.0)
 """The depot in its own frame; pads are a few steps away."""
 UNKNOWN = np.zeros(3)
@@ -103,12 +107,42 @@ class FlightModel:
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
+    def moves_along(
+        self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
+        hold_s = self.performance.hold_s
+        transit_s, transit_pct = self._transit_along(facing_m, ways_m, hold_s)
+        before_m, along_m = ways_m[:, -1] - ways_m[:, -2], last_m - ways_m[:, -1]
+        inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s, self.pace.inspect)
+        return transit_s + inspect_s, transit_pct + inspect_pct
+
     def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
         there_m = np.array(base.place_m) - from_m
         level_s, level_pct = self._transit(facing_m, there_m, 0.0)
         land_s, land_pct = self.landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
+
+    def ways_home_along(self, facing_m: FloatArray, ways_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+        """Return (k,) the same of ways through (k, w, 3) places."""
+        level_s, level_pct = self._transit_along(facing_m, ways_m, 0.0)
+        land_s, land_pct = self.landing(np.array(base.climb_m))
+        return level_s + land_s, level_pct + land_pct
+
+    def _transit_along(self, before_m: FloatArray, ways_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return (k,) seconds and energies from stop to stop through (k, w, 3) places; those between are passed."""
+        along_m = np.diff(ways_m, axis=1)
+        speed_m_s = np.full(along_m.shape[:-1], self.transit_speed_m_s)
+        ends = np.zeros(along_m.shape[:-1])
+        ends[:, 0] += 1.0
+        ends[:, -1] += 1.0
+        seconds, pct = self.legs(along_m, speed_m_s, ends)
+        own = self.performance
+        stays_s = own.settle_s + hold_s + own.turns_s(before_m, along_m[:, 0])
+        stays_s = stays_s + own.corners_s(along_m[:, :-1], along_m[:, 1:], speed_m_s[:, 1:]).sum(axis=1)
+        pace = self.pace.transit
+        return pace * (seconds.sum(axis=1) + stays_s), pace * (pct.sum(axis=1) + stays_s * self.hover_pct_per_s)
 
     def _transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
         return self._stopping(before_m, along_m, self.transit_speed_m_s, hold_s, self.pace.transit)
@@ -135,6 +169,38 @@ class Base:
     """From the pad's ground to there, in the vehicle's own layer."""
 
 
+@dataclass(frozen=True, slots=True)
+class Flier:
+    """One vehicle's moves, around the columns above others' pads."""
+
+    model: FlightModel
+    columns: Columns = field(default_factory=Columns)
+
+    def moves(
+        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of moves from rest, as `FlightModel.moves` takes them."""
+        straight = self.model.moves(from_m, facing_m, first_m, last_m)
+
+        def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+            facing, last = (
+                np.broadcast_to(places, (*straight[0].shape, 3)).reshape(-1, 3)[which] for places in (facing_m, last_m)
+            )
+            return self.model.moves_along(facing, ways_m, last)
+
+        return led_around(self.columns, from_m, first_m, straight, along)
+
+    def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
+        straight = self.model.ways_home(from_m, facing_m, base)
+
+        def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+            facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
+            return self.model.ways_home_along(facing, ways_m, base)
+
+        return led_around(self.columns, from_m, np.array(base.place_m), straight, along)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pricing:
     """From which the time and the energy of every move of a fleet are made."""
@@ -144,14 +210,37 @@ class Pricing:
     bases: Mapping[str, Base]
     """By the vehicle's name."""
     models: Mapping[str, FlightModel]
+    pads_m: tuple[tuple[float, float], ...] = ()
+    """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
+    column_m: float = 0.0
+    """Radius of these columns; 0 where every way is straight."""
+    answer_s: float = 0.0
+    """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
+
+    def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
+        """Return how vehicles move.
+
+        Args:
+            vehicles: Their names.
+            around: Whether their ways lead around others' pads.
+        """
+        if not (around and self.column_m):
+            return [Flier(self.models[name]) for name in vehicles]
+        return [Flier(self.models[name], self._columns(name)) for name in vehicles]
+
+    def _columns(self, vehicle: str) -> Columns:
+        own_m = self.bases[vehicle].place_m[:2]
+        others = tuple(pad for pad in self.pads_m if math.dist(pad, own_m) > SAME_PLACE_M)
+        return Columns(others, self.column_m)
 
     def part(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""
         names = tuple(vehicles)
-        return Pricing(
-            self.tracks_m[list(segments)],
-            {name: self.bases[name] for name in names},
-            {name: self.models[name] for name in names},
+        return replace(
+            self,
+            tracks_m=self.tracks_m[list(segments)],
+            bases={name: self.bases[name] for name in names},
+            models={name: self.models[name] for name in names},
         )
 
 
@@ -163,13 +252,13 @@ class FlownMoves:
     """(2n, 3) float64: where each visit begins."""
     last_m: FloatArray
     """(2n, 3) float64: where it ends."""
-    models: tuple[FlightModel, ...]
+    fliers: tuple[Flier, ...]
     """One for each profile."""
 
     @property
     def profiles(self) -> int:
         """Number of profiles."""
-        return len(self.models)
+        return len(self.fliers)
 
     @property
     def visits(self) -> int:
@@ -198,7 +287,7 @@ class FlownMoves:
 
     def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         facing_m = self.last_m[before] - self.first_m[before]
-        return self.models[profile].moves(self.last_m[before], facing_m, self.first_m[after], self.last_m[after])
+        return self.fliers[profile].moves(self.last_m[before], facing_m, self.first_m[after], self.last_m[after])
 
 
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
@@ -217,26 +306,28 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     """
     tracks_m = pricing.tracks_m.reshape(-1, 2, 3)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
-    profiles = tuple(dict.fromkeys(pricing.models[vehicle.name] for vehicle in vehicles))
+    around = len(tracks_m) * len(vehicles) <= AROUND_UP_TO
+    fliers = pricing.fliers((vehicle.name for vehicle in vehicles), around=around)
+    profiles = tuple(dict.fromkeys(fliers))
     flown = FlownMoves(first_m, last_m, profiles)
     moves: Moves = flown.tables() if profiles and len(tracks_m) <= tables_up_to else flown
     start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
     for row, vehicle in enumerate(vehicles):
-        model, base = pricing.models[vehicle.name], pricing.bases[vehicle.name]
-        climb = np.array(model.take_off(np.array(base.climb_m)))
-        again[:, row] = np.array(model.moves(np.array(base.place_m), UNKNOWN, first_m, last_m)) + climb[:, np.newaxis]
-        home[:, row] = model.ways_home(last_m, last_m - first_m, base)
+        flier, base = fliers[row], pricing.bases[vehicle.name]
+        climb = np.array(flier.model.take_off(np.array(base.climb_m)))
+        again[:, row] = np.array(flier.moves(np.array(base.place_m), UNKNOWN, first_m, last_m)) + climb[:, np.newaxis]
+        home[:, row] = flier.ways_home(last_m, last_m - first_m, base)
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])
-            start[:, row] = model.moves(here_m, facing_m, first_m, last_m)
-            idle[:, row] = model.ways_home(here_m, facing_m, base)
+            start[:, row] = flier.moves(here_m, facing_m, first_m, last_m)
+            idle[:, row] = flier.ways_home(here_m, facing_m, base)
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),
-        profile=tuple(profiles.index(pricing.models[vehicle.name]) for vehicle in vehicles),
+        profile=tuple(profiles.index(flier) for flier in fliers),
         moves=moves,
         start_s=start[0], start_pct=start[1] * consumption,
         home_s=home[0], home_pct=home[1] * consumption,
@@ -245,4 +336,5 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
         value=np.hypot(*(last_m - first_m)[::2, :2].T),
         end_m=last_m,
         landing_m=DEPOT_M,
+        answer_s=pricing.answer_s,
     )  # fmt: skip

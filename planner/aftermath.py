@@ -172,6 +172,7 @@ def _rebuilt(
         value=instance.value[segments],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
+        answer_s=instance.answer_s,
     )
     plan = Plan(tuple(
         Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in route))

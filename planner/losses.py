@@ -129,7 +129,8 @@ class Losses:
         """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
         accounted = [segment_of(visit) for visits in routes for visit in visits]
         for route in self._plan.routes:
-            done = sum(1 for end_s in self._ends_s[route.vehicle] if end_s <= at_s + SAME_TIME_S)
+            until_s = at_s if route.vehicle == lost else at_s + self._instance.answer_s
+            done = sum(1 for end_s in self._ends_s[route.vehicle] if end_s <= until_s + SAME_TIME_S)
             kept = route.visits[: done if route.vehicle == lost else done + 1]
             accounted.extend(segment_of(visit) for visit in kept)
             if route.vehicle != lost and routes[route.vehicle]:
@@ -164,6 +165,7 @@ def timing_of(instance: Instance) -> LossTiming:
         idle_s=np.array(instance.idle_s, dtype=np.float64),
         depot=_table(consumption * instance.depot_pct),
         airborne=np.array([vehicle.airborne for vehicle in instance.vehicles], dtype=np.int64),
+        answer_s=instance.answer_s,
     )
 
 

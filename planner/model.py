@@ -80,6 +80,8 @@ class Instance:
     """(2n, 3) float64: where each visit ends, local east and north in metres, and up where moves count heights."""
     landing_m: tuple[float, float]
     """Where every route ends, local east and north in metres."""
+    answer_s: float = 0.0
+    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
@@ -106,6 +108,11 @@ class Instance:
                 raise InstanceError(f"{name} has shape {array.shape}, expected {shape}")
             if not np.all(np.isfinite(array)) or (name != "end_m" and np.any(array < 0)):
                 raise InstanceError(f"{name} holds a negative, infinite or NaN entry")
+        if not (math.isfinite(self.answer_s) and self.answer_s >= 0):
+            raise InstanceError(f"answer_s is {self.answer_s}, expected zero or more")
+        self._check_vehicles()
+
+    def _check_vehicles(self) -> None:
         for vehicle in self.vehicles:
             if not (math.isfinite(vehicle.budget_pct) and math.isfinite(vehicle.consumption)):
                 raise InstanceError(f"vehicle {vehicle.name!r} has a budget or consumption that is not a number")

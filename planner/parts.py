@@ -77,6 +77,7 @@ def part_of(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]
         value=instance.value[list(segments)],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
+        answer_s=instance.answer_s,
     )
 
 

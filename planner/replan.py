@@ -1,8 +1,9 @@
 """A vehicle is lost: what is left to do, who is left to do it, and the plan for that.
 
 Every visit that the lost vehicle has not finished is open again, the one under way included. Each survivor finishes
-the visit that it is on or flying to, then starts from there with its budget less what it will have spent. A survivor
-that has landed, or is on its way home, may fly again from the landing place with what it then has left.
+the visit that it is on or flying to when it is given the re-plan, ``Instance.answer_s`` after the loss, then starts
+from there with its budget less what it will have spent. A survivor that has landed, or is on its way home, may fly
+again from the landing place with what it then has left.
 """
 
 from __future__ import annotations
@@ -88,9 +89,8 @@ def remaining(instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_aga
         raise PlanError(f"{instance.vehicles[lost].name} is the only vehicle: nobody is left")
     if not (math.isfinite(at_s) and at_s >= 0):
         raise PlanError(f"the time of the loss is {at_s} s, expected zero or more")
-    survivors = tuple(
-        _survivor(instance, route, at_s, fly_again=fly_again) for route in plan.routes if route.vehicle != lost
-    )
+    until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
+    survivors = tuple(_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
     completed = _completed(instance, plan.routes[lost], at_s)
     settled = {segment_of(visit) for visit in completed}
     for survivor in survivors:
@@ -180,6 +180,7 @@ def _reduced(instance: Instance, survivors: Sequence[FreeVehicle], open_segments
         value=instance.value[list(open_segments)],
         end_m=instance.end_m[visits],
         landing_m=instance.landing_m,
+        answer_s=instance.answer_s,
     )
 
 

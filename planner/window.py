@@ -182,12 +182,13 @@ def _rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: 
 def events_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
 
-    Between two of them nothing changes, whichever vehicle is lost.
+    Between two of them nothing changes, whichever vehicle is lost. Where survivors fly on as planned for a while,
+    losses that much before such a time count as well.
     """
     times = {0.0}
     for route in plan.routes:
-        times.update(completions_s(instance, route))
-        times.add(route_duration_s(instance, route))
+        for time_s in (*completions_s(instance, route), route_duration_s(instance, route)):
+            times.update((time_s, max(0.0, time_s - instance.answer_s)))
     events: list[float] = []
     for time_s in sorted(times):
         if not events or time_s > events[-1] + SAME_TIME_S:

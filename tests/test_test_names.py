@@ -181,6 +181,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/bench_failures.py",
     ),
     "tests/executor/bench/test_window.py": (
+        "executor/bench/virtual/branches.py",
         "executor/bench/virtual/site.py",
         "executor/bench/windowpage.py",
         "executor/cli/bench_flights.py",

@@ -160,7 +160,15 @@ def solve_for_survivors(
 def replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int, ...]]]:
     """Return what is to be planned, and what of it each survivor has on board."""
     vehicles = [
-        Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption, offer.airborne, offer.start_up_m)
+        Vehicle(
+            offer.vehicle,
+            offer.start_m,
+            offer.budget_pct,
+            offer.consumption,
+            offer.airborne,
+            offer.start_up_m,
+            offer.facing_m,
+        )
         for offer in problem.survivors
     ]
     pricing = paced(pricing, problem)

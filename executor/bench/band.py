@@ -18,7 +18,7 @@ import numpy as np
 
 from executor.bench.prediction import RouteCase, cases, plan_with, planned, random_routes
 from executor.bench.store import Json
-from executor.bench.virtual.flight import fly_virtual
+from executor.bench.virtual.flight import Onlookers, fly_virtual
 from executor.bench.virtual.many import each
 from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground
 from executor.core import projection
@@ -145,7 +145,7 @@ def fly_band(case: RouteCase) -> BandFlight:
             for name, seen in watched.items():
                 _look(context, state.vehicles[name], seen, now_s)
 
-    flight = fly_virtual(ground, plan, seed=case.number, craft=craft, applied=applied)
+    flight = fly_virtual(ground, plan, seed=case.number, craft=craft, onlookers=Onlookers(applied=applied))
     report = flight.report
     wrong = "" if flight.ended and report.finished and not report.faults and not report.replans else (
         report.faults[0].reason if report.faults else "it was not flown as planned"

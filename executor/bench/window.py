@@ -7,24 +7,27 @@ with the reserve still in the battery.
 
 from __future__ import annotations
 
+import multiprocessing
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from executor.bench.errors import BenchError
 from executor.bench.store import Json
-from executor.bench.virtual.flight import VirtualFlight, fly_virtual
-from executor.bench.virtual.many import each
-from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_capacity
+from executor.bench.virtual.branches import Branch, fly_branches
+from executor.bench.virtual.flight import VirtualFlight
+from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_budgets, with_capacity
 from executor.site.assembly import Ground
 from executor.site.planning import Wanted, first_plan
 from missions import PlanFile
 from planner import Cost
 
 KINDS = ("crash", "silent")
+BUDGET_PCT = 28.0
+"""Of a full battery, as the paper's fleet has it: whole percents are much of it."""
 HOME_M = 5.0
 """Nearer to its pad than this a vehicle stands on it."""
 FIRST_S = 10.0
@@ -43,6 +46,7 @@ class WindowSettings:
     vehicles: int = 4
     tightness: float = 0.85
     """What the best MinMax plan's dearest route takes of the budget."""
+    budget_pct: float = BUDGET_PCT
     seconds: float = 20.0
     """The solver's time for the plan."""
     seed: int = 1
@@ -92,7 +96,6 @@ class LossOutcome:
     least_pct: float
     """The least that a survivor landed with."""
     flown_s: float
-    took_s: float
 
 
 def claimed(settings: WindowSettings) -> Claim:
@@ -102,13 +105,15 @@ def claimed(settings: WindowSettings) -> Claim:
         MissionsError: the network cannot be used.
         BenchError: no plan covers everything, or the plan claims no window.
     """
-    ground = virtual_ground(settings.network, settings.radius_m, settings.vehicles, settings.autopilot)
+    ground = with_budgets(
+        virtual_ground(settings.network, settings.radius_m, settings.vehicles, settings.autopilot), settings.budget_pct
+    )
     ample = with_capacity(ground, AMPLE_AH)
     wanted = Wanted(
         Cost.MINMAX, BEST_SHARE * settings.seconds, settings.seed, all_vehicles=True, starts=settings.starts
     )
     best = first_plan(ample, wanted)
-    ground = sized(ground, best, settings.tightness * min(table.budget_pct for table in ground.site.vehicle))
+    ground = sized(ground, best, settings.tightness * settings.budget_pct)
     plan = first_plan(ground, replace(wanted, cost=None, seconds=settings.seconds))
     if plan.plan.uncovered or plan.window is None or plan.window.earliest_s >= plan.window.longest_route_s:
         left = len(plan.plan.uncovered)
@@ -136,9 +141,16 @@ def losses(claim: Claim, count: int, seed: int, *, before: bool = False) -> list
     return drawn
 
 
-def fly_loss(claim: Claim, loss: RandomLoss) -> LossOutcome:
-    """Fly one loss; the same always gives the same."""
-    return judged_loss(fly_virtual(claim.ground, claim.plan, faults=[loss.spec], seed=loss.number), loss)
+def fly_losses(claim: Claim, drawn: Sequence[RandomLoss], *, jobs: int = 1, seed: int = 0) -> list[LossOutcome]:
+    """Fly each loss; the same always gives the same. What they share, the time before the first one, is flown once.
+
+    A process that has planned may not: it has had threads, and is forked here.
+    """
+    branches = [Branch(loss.vehicle, loss.at_s, loss.spec) for loss in drawn]
+    return fly_branches(
+        claim.ground, claim.plan, branches, lambda flight, number: judged_loss(flight, drawn[number]),
+        jobs=jobs, seed=seed,
+    )  # fmt: skip
 
 
 def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
@@ -161,44 +173,102 @@ def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
         segment in known or flight.context.segment_name(segment) in lines for segment in report.segments_uncovered
     )
     least_pct = min((craft.charge_pct for craft in survivors.values()), default=0.0)
-    return LossOutcome(
-        loss, not wrong, tuple(wrong), report.segments_uncovered, named, least_pct, flight.flown_s, flight.took_s,
-    )  # fmt: skip
+    return LossOutcome(loss, not wrong, tuple(wrong), report.segments_uncovered, named, least_pct, flight.flown_s)
 
 
-def fly_losses(
-    claim: Claim, drawn: Sequence[RandomLoss], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[LossOutcome]:
-    """Fly each loss."""
-    return each(partial(fly_loss, claim), drawn, jobs=jobs, told=told)
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One plan, and what became of its losses."""
+
+    settings: WindowSettings
+    claim: Claim
+    after: tuple[LossOutcome, ...]
+    before: tuple[LossOutcome, ...]
 
 
-def results(claim: Claim, after: Sequence[LossOutcome], before: Sequence[LossOutcome]) -> Json:
+@dataclass(frozen=True, slots=True)
+class _Order:
+    settings: WindowSettings
+    claim: Claim
+    drawn: tuple[RandomLoss, ...]
+    after: int
+    jobs: int
+
+
+def tried(
+    plans: Sequence[WindowSettings], after: int, before: int, jobs: int,
+    told: Callable[[int, int], None] = lambda *_: None,
+) -> list[Trial]:  # fmt: skip
+    """Choose plans, and lose vehicles of each of them in equal parts.
+
+    Args:
+        plans: What is claimed.
+        after: Losses after the claimed times, in all.
+        before: Losses before them.
+        jobs: Processes side by side.
+        told: Told how many plans are done, of how many.
+
+    Raises:
+        MissionsError: the network cannot be used.
+        BenchError: one of the plans claims nothing.
+    """
+    trials = []
+    for number, settings in enumerate(plans):
+        claim = claimed(settings)
+        late = losses(claim, _part(after, number, len(plans)), settings.seed + number)
+        early = losses(claim, _part(before, number, len(plans)), settings.seed + number, before=True)
+        order = _Order(settings, claim, (*late, *early), len(late), jobs)
+        # Always in a process of its own: what it is forked from must not have had threads.
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+            trials.append(pool.submit(_flown, order).result())
+        told(number + 1, len(plans))
+    return trials
+
+
+def _part(count: int, number: int, parts: int) -> int:
+    return count * (number + 1) // parts - count * number // parts
+
+
+def _flown(order: _Order) -> Trial:
+    found = fly_losses(order.claim, order.drawn, jobs=order.jobs, seed=order.settings.seed)
+    return Trial(order.settings, order.claim, tuple(found[: order.after]), tuple(found[order.after :]))
+
+
+def results(trials: Sequence[Trial]) -> Json:
     """Return the figures."""
-    flown_s, took_s = (sum(getattr(one, key) for one in (*after, *before)) for key in ("flown_s", "took_s"))
+    after = [one for trial in trials for one in trial.after]
+    before = [one for trial in trials for one in trial.before]
     return {
-        "segments": len(claim.plan.segments),
-        "capacity_ah": claim.ground.drone.capacity_ah,
-        "claimed_earliest_s": round(claim.earliest_s, 1),
-        "longest_route_s": round(claim.longest_s, 1),
         "losses_after": len(after),
         "finished_after": sum(one.finished for one in after),
         "least_pct_after": round(min((one.least_pct for one in after), default=0.0), 2) if after else None,
         "losses_before": len(before),
         "finished_before": sum(one.finished for one in before),
         "unnamed_before": sum(not one.finished and not one.named for one in before),
-        "flown_s": round(flown_s, 1),
-        "flown_s_per_s": round(flown_s / took_s, 1) if took_s else None,
-        "rows": [
+        "flown_s": round(sum(one.flown_s for one in (*after, *before)), 1),
+        "plans": [_plan_results(trial) for trial in trials],
+    }
+
+
+def _plan_results(trial: Trial) -> Json:
+    claim = trial.claim
+    return {
+        "segments": len(claim.plan.segments),
+        "radius_m": trial.settings.radius_m,
+        "tightness": trial.settings.tightness,
+        "capacity_ah": claim.ground.drone.capacity_ah,
+        "claimed_earliest_s": round(claim.earliest_s, 1),
+        "longest_route_s": round(claim.longest_s, 1),
+        "losses": [
             {
                 "loss": one.loss.spec,
-                "after": group is after,
+                "after": group is trial.after,
                 "finished": one.finished,
                 "wrong": list(one.wrong),
                 "uncovered": list(one.uncovered),
                 "least_pct": round(one.least_pct, 2),
             }
-            for group in (after, before)
+            for group in (trial.after, trial.before)
             for one in group
         ],
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +16,26 @@ from executor.bench.window import WindowSettings
 
 TITLE = "The re-plan window, flown"
 INTRODUCTION = (
-    "`{command}`: {segments} segments, {vehicles} vehicles ({autopilot}), batteries of such a size that the dearest "
-    "route of the best MinMax plan takes {tightness:.0%} of the budget. A plan chosen for its window claims that any "
-    "single vehicle may be lost from {claimed_earliest_s:.0f} s on, of {longest_route_s:.0f} s. Each loss (a crash, "
-    "or a link that is silent for good) is a flight of its own in virtual time, at a random time, of a random vehicle"
-    " that still flies then. It is finished if everything was inspected and everybody else stands on its pad above "
-    "its reserve, by the simulator's own battery."
+    "`{command}`: {vehicles} vehicles ({autopilot}) with budgets of {budget_pct:g} % of a battery that is so large "
+    "that the dearest route of the best MinMax plan takes the given share of it, the tightness. A plan chosen for its "
+    "window claims that any single vehicle may be lost from a time on. Each loss (a crash, or a link that is silent "
+    "for good) is a flight of its own in virtual time, at a random time, of a random vehicle that still flies then. It "
+    "is finished if everything was inspected and everybody else stands on its pad above its reserve, by the "
+    "simulator's own battery."
 )
 
 
 def window_document(settings: WindowSettings, command: str, found: Json) -> Json:
     """Return the content of window.json."""
     return {
-        "format": "faultline-bench-window/1",
+        "format": "faultline-bench-window/2",
         "machine": machine(),
         "command": command,
         "seed": settings.seed,
         "network": "default" if settings.network is None else settings.network.name,
-        "radius_m": settings.radius_m,
         "vehicles": settings.vehicles,
         "autopilot": settings.autopilot,
-        "tightness": settings.tightness,
+        "budget_pct": settings.budget_pct,
         **found,
     }
 
@@ -48,7 +47,8 @@ def keep_window(content: Mapping[str, Any], folder: Path) -> None:
 
 
 LOSSES = ("losses", "flown", "finished", "what is left is named")
-BROKEN = ("loss", "when", "why not", "left over")
+PLANS = ("segments", "tightness", "claimed from (s)", "longest route (s)", "finished after it", "finished before it")
+BROKEN = ("segments", "loss", "when", "why not", "left over")
 Rows = list[tuple[str, ...]]
 
 
@@ -61,11 +61,26 @@ def _losses(content: Mapping[str, Any]) -> Rows:
     return rows
 
 
+def _plans(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            str(plan["segments"]), f"{plan['tightness']:.0%}", f"{plan['claimed_earliest_s']:.0f}",
+            f"{plan['longest_route_s']:.0f}", _share(plan["losses"], after=True), _share(plan["losses"], after=False),
+        )
+        for plan in content["plans"]
+    ]  # fmt: skip
+
+
+def _share(losses: Sequence[Mapping[str, Any]], *, after: bool) -> str:
+    those = [one for one in losses if one["after"] == after]
+    return f"{sum(one['finished'] for one in those)} of {len(those)}" if those else ""
+
+
 def _broken(content: Mapping[str, Any]) -> Rows:
     return [
-        (row["loss"], "after" if row["after"] else "before", "; ".join(row["wrong"]),
-         ", ".join(map(str, row["uncovered"])) or "nothing")
-        for row in content["rows"] if not row["finished"]
+        (str(plan["segments"]), one["loss"], "after" if one["after"] else "before", "; ".join(one["wrong"]),
+         ", ".join(map(str, one["uncovered"])) or "nothing")
+        for plan in content["plans"] for one in plan["losses"] if not one["finished"]
     ]  # fmt: skip
 
 
@@ -81,18 +96,18 @@ def window_page(content: Mapping[str, Any]) -> str:
         ""
         if least is None
         else f"The least that a survivor landed with after a loss in the window: {figure(least)} %.",
+        markdown_table(PLANS, _plans(content)),
         "## Not finished" if broken else "",
         markdown_table(BROKEN, broken) if broken else "",
-        f"{figure(content['flown_s'] / 3600)} hours were flown, {content['flown_s_per_s']} s of flight in a second of "
-        "each process.",
+        f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
     )
 
 
 def print_window(content: Mapping[str, Any]) -> None:
     """Print the tables."""
     console = Console()
-    claim = f"from {content['claimed_earliest_s']:.0f} s on, of {content['longest_route_s']:.0f} s"
-    print_table(console, f"{TITLE}: claimed {claim}", LOSSES, _losses(content))
+    print_table(console, TITLE, LOSSES, _losses(content))
+    print_table(console, "By plan", PLANS, _plans(content))
     broken = _broken(content)
     if broken:
         print_table(console, "Not finished", BROKEN, broken)

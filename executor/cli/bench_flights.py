@@ -4,14 +4,35 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption, finite
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption
 
+USUAL_RADIUS_M = 700.0
+TIGHTNESS = 0.85
+RadiiOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        min=1,
+        metavar="M",
+        help="Only segments within M metres of the depot; by default 700. Each one given is a plan.",
+    ),
+]
+SharesOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        min=0.01,
+        max=1,
+        metavar="SHARE",
+        help="What the best MinMax plan's dearest route takes of the budget; by default 0.85. Plans take several "
+        "in turn.",
+    ),
+]
 JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")]
 
 
@@ -87,22 +108,18 @@ def window(
     network: Annotated[
         Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
     ] = None,
-    radius: Annotated[
-        float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
-    ] = 700.0,
-    losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed time, each a flight.")] = 50,
-    before: Annotated[int, typer.Option(min=0, help="Losses before it: what is left over must be named.")] = 0,
+    radius: RadiiOption = None,
+    losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
+    before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
     seed: SeedOption = 1,
     autopilot: Annotated[
         AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
     ] = FIRST_AUTOPILOT,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
-    tightness: Annotated[
-        float,
-        typer.Option(
-            min=0.01, max=1, metavar="SHARE", help="What the best MinMax plan's dearest route takes of the budget."
-        ),
-    ] = 0.85,
+    tightness: SharesOption = None,
+    budget: Annotated[
+        float, typer.Option(min=1, max=100, metavar="PCT", help="Of a full battery, of each vehicle.")
+    ] = 28.0,
     seconds: SecondsOption = 20.0,
     jobs: JobsOption = None,
     out: Annotated[
@@ -117,22 +134,33 @@ def window(
     """
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
-    from executor.bench.window import WindowSettings, claimed, fly_losses, results
-    from executor.bench.window import losses as drawn
+    from executor.bench.window import WindowSettings, results, tried
     from executor.bench.windowpage import keep_window, print_window, window_document
 
-    count = jobs or cores()
-    settings = WindowSettings(network, radius, autopilot.value, vehicles, tightness, seconds, seed, count)
-    claim = claimed(settings)
+    count, radius, tightness = jobs or cores(), radius or [USUAL_RADIUS_M], tightness or [TIGHTNESS]
+    plans = [
+        WindowSettings(
+            network,
+            within_m,
+            autopilot.value,
+            vehicles,
+            tightness[number % len(tightness)],
+            budget,
+            seconds,
+            seed,
+            count,
+        )
+        for number, within_m in enumerate(radius)
+    ]
     with ShownProgress() as shown:
-        flown = fly_losses(claim, drawn(claim, losses, seed), count, partial(shown.told, "losses after"))
-        early = fly_losses(claim, drawn(claim, before, seed, before=True), count, partial(shown.told, "losses before"))
+        trials = tried(plans, losses, before, count, partial(shown.told, "plans"))
     command = shlex.join([
         "faultline", "bench", "window", *([] if network is None else ["--network", network.name]),
-        "--radius", f"{radius:g}", "--losses", str(losses), "--before", str(before), "--seed", str(seed),
-        "--autopilot", autopilot.value, "--vehicles", str(vehicles), "--tightness", f"{tightness:g}",
+        *_repeated("--radius", radius), "--losses", str(losses), "--before", str(before), "--seed", str(seed),
+        "--autopilot", autopilot.value, "--vehicles", str(vehicles), *_repeated("--tightness", tightness),
+        "--budget", f"{budget:g}",
     ])  # fmt: skip
-    content = window_document(settings, command, results(claim, flown, early))
+    content = window_document(plans[0], command, results(trials))
     if out is not None:
         keep_window(content, out)
     if as_json:
@@ -141,3 +169,7 @@ def window(
         print_window(content)
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
     raise typer.Exit(0 if kept else 1)
+
+
+def _repeated(option: str, values: Sequence[float]) -> list[str]:
+    return [part for value in values for part in (option, f"{value:g}")]

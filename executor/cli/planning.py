@@ -149,7 +149,8 @@ def announced(
     """Say what is planned, and return how to say how far it is."""
     vehicles = len(ground.names)
     name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
-    console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {wanted.seconds:g} s)")
+    length = f"{wanted.seconds:g} s" if wanted.iterations is None else f"{wanted.iterations} iterations"
+    console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {length})")
 
     def progressed(progress: Progress) -> None:
         console.progress(

@@ -125,6 +125,8 @@ class Survivor:
     """In the air: its height where it becomes free, as flights are priced."""
     pace: Pace = AS_MODELLED
     """What it has shown of its pace in this flight, beside the one of its model."""
+    facing_m: tuple[float, float] = (0.0, 0.0)
+    """East and north along the leg on which it comes there; of no length where nobody knows."""
 
 
 @dataclass(frozen=True, slots=True)

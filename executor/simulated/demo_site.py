@@ -18,8 +18,9 @@ from missions import default_network_path, read_network
 USUAL_VEHICLES = 4
 """With these the whole of the default network is flown below the ceiling of a site."""
 USUAL_RADIUS_M = 700.0
-USUAL_BUDGET_PCT = 34.0
-"""Of the usual demo: with 28 % it depends on how far the search for the window came whether everything is inspected."""
+USUAL_BUDGET_PCT = 28.0
+"""Of the usual demo: so tight that it matters how a plan was chosen. After ``--fault uav1:silent@510s`` one that was
+chosen by MinComb leaves segments over; one that was chosen for its window does not."""
 SIMULATED_CEILING_M = 1000.0
 ENDS_S = 10.0
 """Real seconds that the simulated fleet may take to end."""
@@ -34,8 +35,7 @@ def demo_site(
     Its vehicles answer on the ports given, or else on free ones.
     """
     table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
-    usual = (network, radius_m, vehicles) == (None, USUAL_RADIUS_M, USUAL_VEHICLES)
-    budget = {"budget_pct": USUAL_BUDGET_PCT} if usual else {}
+    budget = {"budget_pct": USUAL_BUDGET_PCT} if is_usual(network, radius_m, vehicles) else {}
     site: dict[str, object] = {
         "network": table,
         "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
@@ -61,6 +61,11 @@ def demo_site(
         frame = read_network(default_network_path()).frame
         site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
     return site
+
+
+def is_usual(network: Path | None, radius_m: float, vehicles: int) -> bool:
+    """Return whether this is the demo that is flown where nothing else is asked for."""
+    return (network, radius_m, vehicles) == (None, USUAL_RADIUS_M, USUAL_VEHICLES)
 
 
 def _is_json(network: Path) -> bool:

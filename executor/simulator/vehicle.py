@@ -117,6 +117,10 @@ class SimulatedVehicle:
             for fault in due:
                 self.befall(fault)
 
+    def order(self, fault: Injection) -> None:
+        """Have a fault befall this vehicle in its own time."""
+        self._pending.append(fault)
+
     def befall(self, fault: Injection) -> None:
         """Suffer a fault now, whenever it was ordered for."""
         self.autopilot.frame.happened(f"fault {fault.spec}")

@@ -41,12 +41,15 @@ from missions import (
     with_heights,
 )
 from missions.pace import AS_MODELLED
+from missions.pads import column_radius_m
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
 UPLOAD_ALLOWANCE_S = 1.0
 """Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
+SEEN_S = 2.0
+"""A vehicle is this much farther than its last reports say."""
 DEFAULT_NETWORK = "default"
 """As `network.file`: the network that comes with faultline."""
 
@@ -217,7 +220,21 @@ def pricing_of(
             performances.get(vehicle.name, usual), power, table.transit_speed_m_s, table.speed_m_s,
             AS_MODELLED if known is None else known.pace,
         )  # fmt: skip
-    return Pricing(setup.tracks_up_m, {name: setup.base_of(name) for name in ground.names}, models)
+    bases = {name: setup.base_of(name) for name in ground.names}
+    pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    return Pricing(
+        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site)
+    )
+
+
+def answer_s(site: Site) -> float:
+    """Return how long after a loss everybody flies on as planned: the slowest way to find a loss is a silent link."""
+    return max(link_timeout_s(site, dialect_for(vehicle.autopilot)) for vehicle in site.vehicle) + horizon_s(site)
+
+
+def horizon_s(site: Site) -> float:
+    """Return how far ahead of a re-plan's begin missions stay as they are, in the vehicles' time."""
+    return SEEN_S + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
 
 
 def stall_s(speedup: float) -> float:
@@ -303,5 +320,5 @@ def context_of(
         pilot_returns=site.flight.pilot_return == "auto",
         infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
-        horizon_s=2.0 + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S),
+        horizon_s=horizon_s(site),
     )

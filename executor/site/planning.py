@@ -27,6 +27,7 @@ from planner import (
     DEFAULT_PARAMS,
     Cost,
     Instance,
+    Iterations,
     NoImprovement,
     Plan,
     Progress,
@@ -78,6 +79,8 @@ class Wanted:
     seconds: float
     """The solver's time."""
     seed: int
+    iterations: int | None = None
+    """Of a search; then `seconds` are only its limit, and a slow computer finds the same plan later."""
     solver: PlanSolver = PlanSolver.SEARCH
     all_vehicles: bool = False
     """Keep no vehicle on the ground."""
@@ -137,7 +140,7 @@ def first_plan(
     wanted = wanted.for_task(task)
     window: Window | None
     if wanted.cost is None:
-        stop = any_of(Seconds(wanted.seconds), NoImprovement(WINDOW_SETTLED))
+        stop = _ended(wanted, NoImprovement(WINDOW_SETTLED))
         found = solve_window(
             task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
@@ -210,9 +213,14 @@ def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callabl
             )  # fmt: skip
         case PlanSolver.SEARCH:
             return solve(
-                instance, cost=cost, stop=_settled(wanted.seconds), seed=wanted.seed, starts=wanted.threads,
-                all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
+                instance, cost=cost, stop=_ended(wanted, NoImprovement(SETTLED)), seed=wanted.seed,
+                starts=wanted.threads, all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
             )  # fmt: skip
+
+
+def _ended(wanted: Wanted, settled: StopRule) -> StopRule:
+    """Return when a search ends: after its iterations if they are given, and else once it is settled."""
+    return any_of(Seconds(wanted.seconds), settled if wanted.iterations is None else Iterations(wanted.iterations))
 
 
 def _settled(seconds: float) -> StopRule:

@@ -32,6 +32,8 @@ class LossTiming(NamedTuple):
     """(k, 2n): energy from the landing place to the end of a visit, with the vehicle's own consumption."""
     airborne: IntArray
     """(k,): 1 for vehicles that are in the air when the plan starts."""
+    answer_s: float
+    """How long after a loss survivors fly on as planned."""
 
 
 class LossClock(NamedTuple):
@@ -56,7 +58,7 @@ class Loss(NamedTuple):
     """(k,): how many visits of the plan have ended."""
 
 
-TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS), LossTiming)
+TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS, nb.float64), LossTiming)
 CLOCK = nb.types.NamedTuple((TABLE, TABLE, FLOATS), LossClock)
 LOSS = nb.types.NamedTuple((PROBLEM, INTS, INTS), Loss)
 
@@ -98,8 +100,9 @@ def begin_loss(
         loss.is_open[segment] = int(base.route_of[segment] < 0)
     for route in range(len(base.lengths)):
         length = base.lengths[route]
+        until_s = at_s if route == lost else at_s + timing.answer_s
         done = 0
-        while done < length and clock.ends_s[route, done] <= at_s + SAME_TIME_S:
+        while done < length and clock.ends_s[route, done] <= until_s + SAME_TIME_S:
             done += 1
         loss.done[route] = done
         loss.problem.idle[route] = 0.0

@@ -92,18 +92,20 @@ def set_clocks(problem: Problem, timing: LossTiming, base: State, clock: LossClo
         set_clock(problem, timing, base, clock, route)
 
 
-@kernel(FLOATS(STATE, CLOCK), counted=True)
-def events_of(base: State, clock: LossClock) -> FloatArray:
-    """Return 0 and the times at which a visit ends or a vehicle lands, ascending."""
-    times = np.empty(1 + len(base.lengths) + base.lengths.sum())
+@kernel(FLOATS(TIMING, STATE, CLOCK), counted=True)
+def events_of(timing: LossTiming, base: State, clock: LossClock) -> FloatArray:
+    """Return 0 and the times at which a visit ends or a vehicle lands, or will once survivors answer, ascending."""
+    times = np.empty(1 + 2 * (len(base.lengths) + base.lengths.sum()))
     times[0] = 0.0
     count = 1
     for route in range(len(base.lengths)):
         times[count] = clock.durations_s[route]
-        count += 1
+        times[count + 1] = max(0.0, clock.durations_s[route] - timing.answer_s)
+        count += 2
         for position in range(base.lengths[route]):
             times[count] = clock.ends_s[route, position]
-            count += 1
+            times[count + 1] = max(0.0, clock.ends_s[route, position] - timing.answer_s)
+            count += 2
     times.sort()
     kept = 1
     for place in range(1, count):
@@ -122,7 +124,7 @@ def earliest(
     desk: Desk, effort: int, rng: RandomState,
 ) -> tuple[float, float]:  # fmt: skip
     """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
-    events_s = events_of(base, clock)
+    events_s = events_of(timing, base, clock)
     repairs.known[:] = 0
     interval = scan(
         problem, timing, base, clock, events_s, len(events_s) - 2, 0, fly_again, loss, repairs, desk, effort, rng

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock
@@ -89,6 +90,16 @@ class VirtualFlight:
 Applied = Callable[[Context, Event, FleetState, float], None]
 
 
+@dataclass(frozen=True, slots=True)
+class Onlookers:
+    """Who looks on at a flight and changes nothing."""
+
+    applied: Applied = lambda *_: None
+    """Called after every event with what does not change, the state and the flight's time."""
+    lived: Callable[[Mapping[str, SimulatedVehicle]], None] = lambda _: None
+    """Called with the vehicles after every step of their lives."""
+
+
 class Nowhere:
     """`ports.EventSink` that keeps nothing."""
 
@@ -107,7 +118,7 @@ def fly_virtual(
     seed: int = 0,
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
     sink: EventSink | None = None,
-    applied: Applied = lambda *_: None,
+    onlookers: Onlookers | None = None,
     limit_s: float = LIMIT_S,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
@@ -122,7 +133,7 @@ def fly_virtual(
         seed: Of the links' chance.
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
         sink: Where events are written; without it nowhere.
-        applied: Called after every event with what does not change, the state and the flight's time.
+        onlookers: Who looks on.
         limit_s: Of the flight's time after the launch.
 
     Raises:
@@ -133,7 +144,8 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    flown = run_virtual(lambda: _Sky(ground, plan, faults, seed, craft, sink or Nowhere(), applied).fly(limit_s))
+    sky = partial(_Sky, ground, plan, faults, seed, craft, sink or Nowhere(), onlookers or Onlookers())
+    flown = run_virtual(lambda: sky().fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
 
@@ -166,10 +178,10 @@ class _Sky:
 
     def __init__(
         self, ground: Ground, plan: PlanFile, faults: Sequence[str], seed: int,
-        craft: Callable[[SimVehicle], SimVehicle], sink: EventSink, applied: Applied,
+        craft: Callable[[SimVehicle], SimVehicle], sink: EventSink, onlookers: Onlookers,
     ) -> None:  # fmt: skip
         self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: ())
-        self._sink, self._applied = sink, applied
+        self._sink, self._onlookers = sink, onlookers
         self._solver = SolverHere(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
         setup = assembly.setup_of(ground)
@@ -204,7 +216,7 @@ class _Sky:
             launched_s = clock.now_s()
             observer = Observer(
                 lambda line, at_s: self._said.append((at_s, line)),
-                lambda event, state, now_s: self._applied(context, event, state, now_s),
+                lambda event, state, now_s: self._onlookers.applied(context, event, state, now_s),
             )
             flight = Flight(context, fleet.initial(boards), links, clock, self._sink, self._solver, observer)
             ended = await _to_the_end(flight, launched_s + limit_s)
@@ -228,6 +240,7 @@ class _Sky:
     def _look(self, _: float) -> None:
         for radio in self._radios.values():
             self._truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+        self._onlookers.lived({name: radio.vehicle for name, radio in self._radios.items()})
 
 
 async def _to_the_end(flight: Flight, until_s: float) -> bool:

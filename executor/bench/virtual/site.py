@@ -77,6 +77,13 @@ def with_capacity(ground: Ground, capacity_ah: float) -> Ground:
     return assembly.ground_over(site, ground.network)
 
 
+def with_budgets(ground: Ground, budget_pct: float) -> Ground:
+    """Return the same site with another budget for every vehicle."""
+    vehicles = tuple(table.model_copy(update={"budget_pct": budget_pct}) for table in ground.site.vehicle)
+    site = ground.site.model_copy(update={"vehicle": vehicles})
+    return assembly.ground_over(site, ground.network)
+
+
 def dearest_pct(ground: Ground, plan: PlanFile) -> float:
     """Return what the dearest route of a plan takes as it is flown, with its climb and its landing."""
     paths = assembly.paths_of(ground.setup, assembly.routes_of(ground, plan.task(), plan.plan))

@@ -66,6 +66,8 @@ class BatteryState:
     """One vehicle's battery since its first report."""
 
     first_pct: float | None = None
+    first_ah: float | None = None
+    """What the counter of charge said beside that."""
     remaining_pct: float | None = None
     """The last report; None until there was one."""
     least_pct: float | None = None
@@ -205,6 +207,13 @@ def _drifts(
     return drift, slow
 
 
+def with_first_count(state: BatteryState, consumed_ah: float | None) -> BatteryState:
+    """Take what the counter of charge says, while the percentage is still the first one."""
+    if state.first_ah is not None or state.remaining_pct != state.first_pct:
+        return state
+    return replace(state, first_ah=consumed_ah)
+
+
 def with_consumed(
     state: BatteryState, consumed_ah: float, now_s: float, limits: Limits = DEFAULT_LIMITS
 ) -> BatteryState:
@@ -236,6 +245,25 @@ def swapped(
         least_pct=state.least_pct, earlier_pct=state.given_pct, charge=Charge(set_ah=state.charge.set_ah)
     )
     return with_remaining(fresh, remaining_pct, charge_state, now_s, prior, middle_pct=middle_pct)
+
+
+def drawn_so_far_pct(state: BatteryState) -> float:
+    """Return what was given since the first report, as exactly as it is known.
+
+    Whole percents are a large part of a small budget. The counter of charge knows what was given better than how much
+    is left, which depends on how the percentage is rounded.
+    """
+    if state.first_pct is None or state.estimate is None:
+        return 0.0
+    charge = state.charge
+    if (
+        charge.capacity_ah is None
+        or charge.consumed_ah is None
+        or state.first_ah is None
+        or charge.consumed_ah < state.first_ah  # it began anew
+    ):
+        return max(0.0, state.first_pct - state.estimate.remaining_pct)
+    return 100.0 * (charge.consumed_ah - state.first_ah) / charge.capacity_ah
 
 
 def waited(

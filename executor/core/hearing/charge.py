@@ -35,6 +35,8 @@ def powered(context: Scene, state: VehicleState, message: Battery, now_s: float)
             roundings = replace(roundings, rounded=percent, rounded_s=now_s)
             percent = roundings.percent
         charge = _charged(context, state, charge, percent, message.charge_state, now_s)
+        if single:
+            charge = account.with_first_count(charge, message.consumed_ah)
     power = replace(
         old, packs=packs, battery=charge, roundings=roundings, battery_faults=message.faults, told_s=now_s
     )  # fmt: skip

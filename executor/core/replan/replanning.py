@@ -87,7 +87,14 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     else:
         place, alt_rel_m, spent = state.motion.fix.place_m, state.motion.fix.alt_rel_m, 0.0
     offer = _offer(context, state, place, spent * account.factor(state.power.battery), airborne=True, kept=kept)
-    return replace(offer, start_up_m=context.setup.lowest_layer_up_m(state.name, alt_rel_m))
+    facing_m = (0.0, 0.0)
+    if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
+        (east_m, north_m), before_m = (
+            state.assignment.board.places_m[kept - 1],
+            state.assignment.board.places_m[kept - 2],
+        )
+        facing_m = (east_m - before_m[0], north_m - before_m[1])
+    return replace(offer, start_up_m=context.setup.lowest_layer_up_m(state.name, alt_rel_m), facing_m=facing_m)
 
 
 def from_its_pad(context: Context, state: VehicleState) -> Survivor:
@@ -157,7 +164,9 @@ def _offer(
     setup = context.vehicles[state.name]
     remaining = state.power.battery.remaining_pct or 0.0
     # What is never touched is the reserve, so that it is the one that a rounded report is held against.
-    left = min(remaining - QUANTUM_PCT - setup.reserve_pct, setup.budget_pct - state.power.battery.used_pct)
+    left = min(
+        remaining - QUANTUM_PCT - setup.reserve_pct, setup.budget_pct - account.drawn_so_far_pct(state.power.battery)
+    )
     budget = left - spent_pct
     tail: tuple[int, ...] = ()
     if state.assignment.board is not None and airborne:

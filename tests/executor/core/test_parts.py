@@ -90,6 +90,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "modelled_pct": 0.0,
                 "began_ah": 0.0,
                 "began_pct": 0.0,
+                "first": None,
+                "last": None,
                 "capacity_ah": None,
                 "drift": Drift(),
             },

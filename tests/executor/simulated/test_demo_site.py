@@ -57,3 +57,11 @@ def test_the_ports_of_a_fleet_are_none_that_the_system_chooses() -> None:
     ports = free_ports(200)
     assert len(set(ports)) == 200
     assert max(ports) < 32_768
+
+
+def test_only_the_usual_demo_has_budgets_of_its_own() -> None:
+    def budgets(radius_m: float) -> set[float]:
+        content = demo_site(network=None, radius_m=radius_m, vehicles=4, speedup=10, autopilot="px4")
+        return {vehicle.budget_pct for vehicle in check_site(content, "demo").vehicle}
+
+    assert budgets(700.0) == {28.0} != budgets(900.0)

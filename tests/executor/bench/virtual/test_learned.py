@@ -10,7 +10,7 @@ import pytest
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.learned import learned_of, read_learned
 from executor.bench.prediction import plan_with
-from executor.bench.virtual.flight import VirtualFlight, fly_virtual
+from executor.bench.virtual.flight import Onlookers, VirtualFlight, fly_virtual
 from executor.core import projection
 from executor.core.context import Context
 from executor.core.events import Event
@@ -73,7 +73,7 @@ def test_a_slow_vehicle_is_foreseen_in_its_flight_and_in_the_next_one(tmp_path: 
         half["at"], half["left"] = now_s, projection.time_to_reach_s(vehicle, len(board.legs) - 1)
         half["planned"] = sum(leg.duration_s for leg in board.legs[waypoint:])
 
-    first = fly_virtual(ground, planned(ground), seed=1, craft=slow, applied=halfway)
+    first = fly_virtual(ground, planned(ground), seed=1, craft=slow, onlookers=Onlookers(applied=halfway))
     [disarmed_s] = [truth.t_s for truth in first.truths if truth.what == "disarmed"]
     took_s = disarmed_s - half["at"]
     assert took_s > 1.04 * half["planned"], "by the plan it would have been faster"

@@ -19,6 +19,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: flat(BatteryState()),
         {
             "first_pct": None,
+            "first_ah": None,
             "remaining_pct": None,
             "least_pct": None,
             "reported_s": -math.inf,

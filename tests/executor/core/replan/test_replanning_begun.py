@@ -34,7 +34,16 @@ CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}
 ON_ITS_WAY = flying()
 ITS_OFFER = Survivor(
-    "uav1", (200.0, -5.0), 73.1078, 0.999998, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
+    "uav1",
+    (200.0, -5.0),
+    73.1078,
+    0.999998,
+    airborne=True,
+    tail=(2,),
+    kept=3,
+    most_pct=74.1078,
+    start_up_m=15.0,
+    facing_m=(100.0, 0.0),
 )
 PROVEN = dict.fromkeys(range(6), "uav3")
 UNSOLVED = plan_of(solve_s=None, solved_s=0.0)
@@ -184,6 +193,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             kept=4,
                             most_pct=75.0,
                             start_up_m=20.0,
+                            facing_m=(100.0, 0.0),
                         ),
                     ),
                     trigger="not proven to be inspected: segment 0",
@@ -221,6 +231,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             kept=4,
                             most_pct=75.0,
                             start_up_m=20.0,
+                            facing_m=(100.0, 0.0),
                         ),
                     ),
                     trigger="not proven to be inspected: segment 0",
@@ -273,6 +284,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             kept=4,
                             most_pct=75.0,
                             start_up_m=20.0,
+                            facing_m=(100.0, 0.0),
                         ),
                     ),
                     trigger="not proven to be inspected: segment 1",

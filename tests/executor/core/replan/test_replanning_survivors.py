@@ -36,7 +36,16 @@ from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
 
 CONTEXT = FLEET.context
 ITS_OFFER = Survivor(
-    "uav1", (200.0, -5.0), 73.1078, 0.999998, airborne=True, tail=(2,), kept=3, most_pct=74.1078, start_up_m=15.0
+    "uav1",
+    (200.0, -5.0),
+    73.1078,
+    0.999998,
+    airborne=True,
+    tail=(2,),
+    kept=3,
+    most_pct=74.1078,
+    start_up_m=15.0,
+    facing_m=(100.0, 0.0),
 )
 STANDS = landed(stage=Stage.LANDED, fix=LOW)
 ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
@@ -177,6 +186,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             kept=4,
             most_pct=74.3116,
             start_up_m=15.0,
+            facing_m=(100.0, 0.0),
         ),
     ),
     (
@@ -192,6 +202,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             kept=4,
             most_pct=74.9862,
             start_up_m=15.0,
+            facing_m=(100.0, 0.0),
         ),
     ),
     (
@@ -207,6 +218,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             kept=4,
             most_pct=75.0,
             start_up_m=20.0,
+            facing_m=(100.0, 0.0),
         ),
     ),
     ("who is on its way home and nearly there", lambda: offered(flying(waypoint=4, fix=over_pad(15.0))), None),
@@ -269,6 +281,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             kept=3,
             most_pct=73.6617,
             start_up_m=15.0,
+            facing_m=(100.0, 0.0),
         ),
     ),
     (

@@ -1,0 +1,95 @@
+"""Moves that lead around the columns above others' pads, priced as they are flown.
+
+Few moves of a network meet a column, but each of them costs its corners as well as its length: on the default network
+one route in four crosses the pads, and takes 3 % longer for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from missions.geo import FloatArray
+from missions.pads import way_around_m
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """What one vehicle's ways lead around."""
+
+    centres_m: tuple[tuple[float, float], ...] = ()
+    """East and north."""
+    radius_m: float = 0.0
+
+    def met(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
+        """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around."""
+        start_m, along_m = from_m[:, :2], to_m[:, :2] - from_m[:, :2]
+        squares = np.maximum((along_m**2).sum(axis=1), 1e-12)
+        hit = np.zeros(len(from_m), dtype=np.bool_)
+        for centre_m in np.array(self.centres_m).reshape(-1, 2):
+            away_m = centre_m - start_m
+            share = np.clip((away_m * along_m).sum(axis=1) / squares, 0.0, 1.0)
+            ends_m = np.minimum(np.hypot(*away_m.T), np.hypot(*(away_m - along_m).T))
+            passed_m = np.hypot(*(away_m - share[:, np.newaxis] * along_m).T)
+            hit |= (passed_m < self.radius_m - 1e-9) & (ends_m >= self.radius_m)
+        return np.flatnonzero(hit)
+
+    def ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield ways around the columns, all with as many corners at once.
+
+        Args:
+            from_m: (n, 3) float64, where ways begin.
+            to_m: (n, 3) float64, where they end.
+
+        Yields:
+            (k,) which of them, and (k, w, 3) through which places, both ends included.
+        """
+        found: dict[tuple[float, ...], FloatArray] = {}
+        lengths: dict[int, list[tuple[int, FloatArray]]] = {}
+        centres_m = np.array(self.centres_m).reshape(-1, 2)
+        for number, (start, end) in enumerate(zip(from_m.tolist(), to_m.tolist(), strict=True)):
+            key = (*start, *end)
+            if key not in found:
+                found[key] = _with_heights(start, end, way_around_m(
+                    np.array(start[:2]), np.array(end[:2]), centres_m, self.radius_m
+                ))  # fmt: skip
+            lengths.setdefault(len(found[key]), []).append((number, found[key]))
+        for ways in lengths.values():
+            yield np.array([number for number, _ in ways]), np.array([way for _, way in ways])
+
+
+def led_around(
+    columns: Columns, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
+    along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return seconds and energies of ways of which some lead around a column.
+
+    Args:
+        columns: That they lead around.
+        from_m: (..., 3) float64, where ways begin.
+        to_m: (..., 3) float64, where they end.
+        straight: (...) float64 seconds and energies of the straight ways.
+        along: The same (k,) of ways through (k, w, 3) places; the first argument is which of the flattened ways.
+    """
+    shape = straight[0].shape
+    flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
+    which = columns.met(flat_from, flat_to)
+    if len(which) == 0:
+        return straight
+    seconds, pct = straight[0].flatten(), straight[1].flatten()
+    for part, ways_m in columns.ways(flat_from[which], flat_to[which]):
+        seconds[which[part]], pct[which[part]] = along(which[part], ways_m)
+    return seconds.reshape(shape), pct.reshape(shape)
+
+
+def _with_heights(start: list[float], end: list[float], corners_m: FloatArray) -> FloatArray:
+    """Return (w, 3) a way through corners, rising evenly."""
+    level_m = np.concatenate((np.array([start[:2]]), corners_m, np.array([end[:2]])))
+    flown_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(level_m, axis=0).T))))
+    up_m = start[2] + (end[2] - start[2]) * flown_m / max(float(flown_m[-1]), 1e-9)
+    return np.column_stack((level_m, up_m))
