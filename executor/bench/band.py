@@ -52,7 +52,7 @@ MARGIN_PCT = (0.0, 15.0)
 """Between the landing that the plan promises and the reserve."""
 TENTHS = 10
 LOOKS_S = 1.0
-RESERVE = next(point for point in watchpoints.TABLE if point.judge is watchpoints.reserve_broken)
+RESERVE = next(point for point in watchpoints.TABLE if point.judge is batteries.reserve_broken)
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,13 +95,13 @@ def replay_logs(
     done = [_replayed(path, rules) if len(paths) == 1 else _replayed_or_named(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
-    known = None if packs is None else _packs(done, packs)
+    history = None if packs is None else _packs(done, packs)
     if as_json:
         print(json.dumps(replay_document(done)))
     else:
         for one in done:
             _print(one)
-        for line in () if known is None else pack_lines(known):
+        for line in () if history is None else pack_lines(history):
             print(line)
     nothing = all(not one.replay.vehicles for one in done)
     if nothing or any(one.comparison is not None and not one.comparison.same for one in done):

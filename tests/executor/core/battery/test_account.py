@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.core.battery import account
-from executor.core.battery.account import FACTOR_RANGE, BatteryState, PercentEnd
+from executor.core.battery.account import FACTOR_RANGE, BatteryState
+from executor.core.battery.counter import PercentEnd
 from executor.core.battery.roundings import Roundings
 from executor.core.faults import batteries
 from executor.core.faults.watching import Verdict, View

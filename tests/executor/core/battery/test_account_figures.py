@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.battery.counter import Charge, PercentEnd
+from executor.core.battery.counter import Charge, PercentEnd, counted_pct
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from tests.executor.core.steps import rounded
@@ -502,9 +502,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a counter that agrees is finer than the percentage",
-        lambda: [
-            account._counted_pct(used(*WHOLE, charges=AH).charge, percent) for percent in (93.0, 95.0, 92.0, 95.1)
-        ],
+        lambda: [counted_pct(used(*WHOLE, charges=AH).charge, percent) for percent in (93.0, 95.0, 92.0, 95.1)],
         [93.5, 93.5, 93.5, None],
     ),
 ]

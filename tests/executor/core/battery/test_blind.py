@@ -82,7 +82,7 @@ def test_a_second_flight_begins_anew_with_what_was_learned() -> None:
     assert first.estimate is not None
     assert anew.estimate.factor == pytest.approx(first.estimate.factor)
     assert anew.given_pct == first.given_pct
-    assert anew.charge.began_pct == 84.0
+    assert anew.charge.mark == (84.0, anew.charge.consumed_ah)
     blind = fed(BatteryState(), [90.0 - 0.08 * n for n in range(200)], from_s=0.0)
     again = account.begun_anew(blind, 84.0, 1, 300.0, ANY)
     assert again.estimate is not None
