@@ -24,7 +24,7 @@ from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground
 from executor.core import projection
 from executor.core.context import Context
 from executor.core.events import Event, Tick
-from executor.core.faults import warnings, watchpoints
+from executor.core.faults import batteries, warnings, watchpoints
 from executor.core.faults.watching import Verdict, View
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
