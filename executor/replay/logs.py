@@ -319,6 +319,8 @@ class _Player:
     def result(self, path: Path) -> LogReplay:
         """Return what was found, once the log has ended."""
         if self._first is not None:
+            # What it said last is judged, too.
+            self._next_s = min(self._next_s, self._now_s)
             self._pass(self._now_s)
         found = [*self._findings, *passive.closed(self._state, self._now_s)]
         if self._on_board:

@@ -198,10 +198,10 @@ def _drifts(
         state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
-    unsure = UNSURE_SD * max(0.0, known.factor_sd - STRANGE_SD)  # of a vehicle that nobody knows
+    if known.factor_sd > STRANGE_SD:
+        return drift, Drift()  # nobody knows yet what is usual for it
     slow = with_usage(
-        state.slow, used, state.usual_long * modelled,
-        slack_pct=(limits.slow_slack * state.usual_long + unsure) * modelled,
+        state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
     return drift, slow
@@ -370,6 +370,8 @@ def _followed_long(state: BatteryState, estimate: BatteryEstimate, elapsed_s: fl
     """Return the mean factor of the flight so far."""
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
+    # Of a vehicle that nobody knows, what it was seen to use first is usual, and not what such vehicles use.
+    share = 1.0 if estimate.factor_sd > STRANGE_SD else share
     return state.usual_long + (max(LEAST_FACTOR, estimate.factor) - state.usual_long) * share
 
 

@@ -93,7 +93,8 @@ def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: flo
         state,
         reported_s=now_s,
         voltage_v=report.voltage_v,
-        highest_v=max(state.highest_v, report.voltage_v),
+        # Of two reports the lower one: a single spike of 13.4 V made a pack of three cells one of four.
+        highest_v=max(state.highest_v, min(report.voltage_v, state.voltage_v or report.voltage_v)),
         cells_v=report.cells_v,
         known_load=report.current_a is not None and report.current_a > 0.0,
     )

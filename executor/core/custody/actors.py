@@ -26,6 +26,8 @@ SWITCHED_S = 2.5
 """A switch takes the autopilot a moment, and the HEARTBEAT that shows it a second more."""
 LATE_CHANNELS_S = 1.0
 """Its channels may be reported after the HEARTBEAT."""
+BEAT_S, MOST_LATE_S = 1.0, 15.0
+"""A HEARTBEAT comes every second; in a longer gap than this a silence is judged, and no change of mode."""
 CRITICAL_S = 2.5
 SAID_BEFORE_S, SAID_AFTER_S = 15.0, 4.0
 """A failsafe's text comes before its mode by as long as it holds first, and after it by as long as a text may take."""
@@ -52,18 +54,25 @@ def changed_by(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:
     if vehicle.telemetry.heartbeat is None:
         return Attribution(Actor.UNKNOWN)
     mode, known, at_s = vehicle.telemetry.heartbeat.custom_mode, vehicle.evidence, vehicle.telemetry.mode_since_s
+    late_s = _late_s(vehicle)
     found = _recorded(known, at_s, mode)
-    if found is None and _ordered(known, at_s, mode):
+    if found is None and _ordered(known, at_s, late_s, mode):
         found = Attribution(Actor.GROUND_STATION, "it was ordered")
-    if found is None and (switch := switch_before(known, at_s)):
+    if found is None and (switch := switch_before(known, at_s, late_s)):
         found = Attribution(Actor.PILOT, switch)
     if found is None:
         found = _failsafe(setup, vehicle, at_s, mode)
-    if found is None and _ordered(known, at_s, None):
+    if found is None and _ordered(known, at_s, late_s, None):
         found = Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
     if found is None and is_home_mode(setup.dialect, mode) and _at_its_end(setup, vehicle):
         found = Attribution(Actor.MISSION, "it was at its last item")
     return found or Attribution(Actor.UNKNOWN)
+
+
+def _late_s(vehicle: VehicleState) -> float:
+    """Return how much earlier than usual its mode may have changed: HEARTBEATs get lost, and nobody saw it."""
+    told = vehicle.telemetry
+    return min(MOST_LATE_S, max(0.0, told.mode_since_s - told.mode_before_s - BEAT_S))
 
 
 def _recorded(known: Evidence, at_s: float, mode: int) -> Attribution | None:
@@ -100,10 +109,10 @@ def _at_its_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
     return seq >= last - 1
 
 
-def switch_before(known: Evidence, at_s: float) -> str:
+def switch_before(known: Evidence, at_s: float, late_s: float = 0.0) -> str:
     """Return in words which switch of its transmitter was moved just before a moment; nothing if none was."""
     for moved in reversed(known.switched):
-        if moved.from_s <= at_s + LATE_CHANNELS_S and moved.to_s >= at_s - SWITCHED_S:
+        if moved.from_s <= at_s + LATE_CHANNELS_S and moved.to_s >= at_s - late_s - SWITCHED_S:
             return f"channel {moved.channel} of its transmitter went from {moved.was_us} to {moved.now_us}"
     return ""
 
@@ -113,10 +122,10 @@ def settled(vehicle: VehicleState, now_s: float) -> bool:
     return now_s - vehicle.telemetry.mode_since_s >= SETTLED_S
 
 
-def _ordered(known: Evidence, at_s: float, mode: int | None) -> bool:
+def _ordered(known: Evidence, at_s: float, late_s: float, mode: int | None) -> bool:
     """Return whether a mode was ordered just before a moment; None for one that nobody named."""
     return any(
-        order.custom_mode == mode and -ORDERED_S <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
+        order.custom_mode == mode and -ORDERED_S - late_s <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
         for order, seen_s in known.others_orders
     )
 

@@ -206,7 +206,12 @@ def _followed(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: 
 def _armed(vehicle: VehicleState, now_s: float) -> VehicleState:
     """Begin a flight: nothing that was said of the last one is of this one."""
     alarm = vehicle.telemetry.alarm
-    failed = tuple(one for one in vehicle.evidence.failed if now_s - one[1] <= HEARD_BEFORE_S)
+    failed = tuple(
+        one
+        for one in vehicle.evidence.failed
+        # A crash ended the flight before this one.
+        if now_s - one[1] <= HEARD_BEFORE_S and not (one[0].what == "crash" and vehicle.sortie.armed_once)
+    )
     return replace(
         moved_to(vehicle, Stage.FLYING, besides=WATCHED),
         fault=None,

@@ -253,7 +253,7 @@ TABLE: tuple[Watchpoint, ...] = (
         "battery-plunge", FaultKind.BATTERY, batteries.battery_plunges, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE
     ),
     Watchpoint("battery-drain", FaultKind.BATTERY, batteries.battery_drains, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT),
-    Watchpoint("pack", FaultKind.BATTERY, batteries.pack_falls_short, 8.0, _ON_MISSION, FaultCode.PACK_SHORT),
+    Watchpoint("pack", FaultKind.BATTERY, batteries.pack_falls_short, 15.0, _ON_MISSION, FaultCode.PACK_SHORT),
     Watchpoint("reserve", FaultKind.BATTERY, batteries.reserve_broken, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
     Watchpoint(
         "battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION, FaultCode.BATTERY_REPORT_LOST
