@@ -158,6 +158,8 @@ class Before:
     remaining_pct: float | None
     until_s: float = float("-inf")
     """What was said later than this is news."""
+    factor: float = 1.0
+    """What it was known to use relative to the model: what it used in the gap must not judge itself."""
 
 
 @dataclass(frozen=True, slots=True)

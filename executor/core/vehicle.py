@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
+from executor.core.battery import account
 from executor.core.carried import Carried
 from executor.core.context import Context
 from executor.core.coverage import Track
@@ -246,7 +247,10 @@ def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before |
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or fix is None or known.board is None:
         return None
     waypoint = known.waypoint if known.fix_waypoint is None else known.fix_waypoint
-    return Before(fix, waypoint, known.run, known.run_visit, vehicle.power.battery.remaining_pct, until_s)
+    battery = vehicle.power.battery
+    return Before(
+        fix, waypoint, known.run, known.run_visit, battery.remaining_pct, until_s, account.factor(battery)
+    )  # fmt: skip
 
 
 def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleState:

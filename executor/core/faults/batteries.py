@@ -142,7 +142,7 @@ def reserve_broken(view: View) -> Finding:
             return STALE
         return Finding(
             Verdict.FAIL,
-            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.sd_pct:.1f}, reserve "
+            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
             f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
         )
     return OK

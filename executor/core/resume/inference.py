@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.core.battery import account
 from executor.core.context import Context
 from executor.core.coverage import NOISE_M, SPEED_FACTOR, Run, Sample, run_joined
 from executor.core.parts import Before, Cause, Fix, OnBoard
@@ -151,7 +150,7 @@ def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, boa
         return Inferred(why_not="its consumption is not known")
     modelled_pct = _share_left(board, before.waypoint, before.fix) * _leg_pct(board, before.waypoint, pace)
     modelled_pct += sum(_leg_pct(board, leg, pace) for leg in rest)
-    expected_pct = account.factor(state.power.battery) * modelled_pct
+    expected_pct = before.factor * modelled_pct
     used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
         return Inferred(why_not=f"it used {used_pct:.0f} % where its way costs {expected_pct:.0f} %")

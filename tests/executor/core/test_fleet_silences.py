@@ -60,6 +60,7 @@ ROWS = [
                     run_visit=0,
                     remaining_pct=90.0,
                     until_s=NOW_S - 10.0,
+                    factor=0.999998,
                 ),
             }
         },
@@ -85,6 +86,7 @@ ROWS = [
                     run_visit=0,
                     remaining_pct=90.0,
                     until_s=NOW_S - 10.0,
+                    factor=0.999998,
                 ),
             }
         },
@@ -120,6 +122,7 @@ ROWS = [
                     run_visit=0,
                     remaining_pct=90.0,
                     until_s=NOW_S - 60.0,
+                    factor=0.999998,
                 ),
             }
         },
@@ -156,6 +159,7 @@ ROWS = [
                     run_visit=0,
                     remaining_pct=90.0,
                     until_s=-8000.0,
+                    factor=0.999998,
                 ),
                 "left_s": NOW_S,
             }

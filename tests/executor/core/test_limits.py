@@ -31,7 +31,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "drain_slack": 0.25,
             "reserve_chance": 0.93,
             "reserve_clear_chance": 0.8,
-            "reserve_warn_chance": 0.5,
+            "reserve_warn_chance": 0.95,
             "reserve_slack_pct": 1.0,
             "voltage_step": 0.05,
             "voltage_step_blind": 0.065,

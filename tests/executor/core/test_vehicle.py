@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.battery.account import BatteryState
+from executor.core.battery.pack import Pack
 from executor.core.battery.roundings import Roundings
 from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
@@ -65,6 +66,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "quality": LinkQuality(),
             "volts": VoltageState(),
             "battery_faults": 0,
+            "pack": Pack(),
+            "told_s": -math.inf,
             "unhealthy": 0,
             "item": None,
             "item_s": None,

@@ -58,7 +58,7 @@ def test_a_percentage_that_rises_in_flight_is_read_off_the_voltage() -> None:
 
 
 def test_a_learned_capacity_stays_near_the_one_that_is_set() -> None:
-    falling = [90.0 - 0.1 * n for n in range(80)]
+    falling = [90.0 - n // 10 for n in range(80)]
     free = fed(BatteryState(), falling, from_s=0.0, ah_s=0.004)
     assert free.charge.capacity_ah == pytest.approx(4.0, rel=0.1)
     bound = fed(account.with_setting(BatteryState(), 10.0), falling, from_s=0.0, ah_s=0.004)

@@ -37,9 +37,9 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("radio", flying(quality=link_quality.heard_radio(LinkQuality(), Radio(45, 110, 40, 40, 90), NOW_S))),
     ("battery-silent", flying(battery=pack(90.0, 90.0, age_s=9.0))),
     ("battery-low", flying(battery=pack(20.0, charge_state=2))),
-    ("reserve", flying(battery=pack(16.0, 16.0))),
     ("pack", flying(battery=pack(62.0, 62.0), pack=nearly_empty())),
     ("battery-besides", flying(stage=Stage.RETURNING, fault=FALLS, battery=pack(20.0, charge_state=3))),
+    ("reserve", flying(battery=pack(16.0, 16.0))),
     ("position", flying(jump=(33.0, NOW_S))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),
 ]

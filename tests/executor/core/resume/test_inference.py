@@ -15,7 +15,7 @@ from executor.core.learning import Learned, PaceEstimate
 from executor.core.messages import Heartbeat
 from executor.core.parts import Before, Cause, Fix, TakenOver
 from executor.core.resume.inference import NOTHING, Inferred, flown_meanwhile
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import Stage, VehicleState, before_of
 from missions import Pace, Phase, dialect_for
 from tests.executor.builders import fleet_of, vehicle
 from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, SETUP, at, flying, mission, pack
@@ -227,15 +227,15 @@ def test_a_site_that_asks_for_proof_infers_nothing() -> None:
 DOWN = Heartbeat(3, AUTO, False, 3)
 
 
-def landed(late_s: float = 0.0, used: float = 1.0, extra_pct: float = 0.0, **changes: object) -> Inferred:
+def landed(
+    late_s: float = 0.0, used: float = 1.0, extra_pct: float = 0.0, factor: float = 1.0, **changes: object
+) -> Inferred:  # fmt: skip
     """Return what counts of a mission that was flown to its end unseen, for so much of what it should have cost."""
     begin = (FIRST, 0.5)
-    before = Before(on_leg(*begin), FIRST, RUN, WAYPOINTS[FIRST].visit, 90.0)
+    before = Before(on_leg(*begin), FIRST, RUN, WAYPOINTS[FIRST].visit, 90.0, factor=factor)
     rest_s = way_s(*begin, LANDING, 1.0)
     rest_pct = 0.5 * LEGS[FIRST].energy_pct + sum(leg.energy_pct for leg in LEGS[FIRST + 1 :])
     known = pack(90.0 - used * rest_pct - extra_pct)
-    known = replace(known, estimate=None)
-    assert account.factor(known) == 1.0
     fix = replace(at(), boot_s=BEGAN_S + rest_s + late_s, place_m=SETUP.pad_m, alt_rel_m=0.0)
     told: dict[str, object] = {"before": before, "fix": fix, "battery": known, "heartbeat": DOWN, "waypoint": 0}
     state: VehicleState = flying(**(told | changes))
@@ -257,6 +257,31 @@ def test_what_it_used_tells_how_far_it_flew(sign: float) -> None:
     assert landed(extra_pct=sign * 1.95).segments == (0, 1)
     assert " where its way costs " in landed(extra_pct=sign * 2.05).why_not
     assert landed(before=None) == NOTHING
+
+
+def test_what_was_used_in_the_gap_does_not_judge_itself() -> None:
+    """Positions and heartbeats of the ground come together: the model may take the whole gap for a flight."""
+    thirsty = landed(used=2.0, factor=2.0)
+    assert thirsty == Inferred((0, 1))
+    assert landed(used=2.0).why_not, "a vehicle that was not known to use as much"
+    after = pack(90.0)
+    estimate = after.estimate
+    assert estimate is not None
+    rest_pct = 0.5 * LEGS[FIRST].energy_pct + sum(leg.energy_pct for leg in LEGS[FIRST + 1 :])
+    for factor in (0.7, 1.0, 2.0):
+        known = replace(after, remaining_pct=90.0 - rest_pct, estimate=replace(estimate, factor=factor))
+        assert landed(battery=known) == Inferred((0, 1)), factor
+        known = replace(known, remaining_pct=90.0 - 2.0 * rest_pct)
+        assert landed(battery=known).why_not, factor
+
+
+def test_what_is_known_of_a_vehicle_goes_with_it_into_a_gap() -> None:
+    battery = pack(90.0, 90.0)
+    assert battery.estimate is not None
+    known = flying(battery=replace(battery, estimate=replace(battery.estimate, factor=1.3)), stage=Stage.FLYING)
+    before = before_of(known)
+    assert before is not None
+    assert before.factor == 1.3
 
 
 def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:

@@ -110,6 +110,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
                         ),
                         remaining_pct=90.0,
+                        factor=0.999998,
                     ),
                     "errand": Errand(5.0, land=True),
                 },
