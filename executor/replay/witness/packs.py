@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import TypeVar
 
+import numpy as np
+
 from executor.replay.result import Declaration
 from executor.replay.witness.statements import BATTERY, Stated, statements
 from executor.replay.witness.testimony import SECOND, PowerReport, Testimony, Whereabouts, between, near
@@ -29,6 +31,17 @@ STAYS_S, OUTLASTS_S = 30.0, 900.0
 GROUND_M = 1.5
 IDLE_A = 3.0
 MORE, AS_BEFORE = 1.4, 1.2
+REST_A = 1.5
+RESTED_S, RESTS_S = 20.0, 120.0
+"""After the motors stood still: when a voltage has come back, and for how long it is read."""
+FELL_V = 0.05
+"""Of a cell at rest: less is said by the temperature, and by how long it rested."""
+LEFT_PCT = (0.0, 10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0)
+RESTING_V = (
+    (3.3, 3.69, 3.73, 3.77, 3.80, 3.87, 4.02, 4.20),
+    (2.8, 3.27, 3.43, 3.53, 3.61, 3.78, 3.95, 4.18),
+)
+"""A cell at rest with so much left: lithium polymer, and lithium ion of nickel, manganese and cobalt."""
 LOAD_SHARE = 0.25
 TRIED_V = 10.0
 
@@ -57,6 +70,10 @@ def pack_verdict(declared: Declaration, told: Testimony, confirmed: Say[V], refu
         return refuted("it was not armed")
     if _on_ground(told, since, at):
         return refuted(f"it stood on the ground, {(at - since) / 1e6:.0f} s after it was armed")
+    if declared.reason == "pack":
+        judged = _by_rest(told, since, at, confirmed, refuted)
+        if judged is not None:
+            return judged
     judged = _by_voltage(declared, told, at, confirmed, refuted)
     if judged is not None:
         return judged
@@ -111,6 +128,33 @@ def _by_voltage(declared: Declaration, told: Testimony, at: int, confirmed: Say[
     if cell >= SOUND_V:
         return refuted(f"{cell:.2f} V a cell under load {later_s:.0f} s later, at the end of the flight")
     return None
+
+
+def _by_rest(told: Testimony, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+    """Hold a percentage against the voltages at rest before the flight and after it, in both chemistries."""
+    cells, end = cells_of(told), told.disarmed_after(at)
+    before = _rested(told, since - round(RESTS_S * SECOND), since)
+    after = _rested(told, end + round(RESTED_S * SECOND), end + round(RESTS_S * SECOND))
+    if cells is None or before is None or after is None or before[0] - after[0] < FELL_V * cells:
+        return None
+    counted = before[1] - after[1]
+    used = [float(np.interp(before[0] / cells, one, LEFT_PCT) - np.interp(after[0] / cells, one, LEFT_PCT))
+            for one in RESTING_V]  # fmt: skip
+    words = f"at rest {before[0] / cells:.2f} V a cell before it and {after[0] / cells:.2f} V after it: {counted:.0f} %"
+    if min(used) >= MORE * counted > 0:
+        return confirmed(f"{words} counted, {min(used):.0f} % gone at least")
+    return refuted(f"{words} counted, {max(used):.0f} % gone at most") if max(used) <= AS_BEFORE * counted else None
+
+
+def _rested(told: Testimony, from_usec: int, to_usec: int) -> tuple[float, float] | None:
+    """Return the median voltage and percentage of a time in which it stood with its motors off."""
+    rows: Sequence[PowerReport] = [
+        one for one in between(told.powers, from_usec, to_usec)
+        if one.volts and one.percent is not None and (one.amperes or 0.0) <= REST_A and not told.is_armed(one.t_usec)
+    ]  # fmt: skip
+    if not rows:
+        return None
+    return median(one.volts or 0.0 for one in rows), median(one.percent or 0.0 for one in rows)
 
 
 def _stepped(told: Testimony, at: int, cells: int, confirmed: Say[V], refuted: Say[V]) -> V | None:

@@ -70,7 +70,7 @@ def test_a_loss_that_the_other_can_bear_is_finished(claim: Claim) -> None:
 
 
 def test_a_loss_that_it_cannot_bear_names_what_is_left(claim: Claim) -> None:
-    small = sized(claim.ground, claim.plan, 65.0)
+    small = sized(claim.ground, claim.plan, 75.0)
     outcome = fly_loss(Claim(small, shared(small), 30.0, claim.longest_s), CRASH)
     assert not outcome.finished
     assert outcome.named

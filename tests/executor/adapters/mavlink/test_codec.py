@@ -143,7 +143,7 @@ def system_status(**changes: Any) -> SystemStatus:
 
 
 def test_a_system_status() -> None:
-    assert system_status() == SystemStatus(87.0, 16.2, 0, prearm_ok=True)
+    assert system_status() == SystemStatus(87.0, 16.2, 0, prearm_ok=True, current_a=1.0)
 
 
 @pytest.mark.parametrize("voltage", [0, UNUSED])

@@ -20,6 +20,7 @@ TIMEOUT_S = 4.5
 MODE = (FaultKind.INTERRUPTION, "mode", "went to mode RTL by itself")
 LINK = (FaultKind.LINK, "link", "link lost for 4.6 s, time-out 4.5 s")
 DRAIN = (FaultKind.BATTERY, "battery-drain", "used 5 % in 20 s where 1 % is usual")
+PACK = (FaultKind.BATTERY, "pack", "its pack rests at 3.81 V a cell, about 42 %, and reports 91 %")
 STEP = (FaultKind.BATTERY, "voltage-step", "13.9 V where 15.2 V is usual under this load")
 FALLS = (FaultKind.INTERRUPTION, "falling", "falls at 5.8 m/s")
 DISARMED = (FaultKind.INTERRUPTION, "off-pad", "disarmed 20 m over its home at 3.0 m/s")
@@ -110,6 +111,18 @@ def fell(volts: Callable[[int], float]) -> Writer:
     return flown(Writer(), volts=volts)
 
 
+def rested(after_v: float, after_pct: int) -> Writer:
+    """Write a flight from 30 s to 100 s of a pack of four cells that rests at 4.0 V each before it, at 99 %."""
+    writer = Writer()
+    for second in range(200):
+        flies = 30 <= second < 100
+        writer.say(second + 0.1, 1, heartbeat(armed=flies))
+        writer.say(second + 0.2, 1, position(second, 3.0 * second, 20.0) if flies else on_the_ground(second))
+        volts = 14.8 if flies else 16.0 if second < 30 else after_v
+        writer.say(second + 0.3, 1, power(volts, 20.0 if flies else 0.4, 99 if second < 100 else after_pct))
+    return writer
+
+
 def tumbled() -> Writer:
     writer = flown(Writer(), armed=lambda second: second < AT_S)
     writer.say(AT_S - 1.0, 1, attitude(2.0))
@@ -133,6 +146,10 @@ ROWS: list[tuple[str, Callable[[], Writer], tuple[FaultKind, str, str], Stand, s
     ("a drain before its failsafe", lambda: said("Battery Failsafe", AT_S + 100), DRAIN, Stand.CONFIRMED,
      "Battery Failsafe, +98.8 s"),
     ("a drain on the ground", lambda: flown(Writer(), range(50, 200), up_m=0.1), DRAIN, Stand.REFUTED, "ground"),
+    ("a pack that rests as much lower as it did not count", lambda: rested(15.2, 87), PACK, Stand.CONFIRMED,
+     "4.00 V a cell before it and 3.80 V after it: 12 % counted, 22 % gone at least"),
+    ("a pack that rests where its count has it", lambda: rested(15.2, 60), PACK, Stand.REFUTED, "37 % gone at most"),
+    ("a pack between both chemistries", lambda: rested(15.2, 72), PACK, Stand.REFUTED, "3.70 V a cell under load"),
     ("a step that stays", lambda: fell(lambda s: 15.2 - (1.3 if s >= AT_S - 3 else 0)), STEP, Stand.CONFIRMED,
      "not regained"),
     ("a step that is over", lambda: fell(lambda s: 15.2 - (1.3 if AT_S - 3 <= s < AT_S + 2 else 0)), STEP,
