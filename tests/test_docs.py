@@ -91,7 +91,7 @@ def test_every_schema_is_made_from_the_program() -> None:
 
 def test_every_key_of_a_site_file_is_in_its_reference_with_a_meaning() -> None:
     schema = Site.model_json_schema()
-    tables = {name: set(table["properties"]) for name, table in schema["$defs"].items()}
+    tables = {name: set(table["properties"]) for name, table in schema["$defs"].items() if "enum" not in table}
     page = reference.site_page()
     rows = re.findall(r"^\| `(\w+)` \|.*\| (.*?) \|$", page, re.MULTILINE)
     assert sorted(key for key, _ in rows) == sorted(key for keys in tables.values() for key in keys)

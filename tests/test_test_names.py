@@ -42,10 +42,19 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
     ),
+    "tests/executor/adapters/logs/test_odd_dataflash.py": (
+        "executor/adapters/logs/ardupilot_boot.py",
+        "executor/adapters/logs/dataflash_rows.py",
+    ),
+    "tests/executor/adapters/logs/test_who_and_why.py": (
+        "executor/adapters/logs/ardupilot_codes.py",
+        "executor/adapters/logs/px4_vehicle.py",
+    ),
     "tests/executor/adapters/mavlink/test_codec.py": (
         "executor/adapters/mavlink/integers.py",
         "executor/adapters/mavlink/texts.py",
     ),
+    "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/mavlink/tlog_kinds.py",),
     "tests/executor/adapters/mavsdk/test_link.py": ("executor/adapters/mavsdk/library.py",),
     "tests/executor/adapters/mqtt/test_client.py": (
         "executor/adapters/mqtt/broker.py",
@@ -141,6 +150,16 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/planning.py",
         "executor/cli/plans.py",
     ),
+    "tests/executor/core/battery/test_account.py": ("executor/core/battery/counter.py",),
+    "tests/executor/core/battery/test_pack.py": (
+        "executor/core/battery/resting.py",
+        "executor/core/battery/sag.py",
+    ),
+    "tests/executor/core/custody/test_causes_told_apart.py": ("executor/core/custody/actors.py",),
+    "tests/executor/core/faults/test_watchpoints.py": (
+        "executor/core/faults/batteries.py",
+        "executor/core/faults/watching.py",
+    ),
     "tests/executor/core/hearing/test_fold.py": ("executor/core/hearing/charge.py",),
     "tests/executor/core/operator/test_handling_out_of_the_plan.py": ("executor/core/roster/withdraw.py",),
     "tests/executor/core/replan/test_what_if.py": ("executor/runtime/outlook.py",),
@@ -174,6 +193,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/ground_truth.py",
         "executor/replay/open_log.py",
     ),
+    "tests/executor/replay/test_packs.py": ("executor/replay/packs_file.py",),
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
     "tests/executor/bench/test_failures.py": (
         "executor/bench/failurespage.py",

@@ -270,7 +270,7 @@ class RcChannels:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class VehicleSetting:
     """A parameter of the vehicle that was seen on its way, or in its own log: nobody here asked for it."""
 
     name: str
@@ -351,7 +351,7 @@ FlightMessage = (
     | DoubleHeard
     | ModeChange
     | RcChannels
-    | Setting
+    | VehicleSetting
     | OwnFailsafe
 )
 """What the core follows in flight; it is logged and replayed."""

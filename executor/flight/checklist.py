@@ -52,7 +52,7 @@ def checklist(
         found += checks.stations(fact, setup.dialect)
         found += checks.battery_failsafes(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
         found += checks.fence(context, fact, path)
-        found += packs.checks(context, fact)
+        found += packs.pack_checks(context, fact)
         found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
     return found + plan_checks(plan, len(context.setup.network.segments))

@@ -29,9 +29,9 @@ from executor.core.messages import (
     MissionCurrent,
     OwnFailsafe,
     Position,
-    Setting,
     StatusText,
     SystemStatus,
+    VehicleSetting,
 )
 from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
@@ -134,7 +134,7 @@ class _Player:
         self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
         self._statuses: dict[str, tuple[float, SystemStatus]] = {}
         self._ticked_s = 0.0
-        self._early: dict[int, dict[str, Setting]] = {}
+        self._early: dict[int, dict[str, VehicleSetting]] = {}
         """Parameters of systems of which no HEARTBEAT came yet."""
 
     def take(self, record: Record) -> None:
@@ -173,12 +173,12 @@ class _Player:
                 self._heard(name, setting, now_s)
         elif system in self._others:
             self._file.skipped.not_followed += 1
-        elif isinstance(message, Setting):
+        elif isinstance(message, VehicleSetting):
             self._keep(system, message)
         else:
             self._file.skipped.before_heartbeat += 1
 
-    def _keep(self, system: int, setting: Setting) -> None:
+    def _keep(self, system: int, setting: VehicleSetting) -> None:
         """Keep what a log says of a vehicle's parameters before it says what it is."""
         kept = self._early.setdefault(system, {})
         if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or setting.name in kept):

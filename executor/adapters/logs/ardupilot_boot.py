@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from executor.adapters.logs.ardupilot_codes import MODE_REASONS, disarmed_by, failsafe_of
-from executor.adapters.logs.dataflash_rows import Fields, Wanted
+from executor.adapters.logs.dataflash_rows import Fields, WantedColumns
 from executor.core import words
 from executor.core.messages import (
     Actor,
@@ -24,8 +24,8 @@ from executor.core.messages import (
     ModeChange,
     OrderSeen,
     Position,
-    Setting,
     StatusText,
+    VehicleSetting,
 )
 from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch, is_wanted_setting
 from missions import ARDUPILOT
@@ -51,8 +51,8 @@ FIXED = 3
 """GPS_FIX_TYPE: three-dimensional."""
 CHANNELS = 14
 DO_SET_MODE, ACCEPTED = 176, frozenset({0, 5})
-WANTED: Mapping[str, Wanted] = {
-    name: Wanted(frozenset(columns.split()), every_usec)
+WANTED: Mapping[str, WantedColumns] = {
+    name: WantedColumns(frozenset(columns.split()), every_usec)
     for name, columns, every_usec in (
         ("MODE", "Mode ModeNum Rsn", 0),
         ("ARM", "ArmState Method", 0),
@@ -157,7 +157,7 @@ def _transmitted(boot: Boot, t_usec: int, fields: Fields) -> Told:
 
 def _set_to(_: Boot, __: int, fields: Fields) -> Told:
     name, value = words.shown(fields["Name"]), float(fields["Value"])
-    return Setting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+    return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
 
 
 def _ordered(_: Boot, __: int, fields: Fields) -> Told:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, Boot
-from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, Wanted
+from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, WantedColumns
 from executor.core.hearing.plausible import plausible
-from executor.core.messages import Setting
+from executor.core.messages import VehicleSetting
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 
@@ -39,7 +39,9 @@ OTHERS_KINDS = {"TECS": 1, "AETR": 1, "STER": 10}
 """Records that only an aeroplane's or a rover's firmware describes."""
 SDLOG2 = frozenset({"TIME", "STAT", "GPOS"})
 """PX4's logs before version 1.5 are of the same form, with records of their own."""
-SURVEYED = {name: Wanted(frozenset(columns.split())) for name, columns in (("MSG", "Message"), ("PARM", "Name Value"))}
+SURVEYED = {
+    name: WantedColumns(frozenset(columns.split())) for name, columns in (("MSG", "Message"), ("PARM", "Name Value"))
+}
 
 
 @dataclass(slots=True)
@@ -88,7 +90,7 @@ class DataFlashFile:
         elif self._boot.mode == NO_MODE:
             self.notes.append("no MODE in it: nobody knows in which mode it flew")
 
-    def _rows(self, wanted: Mapping[str, Wanted], skipped: Skipped) -> BinaryRows | TextRows:
+    def _rows(self, wanted: Mapping[str, WantedColumns], skipped: Skipped) -> BinaryRows | TextRows:
         return TextRows(self.path, wanted, skipped) if self.text else BinaryRows(self.path, wanted, skipped)
 
     def _survey(self) -> bool:
@@ -144,7 +146,7 @@ class DataFlashFile:
             self.skipped.unreadable += 1
             return
         if not boot.begun and not boot.begins(t_usec):
-            if isinstance(told, Setting):
+            if isinstance(told, VehicleSetting):
                 yield t_usec, self.system, told
             return
         if boot.changed or t_usec - self._beat_usec >= BEAT_USEC:

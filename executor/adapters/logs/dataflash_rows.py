@@ -38,7 +38,7 @@ Row = tuple[int | None, str, Fields]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class WantedColumns:
     """What is read of a kind."""
 
     columns: frozenset[str]
@@ -84,7 +84,7 @@ class Format:
         return True
 
 
-def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: Wanted) -> Format | None:
+def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedColumns) -> Format | None:
     """Return how to read a kind; None if its letters are unknown, or do not fit its columns."""
     if len(letters) != len(columns) or any(letter not in LETTERS for letter in letters):
         return None
@@ -120,7 +120,7 @@ class BinaryRows:
     """A .BIN, read once."""
 
     path: Path
-    wanted: Mapping[str, Wanted]
+    wanted: Mapping[str, WantedColumns]
     skipped: Skipped
     sizes: list[int] = field(default_factory=lambda: [0] * HIGHEST)
     """Of whole records, by their number; 0 where no format was seen."""
@@ -211,7 +211,7 @@ class TextRows:
     """A .log, as ground stations write it from a DataFlash log: a record a line, its numbers in their own units."""
 
     path: Path
-    wanted: Mapping[str, Wanted]
+    wanted: Mapping[str, WantedColumns]
     skipped: Skipped
     formats: dict[str, Format] = field(default_factory=dict)
     kinds: set[str] = field(default_factory=set)

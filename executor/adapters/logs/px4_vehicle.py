@@ -65,7 +65,7 @@ FIXED = 3
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
-class Row(Protocol):
+class TopicRow(Protocol):
     """One row of a topic."""
 
     def __getitem__(self, name: str) -> float:
@@ -111,7 +111,7 @@ class Px4:
     finished: bool = False
 
 
-def _status(vehicle: Px4, t_usec: int, row: Row) -> Told:
+def _status(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     mode = MODES.get(int(row["nav_state"]), 0)
     armed, acts = int(row["arming_state"]) == ARMED, bool(row.get("failsafe", 0))
     _flagged(vehicle, t_usec, row)
@@ -127,7 +127,7 @@ def _status(vehicle: Px4, t_usec: int, row: Row) -> Told:
     return tuple(told)
 
 
-def _who(vehicle: Px4, t_usec: int, row: Row, *, acts: bool) -> Actor:
+def _who(vehicle: Px4, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
     """Return who chose a mode that has just changed."""
     if acts:
         return Actor.FAILSAFE
@@ -148,7 +148,7 @@ def _failsafe(vehicle: Px4, *, acts: bool) -> Iterator[OwnFailsafe]:
         vehicle.failed = None
 
 
-def _flagged(vehicle: Px4, _: int, row: Row) -> Told:
+def _flagged(vehicle: Px4, _: int, row: TopicRow) -> Told:
     """Note which flags are up."""
     up = {name: meaning for name, meaning in FAILED.items() if row.get(name, 0)}
     up |= {name: meaning for name, meaning in VALID.items() if name in row and not row[name]}
@@ -163,7 +163,7 @@ def _flagged(vehicle: Px4, _: int, row: Row) -> Told:
     return None
 
 
-def _commanded(vehicle: Px4, t_usec: int, row: Row) -> Told:
+def _commanded(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     command = int(row["command"])
     if command not in MODE_COMMANDS:
         return None
@@ -178,13 +178,13 @@ def _commanded(vehicle: Px4, t_usec: int, row: Row) -> Told:
     )
 
 
-def _requested(vehicle: Px4, t_usec: int, row: Row) -> Told:
+def _requested(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     if int(row["action"]) == SWITCH_MODE:
         vehicle.asked = (t_usec, REQUESTED_BY.get(int(row["source"]), Actor.UNKNOWN))
     return None
 
 
-def _switched(vehicle: Px4, t_usec: int, row: Row) -> Told:
+def _switched(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
     switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
     if vehicle.switches is not None and switches != vehicle.switches:
@@ -193,14 +193,14 @@ def _switched(vehicle: Px4, t_usec: int, row: Row) -> Told:
     return None
 
 
-def _transmitted(vehicle: Px4, t_usec: int, row: Row) -> RcChannels | None:
+def _transmitted(vehicle: Px4, t_usec: int, row: TopicRow) -> RcChannels | None:
     if row.get("rc_lost", 0):
         return None
     count = min(int(row["channel_count"]), CHANNELS)
     return vehicle.rc.news(t_usec, tuple(int(row[f"values[{one}]"]) for one in range(count)))
 
 
-def _battery(_: Px4, __: int, row: Row) -> Battery | None:
+def _battery(_: Px4, __: int, row: TopicRow) -> Battery | None:
     if not row.get("connected", 1):
         return None
     remaining, volts = row.get("remaining", math.nan), row["voltage_v"]
@@ -221,19 +221,19 @@ def _battery(_: Px4, __: int, row: Row) -> Battery | None:
     )
 
 
-def _moved(vehicle: Px4, _: int, row: Row) -> Told:
+def _moved(vehicle: Px4, _: int, row: TopicRow) -> Told:
     if row.get("v_xy_valid", 1):
         vehicle.velocity_m_s = (float(row["vx"]), float(row["vy"]), float(row["vz"]))
     vehicle.height_m = -float(row["z"])
     return None
 
 
-def _placed(vehicle: Px4, t_usec: int, row: Row) -> Position:
+def _placed(vehicle: Px4, t_usec: int, row: TopicRow) -> Position:
     vehicle.placed_usec = t_usec
     return _position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
 
 
-def _received(vehicle: Px4, t_usec: int, row: Row) -> Position | None:
+def _received(vehicle: Px4, t_usec: int, row: TopicRow) -> Position | None:
     """Read the receiver's place, where the log has none of the filter."""
     if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
         return None
@@ -244,7 +244,7 @@ def _received(vehicle: Px4, t_usec: int, row: Row) -> Position | None:
     return _position(vehicle, t_usec, place, row)
 
 
-def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row: Row) -> Position:
+def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row: TopicRow) -> Position:
     lat_deg, lon_deg, alt_m = place
     vehicle.begun_msl_m = alt_m if vehicle.begun_msl_m is None else vehicle.begun_msl_m
     own = tuple(float(row.get(name, row.get(f"{name}_m_s", 0.0))) for name in ("vel_n", "vel_e", "vel_d"))
@@ -253,14 +253,14 @@ def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row:
     return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
 
 
-def _tilted(vehicle: Px4, t_usec: int, row: Row) -> Attitude | None:
+def _tilted(vehicle: Px4, t_usec: int, row: TopicRow) -> Attitude | None:
     w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     return vehicle.tilt.news(t_usec, Attitude(math.degrees(roll), math.degrees(pitch)))
 
 
-def _touched(vehicle: Px4, _: int, row: Row) -> LandedState | None:
+def _touched(vehicle: Px4, _: int, row: TopicRow) -> LandedState | None:
     landed = bool(row["landed"])
     if landed == vehicle.landed:
         return None
@@ -268,7 +268,7 @@ def _touched(vehicle: Px4, _: int, row: Row) -> LandedState | None:
     return LandedState(landed)
 
 
-def _progressed(vehicle: Px4, t_usec: int, row: Row) -> MissionCurrent | None:
+def _progressed(vehicle: Px4, t_usec: int, row: TopicRow) -> MissionCurrent | None:
     finished = bool(row.get("finished", 0))
     if finished and not vehicle.finished:
         vehicle.asked = (t_usec, Actor.MISSION)
@@ -280,7 +280,7 @@ def _progressed(vehicle: Px4, t_usec: int, row: Row) -> MissionCurrent | None:
     return MissionCurrent(*item)
 
 
-def said(level: int, text: str) -> StatusText:
+def status_text(level: int, text: str) -> StatusText:
     """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
     return StatusText(level - ord("0") if level >= ord("0") else level, words.shown(_COLOUR.sub("", text)))
 
@@ -289,7 +289,7 @@ def said(level: int, text: str) -> StatusText:
 class Topic:
     """How a topic is read."""
 
-    read: Callable[[Px4, int, Row], Told]
+    read: Callable[[Px4, int, TopicRow], Told]
     every_usec: int = 0
     """One row in so long is enough."""
     changing: tuple[str, ...] = ()

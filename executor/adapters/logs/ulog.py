@@ -16,9 +16,9 @@ from typing import Any
 
 from pyulog import ULog
 
-from executor.adapters.logs.px4_vehicle import TOPICS, Px4, Told, Topic, said
+from executor.adapters.logs.px4_vehicle import TOPICS, Px4, Told, Topic, status_text
 from executor.core.hearing.plausible import plausible
-from executor.core.messages import Setting
+from executor.core.messages import VehicleSetting
 from executor.core.recording import Record, Skipped, is_wanted_setting
 from executor.errors import LogError
 
@@ -131,7 +131,7 @@ def _texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
 
 
 def _text(_: Px4, __: int, text: Any) -> Told:  # noqa: ANN401 - pyulog is untyped
-    return said(text.log_level, str(text.message))
+    return status_text(text.log_level, str(text.message))
 
 
 def _settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
@@ -143,4 +143,4 @@ def _settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
 
 
 def _setting(_: Px4, __: int, named: tuple[str, float]) -> Told:
-    return Setting(*named)
+    return VehicleSetting(*named)

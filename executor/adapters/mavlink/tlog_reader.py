@@ -44,9 +44,9 @@ from executor.core.messages import (
     OrderSeen,
     Radio,
     RcChannels,
-    Setting,
     StatusText,
     Traffic,
+    VehicleSetting,
 )
 from executor.core.recording import MODE_COMMANDS, RcWatch, Record, Skipped, TiltWatch, is_wanted_setting
 from missions import AUTOPILOTS
@@ -299,7 +299,7 @@ class TelemetryFile:
         if number == PARAM_VALUE:
             name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
-            return Setting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+            return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
         if isinstance(message, Attitude):
             return self._tilts.setdefault(system, TiltWatch()).news(stamp, message)
         if not isinstance(message, RcChannels):

@@ -90,7 +90,7 @@ class Standing:
         return self.in_flight and self.short_v >= AT_REST_V and self.held_pct <= LOW_PCT
 
 
-def measured(
+def with_voltage(
     known: Pack, voltage_v: float, current_a: float | None, claimed_pct: float | None, now_s: float, *, idle: bool
 ) -> Pack:
     """Take a voltage with what was reported beside it; `idle` is a vehicle whose motors stand still."""

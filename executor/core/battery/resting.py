@@ -68,12 +68,12 @@ PARAMETERS = ("BATT_CAPACITY", FULL_PACK, "BAT1_CAPACITY", "BAT1_N_CELLS")
 """What a vehicle is asked for before a flight."""
 
 
-def told(facts: PackFacts, name: str, value: float) -> PackFacts:
+def with_parameter(facts: PackFacts, name: str, value: float) -> PackFacts:
     """Take a parameter of the vehicle.
 
-    >>> told(NO_FACTS, "BATT_CAPACITY", 5100.0).capacity_ah
+    >>> with_parameter(NO_FACTS, "BATT_CAPACITY", 5100.0).capacity_ah
     5.1
-    >>> told(NO_FACTS, "MOT_BAT_VOLT_MAX", 12.6).cells
+    >>> with_parameter(NO_FACTS, "MOT_BAT_VOLT_MAX", 12.6).cells
     3
     """
     if name in _CAPACITIES:

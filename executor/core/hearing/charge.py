@@ -9,7 +9,7 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.resting import PackFacts
 from executor.core.battery.voltage import Report, Thresholds, measured
 from executor.core.context import Scene
-from executor.core.messages import Battery, Setting, SystemStatus
+from executor.core.messages import Battery, SystemStatus, VehicleSetting
 from executor.core.parts import Power
 from executor.core.vehicle import VehicleState
 
@@ -64,10 +64,10 @@ def status_told(context: Scene, state: VehicleState, message: SystemStatus, now_
     return old
 
 
-def setting_told(state: VehicleState, message: Setting) -> Power:
+def setting_told(state: VehicleState, message: VehicleSetting) -> Power:
     """Take a parameter that may say something of its pack."""
     old = state.power
-    facts = resting.told(old.pack.facts, message.name, message.value)
+    facts = resting.with_parameter(old.pack.facts, message.name, message.value)
     if facts == old.pack.facts:
         return old
     battery = account.with_setting(old.battery, facts.capacity_ah)
@@ -90,7 +90,7 @@ def _measured(context: Scene, state: VehicleState, power: Power, report: Report,
     volts = replace(volts, set_cells=facts_of(context, state).cells)
     claimed_pct = power.battery.remaining_pct
     current_a = report.current_a if known or power.pack.sag is not None or not flying else None
-    seen = pack.measured(power.pack, report.voltage_v, current_a, claimed_pct, now_s, idle=not flying)
+    seen = pack.with_voltage(power.pack, report.voltage_v, current_a, claimed_pct, now_s, idle=not flying)
     return replace(power, volts=volts, pack=seen)
 
 

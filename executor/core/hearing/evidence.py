@@ -12,8 +12,8 @@ from executor.core.messages import (
     OrderSeen,
     OwnFailsafe,
     RcChannels,
-    Setting,
     StatusText,
+    VehicleSetting,
 )
 from executor.core.own_words import failure_said
 from executor.core.parts import Evidence, SwitchMoved
@@ -38,7 +38,7 @@ MOST_ORDERS, MOST_SWITCHES = 24, 4
 LATE_ORDER_S = 20.0
 """An older order explains nothing any more."""
 
-Told = OrderSeen | ModeChange | RcChannels | Setting | OwnFailsafe
+Told = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
 """What is about a vehicle and says nothing of where it is or what it does."""
 
 
@@ -56,13 +56,13 @@ def evident(known: Evidence, message: Told, now_s: float) -> Evidence:
             moved = _switched(known, values_us, now_s)
             switched = known.switched if moved is None else (*known.switched, moved)[-MOST_SWITCHES:]
             return replace(known, channels_us=values_us, channels_s=now_s, switched=switched)
-        case Setting(name, value):
+        case VehicleSetting(name, value):
             return _set(known, name, value)
         case OwnFailsafe():
             return _failed(known, message, now_s)
 
 
-def texted(known: Evidence, message: StatusText, now_s: float, *, low_acts: bool) -> Evidence:
+def with_text(known: Evidence, message: StatusText, now_s: float, *, low_acts: bool) -> Evidence:
     """Take what a text says has failed."""
     found = failure_said(message.text, low_acts=low_acts)
     return known if found is None else _failed(known, found, now_s)

@@ -29,11 +29,11 @@ from executor.core.messages import (
     Position,
     Radio,
     RcChannels,
-    Setting,
     StationHeard,
     StatusText,
     SystemStatus,
     Traffic,
+    VehicleSetting,
     Wind,
 )
 from executor.core.parts import Assignment, Fix, LinkState, MotionState
@@ -60,7 +60,7 @@ NAMED_S = 5.0
 """So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
 _ABOUT = (Traffic, Radio, StationHeard, DoubleHeard)
 """What others say about a vehicle."""
-_EVIDENT = (OrderSeen, ModeChange, RcChannels, Setting, OwnFailsafe)
+_EVIDENT = (OrderSeen, ModeChange, RcChannels, VehicleSetting, OwnFailsafe)
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -119,7 +119,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
-            known = evidence.texted(state.evidence, message, now_s, low_acts=low_acts)
+            known = evidence.with_text(state.evidence, message, now_s, low_acts=low_acts)
             after = state.after(link, telemetry=telemetry, assignment=assignment)
             return Folded(after if known is state.evidence else replace(after, evidence=known), text=message)
         case _:
@@ -239,7 +239,7 @@ def _evident(state: VehicleState, message: evidence.Told, now_s: float) -> Vehic
     known = replace(state, evidence=evidence.evident(state.evidence, message, now_s))
     if isinstance(message, OwnFailsafe) and message.active:
         return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))
-    if isinstance(message, Setting):
+    if isinstance(message, VehicleSetting):
         return replace(known, power=setting_told(state, message))
     return known
 

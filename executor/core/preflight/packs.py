@@ -13,12 +13,12 @@ LIKE = 1.1
 """Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
 
 
-def checks(context: Context, facts: Facts) -> list[Check]:
+def pack_checks(context: Context, facts: Facts) -> list[Check]:
     """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
     said = NO_FACTS
     for name in resting.PARAMETERS:
         if name in facts.parameters:
-            said = resting.told(said, name, facts.parameters[name])
+            said = resting.with_parameter(said, name, facts.parameters[name])
     setup = context.vehicles[facts.name]
     known = said.under(setup.pack)
     return [*_capacity(context, facts.name, said), *_voltage(facts, known, reads_volts=_reads_volts(context, facts))]
@@ -46,7 +46,7 @@ def _voltage(facts: Facts, known: PackFacts, *, reads_volts: bool) -> list[Check
         text = "no voltage is reported: nobody can say whether its pack holds what it reports"
         return [Check(Severity.OK, facts.name, text, CheckCode.PACK)]
     cells = facts.cells or known.cells or resting.least_cells(facts.voltage_v)
-    rests = pack.measured(Pack(known), facts.voltage_v, None, facts.remaining_pct, 0.0, idle=True)
+    rests = pack.with_voltage(Pack(known), facts.voltage_v, None, facts.remaining_pct, 0.0, idle=True)
     found = pack.standing(rests, cells, known.chemistry, facts.remaining_pct, 0.0)
     if found is None:
         return []

@@ -19,7 +19,7 @@ from executor.replay.witness.testimony import (
     SECOND,
     Failing,
     Hand,
-    Line,
+    LogLine,
     ModeSet,
     Move,
     PowerReport,
@@ -179,7 +179,7 @@ def _error(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: 
 def _text(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if row.Message == "Arming motors":
         _armed(told, t_usec, armed=True)
-    told.texts.append(Line(t_usec, str(row.Message).strip()))
+    told.texts.append(LogLine(t_usec, str(row.Message).strip()))
 
 
 def _battery(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401

@@ -10,7 +10,7 @@ from typing import Any
 from pyulog import ULog
 
 from executor.replay.witness.onboard import quiet
-from executor.replay.witness.testimony import Failing, Hand, Line, ModeSet, Move, PowerReport, Testimony, Whereabouts
+from executor.replay.witness.testimony import Failing, Hand, LogLine, ModeSet, Move, PowerReport, Testimony, Whereabouts
 
 TOPICS = ["vehicle_status", "battery_status", "vehicle_local_position", "vehicle_global_position", "vehicle_attitude",
           "vehicle_command", "manual_control_setpoint", "manual_control_switches", "mission_result"]  # fmt: skip
@@ -35,7 +35,7 @@ def read_px4(path: Path) -> dict[int, Testimony]:
     told.settings = {str(name): float(value) for name, value in log.initial_parameters.items()}
     told.system = int(told.settings.get("MAV_SYS_ID", 1))
     for text in log.logged_messages:
-        told.texts.append(Line(int(text.timestamp), str(text.message).strip()))
+        told.texts.append(LogLine(int(text.timestamp), str(text.message).strip()))
     readers = {
         "vehicle_status": _status, "battery_status": _battery, "vehicle_local_position": _local,
         "vehicle_attitude": _attitude, "vehicle_command": _command, "manual_control_setpoint": _switches,
@@ -112,7 +112,7 @@ def _attitude(told: Testimony, rows: list[Row]) -> None:
 def _command(told: Testimony, rows: list[Row]) -> None:
     for row in rows:
         if int(row["command"]) in MODE_COMMANDS and bool(row.get("from_external", True)):
-            told.orders.append(Line(int(row["timestamp"]), f"vehicle_command {int(row['command'])}"))
+            told.orders.append(LogLine(int(row["timestamp"]), f"vehicle_command {int(row['command'])}"))
 
 
 def _switches(told: Testimony, rows: list[Row]) -> None:
@@ -128,6 +128,6 @@ def _mission(told: Testimony, rows: list[Row]) -> None:
     for row in rows:
         number = int(row["seq_current"])
         if bool(row.get("finished", False)):
-            told.orders.append(Line(int(row["timestamp"]), "mission_result.finished"))
+            told.orders.append(LogLine(int(row["timestamp"]), "mission_result.finished"))
         if not told.items or told.items[-1][1] != number:
             told.items.append((int(row["timestamp"]), number))

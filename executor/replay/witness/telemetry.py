@@ -12,7 +12,16 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.replay.witness.testimony import SECOND, Line, ModeSet, Move, PowerReport, Silence, Testimony, Whereabouts
+from executor.replay.witness.testimony import (
+    SECOND,
+    LogLine,
+    ModeSet,
+    Move,
+    PowerReport,
+    Silence,
+    Testimony,
+    Whereabouts,
+)
 
 STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
@@ -156,7 +165,7 @@ class _Reading:
         if number == mav.MAVLINK_MSG_ID_COMMAND_ACK:
             if system in self.vehicles and message.result == 0 and message.command in MODE_ORDERS:
                 words = f"COMMAND_ACK: {message.command} accepted"
-                self.vehicles[system].told.orders.append(Line(t_usec, words))
+                self.vehicles[system].told.orders.append(LogLine(t_usec, words))
             return
         target = getattr(message, "target_system", 0)
         if number != mav.MAVLINK_MSG_ID_SET_MODE and message.command not in MODE_ORDERS:
@@ -164,7 +173,7 @@ class _Reading:
         what = "SET_MODE" if number == mav.MAVLINK_MSG_ID_SET_MODE else f"command {message.command}"
         for known, vehicle in self.vehicles.items():
             if target in {0, known} and system != known:
-                vehicle.told.orders.append(Line(t_usec, f"{what} of system {system}"))
+                vehicle.told.orders.append(LogLine(t_usec, f"{what} of system {system}"))
 
     def result(self) -> dict[int, Testimony]:
         found = {}
@@ -196,7 +205,7 @@ def _beat(vehicle: _Vehicle, t_usec: int, beat: Any) -> None:  # noqa: ANN401
 
 def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     words = message.text.rstrip("\0").strip()
-    vehicle.told.texts.append(Line(t_usec, words, int(message.severity)))
+    vehicle.told.texts.append(LogLine(t_usec, words, int(message.severity)))
 
 
 def _place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401

@@ -22,7 +22,7 @@ class Hand(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LogLine:
     """One thing in a log that speaks for or against a declaration."""
 
     t_usec: int
@@ -114,8 +114,8 @@ class Testimony:
     modes: list[ModeSet] = field(default_factory=list)
     statuses: list[tuple[int, int]] = field(default_factory=list)
     """Changes of HEARTBEAT.system_status."""
-    texts: list[Line] = field(default_factory=list)
-    orders: list[Line] = field(default_factory=list)
+    texts: list[LogLine] = field(default_factory=list)
+    orders: list[LogLine] = field(default_factory=list)
     """Accepted by the vehicle, or sent to it."""
     switches: list[Move] = field(default_factory=list)
     """Of the pilot's transmitter."""

@@ -188,7 +188,7 @@ def _jumped(told: Testimony, at: int) -> Ruling:
     most = 0.0
     for before, after in pairwise(seen):
         elapsed_s = (after.t_usec - before.t_usec) / 1e6
-        most = max(most, metres(before, after) - max(before.speed_m_s, after.speed_m_s) * elapsed_s)
+        most = max(most, _apart_m(before, after) - max(before.speed_m_s, after.speed_m_s) * elapsed_s)
     return confirmed(f"jumped by {most:.0f} m") if most >= JUMP_M else refuted(f"jumped by {most:.1f} m at most")
 
 
@@ -201,11 +201,11 @@ def _stood(told: Testimony, at: int) -> Ruling:
         return undecided("where it was is not in the log")
     if max(one.height_m or 0.0 for one in between(told.moments, since, at)) < GROUND_M:
         return refuted("it stood on the ground, and had not taken off")
-    span_m = max(metres(seen[0], one) for one in seen)
+    span_m = max(_apart_m(seen[0], one) for one in seen)
     return confirmed(f"moved {span_m:.1f} m in {STILL_S:g} s") if span_m < STILL_M else refuted(f"moved {span_m:.0f} m")
 
 
-def metres(one: object, other: object) -> float:
+def _apart_m(one: object, other: object) -> float:
     """Return how far apart two moments are."""
     lat, lon = getattr(one, "lat_deg", 0.0), getattr(one, "lon_deg", 0.0)
     north = (getattr(other, "lat_deg", 0.0) - lat) * 111_320.0

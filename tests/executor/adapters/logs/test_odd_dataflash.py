@@ -12,8 +12,8 @@ import pytest
 from pymavlink import DFReader
 
 from executor.adapters.logs.dataflash import DataFlashFile
-from executor.adapters.logs.dataflash_rows import CHUNK, BinaryRows, Wanted
-from executor.core.messages import Battery, Heartbeat, LandedState, Position, Setting, StatusText
+from executor.adapters.logs.dataflash_rows import CHUNK, BinaryRows, WantedColumns
+from executor.core.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 from executor.replay.logs import replay, rules_of
@@ -79,7 +79,7 @@ def test_a_log_of_2014(text: bool, tmp_path: Path) -> None:
     assert there.east_m_s == pytest.approx(3.0)
     assert (there.alt_rel_m, there.alt_msl_m, there.down_m_s) == (12.5, 488.25, -0.5)
     assert there.boot_s == 69.0, "not the satellites' time"
-    assert [said for _, said in of(records, Setting)] == [Setting("BATT_CAPACITY", 3300.0)]
+    assert [said for _, said in of(records, VehicleSetting)] == [VehicleSetting("BATT_CAPACITY", 3300.0)]
     assert [(t_usec, beat.armed) for t_usec, beat in of(records, Heartbeat)][:3] == [
         (60 * SECOND, False), (61 * SECOND, False), (61 * SECOND, True),
     ]  # fmt: skip
@@ -249,7 +249,7 @@ def test_it_reads_what_pymavlink_reads(name: str) -> None:
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         theirs = DFReader.DFReader_binary(str(path), zero_time_base=True)
     columns = {one.name: frozenset(one.columns) for one in theirs.formats.values() if one.name in NUMBERS}
-    ours = BinaryRows(path, {kind: Wanted(columns[kind]) for kind in columns}, Skipped())
+    ours = BinaryRows(path, {kind: WantedColumns(columns[kind]) for kind in columns}, Skipped())
     compared = 0
     for _, kind, fields in ours:
         message = theirs.recv_match(type=list(columns))

@@ -9,7 +9,7 @@ import pytest
 
 from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.logs.ulog import UlogFile
-from executor.core.messages import Actor, Heartbeat, ModeChange, OrderSeen, OwnFailsafe, RcChannels, Setting
+from executor.core.messages import Actor, Heartbeat, ModeChange, OrderSeen, OwnFailsafe, RcChannels, VehicleSetting
 from tests.onboard import DataFlashWriter, UlogWriter
 
 M = TypeVar("M")
@@ -74,7 +74,7 @@ def test_settings_that_matter(tmp_path: Path) -> None:
     names = {"FLTMODE_CH": 5.0, "BATT_CAPACITY": 5100.0, "INS_ACCOFFS_X": 0.1, "FS_THR_ENABLE": 1.0}
     file = dataflash(tmp_path, (*MODE, SECOND, 3, 3, 1), *((*PARM, SECOND, *one) for one in names.items()))
     del names["INS_ACCOFFS_X"]
-    assert told(file, Setting) == [Setting(*one) for one in names.items()]
+    assert told(file, VehicleSetting) == [VehicleSetting(*one) for one in names.items()]
 
 
 def test_a_switch_is_told_at_once_and_sticks_seldom(tmp_path: Path) -> None:
@@ -170,4 +170,6 @@ def test_a_failsafe_and_its_flag(tmp_path: Path) -> None:
 
 
 def test_parameters_come_first(tmp_path: Path) -> None:
-    assert told(UlogFile(px4(MISSION).write(tmp_path / "a.ulg")), Setting) == [Setting("COM_RC_LOSS_T", 0.5)]
+    assert told(UlogFile(px4(MISSION).write(tmp_path / "a.ulg")), VehicleSetting) == [
+        VehicleSetting("COM_RC_LOSS_T", 0.5)
+    ]

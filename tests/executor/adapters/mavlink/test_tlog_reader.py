@@ -24,9 +24,9 @@ from executor.core.messages import (
     Position,
     Radio,
     RcChannels,
-    Setting,
     StatusText,
     Traffic,
+    VehicleSetting,
 )
 from tests.recorded import BEGAN_USEC, Writer, battery, flight, heartbeat, position, station, text
 
@@ -272,8 +272,8 @@ def test_parameters_are_settings(tmp_path: Path) -> None:
     named = ((b"BATT_CAPACITY", 5100.0), (b"FLTMODE_CH", 5.0), (b"INS_GYROFFS_X", 0.1))
     messages = [mav.MAVLink_param_value_message(name, value, 9, 600, 1) for name, value in named]
     records, _ = read(written(tmp_path, heartbeat(), *messages))
-    said = [one for _, _, one in records if isinstance(one, Setting)]
-    assert said == [Setting("BATT_CAPACITY", 5100.0), Setting("FLTMODE_CH", 5.0)]
+    said = [one for _, _, one in records if isinstance(one, VehicleSetting)]
+    assert said == [VehicleSetting("BATT_CAPACITY", 5100.0), VehicleSetting("FLTMODE_CH", 5.0)]
 
 
 @pytest.mark.parametrize("older", [True, False])

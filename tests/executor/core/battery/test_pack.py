@@ -35,7 +35,7 @@ def flown(
         rest_v = CELLS * resting.rest_cell_v(100.0 - (100.0 - claimed) / capacity, chemistry)
         volts = rest_v - amps * OHM + 0.01 * chance.gauss(0, 1)
         now_s = float(second)
-        known = pack.measured(known, volts, amps, round(claimed), now_s, idle=not flies)
+        known = pack.with_voltage(known, volts, amps, round(claimed), now_s, idle=not flies)
     return pack.standing(known, CELLS, said, round(claimed), now_s)
 
 
@@ -72,7 +72,7 @@ def test_half_a_lithium_polymer_pack_may_be_a_whole_one_of_lithium_ion() -> None
 
 def test_a_pack_that_was_put_in_half_empty_shows_before_it_arms() -> None:
     """Recorded: 3.70 V a cell at rest beside 76 %; the failsafe acted 105 s after the take-off."""
-    rests = pack.measured(Pack(), 11.1, 0.4, 76.0, 0.0, idle=True)
+    rests = pack.with_voltage(Pack(), 11.1, 0.4, 76.0, 0.0, idle=True)
     found = pack.standing(rests, 3, None, 76.0, 0.0)
     assert found is not None
     assert found.doubtful
@@ -81,15 +81,15 @@ def test_a_pack_that_was_put_in_half_empty_shows_before_it_arms() -> None:
 
 
 def test_a_pack_that_has_just_been_flown_still_recovers() -> None:
-    loaded = pack.measured(Pack(), 10.2, 20.0, 70.0, 0.0, idle=False)
-    young = pack.measured(loaded, 10.9, 0.4, 70.0, 10.0, idle=True)
+    loaded = pack.with_voltage(Pack(), 10.2, 20.0, 70.0, 0.0, idle=False)
+    young = pack.with_voltage(loaded, 10.9, 0.4, 70.0, 10.0, idle=True)
     assert pack.standing(young, 3, None, 70.0, 10.0) is None
-    old = pack.measured(young, 11.1, 0.4, 70.0, 61.0, idle=True)
+    old = pack.with_voltage(young, 11.1, 0.4, 70.0, 61.0, idle=True)
     assert pack.standing(old, 3, None, 70.0, 61.0) is not None
 
 
 def test_without_a_current_nothing_is_said_in_flight() -> None:
-    flying = pack.measured(Pack(), 10.2, None, 70.0, 0.0, idle=False)
+    flying = pack.with_voltage(Pack(), 10.2, None, 70.0, 0.0, idle=False)
     assert pack.standing(flying, 3, None, 70.0, 0.0) is None
 
 
@@ -129,7 +129,7 @@ def test_a_load_step_tells_the_resistance_and_what_follows_the_resting_voltage()
     ],
 )
 def test_what_a_parameter_says_of_a_pack(name: str, value: float, expected: PackFacts) -> None:
-    assert resting.told(NO_FACTS, name, value) == expected
+    assert resting.with_parameter(NO_FACTS, name, value) == expected
 
 
 def test_the_site_files_word_counts_more_than_a_parameter() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core.hearing.evidence import Told, beaten, evident
-from executor.core.messages import Heartbeat, OrderSeen, OwnFailsafe, RcChannels, Setting
+from executor.core.messages import Heartbeat, OrderSeen, OwnFailsafe, RcChannels, VehicleSetting
 from executor.core.parts import Evidence, SwitchMoved
 
 STICKS = (1500, 1500, 1600, 1500)
@@ -51,10 +51,10 @@ def test_what_is_a_switch_that_is_moved(before: RcChannels, after: RcChannels, f
 
 
 def test_settings_name_the_switch_and_the_lost_transmitter() -> None:
-    assert moved(Setting("FLTMODE_CH", 8.0), channels(0, 0, 0, 1430), channels(0, 0, 0, 1330)) == [8]
-    assert moved(Setting("FLTMODE_CH", 1.5), channels(0, 0, 0, 1430), channels(0, 0, 0, 1330)) == []
+    assert moved(VehicleSetting("FLTMODE_CH", 8.0), channels(0, 0, 0, 1430), channels(0, 0, 0, 1330)) == [8]
+    assert moved(VehicleSetting("FLTMODE_CH", 1.5), channels(0, 0, 0, 1430), channels(0, 0, 0, 1330)) == []
     low = channels(1900, sticks_us=(1500, 1500, 920, 1500))
-    assert moved(Setting("FS_THR_VALUE", 910.0), channels(1430), low) == [5]
+    assert moved(VehicleSetting("FS_THR_VALUE", 910.0), channels(1430), low) == [5]
 
 
 def test_an_order_that_is_sent_again_is_kept_once_and_not_for_long() -> None:

@@ -24,7 +24,7 @@ SOUND = replace(FOUR, remaining_pct=98.0, voltage_v=16.6)
 def said(facts: Facts, site: PackFacts | None = None, context: Context = FLEET.context) -> list[tuple[Severity, str]]:
     setup = replace(context.vehicles["uav1"], pack=site or PackFacts())
     context = replace(context, vehicles={**context.vehicles, "uav1": setup})
-    found = packs.checks(context, facts)
+    found = packs.pack_checks(context, facts)
     assert {one.code for one in found} <= {CheckCode.PACK}
     return [(one.severity, one.text) for one in found]
 
