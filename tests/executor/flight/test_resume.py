@@ -153,7 +153,8 @@ async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -
     # The legs of both flights; today it was not slow, which is believed as far as another day may be another one.
     assert rows["uav1"].inspect.legs == 40 + 2
     assert 1.02 < rows["uav1"].inspect.mean < 1.15
-    assert rows["uav2"].inspect.mean == pytest.approx(1.0, rel=0.05)
+    # Made vehicles turn on the spot, where the model slows down for a corner: an eighth faster.
+    assert rows["uav2"].inspect.mean == pytest.approx(0.88, abs=0.03)
 
 
 def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:

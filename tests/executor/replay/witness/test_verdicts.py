@@ -111,14 +111,14 @@ def fell(volts: Callable[[int], float]) -> Writer:
     return flown(Writer(), volts=volts)
 
 
-def rested(after_v: float, after_pct: int) -> Writer:
-    """Write a flight from 30 s to 100 s of a pack of four cells that rests at 4.0 V each before it, at 99 %."""
+def rested(after_v: float, after_pct: int, before_v: float = 16.0) -> Writer:
+    """Write a flight from 30 s to 100 s of a pack of four cells that says 99 % before it."""
     writer = Writer()
     for second in range(200):
         flies = 30 <= second < 100
         writer.say(second + 0.1, 1, heartbeat(armed=flies))
         writer.say(second + 0.2, 1, position(second, 3.0 * second, 20.0) if flies else on_the_ground(second))
-        volts = 14.8 if flies else 16.0 if second < 30 else after_v
+        volts = 14.8 if flies else before_v if second < 30 else after_v
         writer.say(second + 0.3, 1, power(volts, 20.0 if flies else 0.4, 99 if second < 100 else after_pct))
     return writer
 
@@ -148,6 +148,8 @@ ROWS: list[tuple[str, Callable[[], Writer], tuple[FaultKind, str, str], Stand, s
     ("a drain on the ground", lambda: flown(Writer(), range(50, 200), up_m=0.1), DRAIN, Stand.REFUTED, "ground"),
     ("a pack that rests as much lower as it did not count", lambda: rested(15.2, 87), PACK, Stand.CONFIRMED,
      "4.00 V a cell before it and 3.80 V after it: 12 % counted, 22 % gone at least"),
+    ("a pack that was not full", lambda: rested(14.44, 87, 14.84), PACK, Stand.CONFIRMED,
+     "3.61 V a cell at rest after it, 40 % at most, and 87 % reported"),
     ("a pack that rests where its count has it", lambda: rested(15.2, 60), PACK, Stand.REFUTED, "37 % gone at most"),
     ("a pack between both chemistries", lambda: rested(15.2, 72), PACK, Stand.REFUTED, "3.70 V a cell under load"),
     ("a step that stays", lambda: fell(lambda s: 15.2 - (1.3 if s >= AT_S - 3 else 0)), STEP, Stand.CONFIRMED,
