@@ -47,6 +47,7 @@ THRUST_ROWS = 3
 STALE_USEC = 3_000_000
 """After so long without it, the second best source of a place or a speed is taken."""
 GPS_USEC = 5_000_000
+CAPACITY = "BATT_CAPACITY"
 FIXED = 3
 """GPS_FIX_TYPE: three-dimensional."""
 CHANNELS = 14
@@ -104,6 +105,8 @@ class Boot:
     """Above home, by CTUN."""
     begun_msl_m: float | None = None
     thrust_rows: int = 0
+    capacity_ah: float = 0.0
+    """Of its first pack, as it is set; 0 where nobody says it."""
     tilt: TiltWatch = field(default_factory=TiltWatch)
     fix: tuple[int, int] = (-GPS_USEC, -1)
     """When it was told last, and which one."""
@@ -155,8 +158,10 @@ def _transmitted(boot: Boot, t_usec: int, fields: Fields) -> Told:
     return boot.rc.news(t_usec, tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
 
 
-def _set_to(_: Boot, __: int, fields: Fields) -> Told:
+def _set_to(boot: Boot, __: int, fields: Fields) -> Told:
     name, value = words.shown(fields["Name"]), float(fields["Value"])
+    if name == CAPACITY and math.isfinite(value):
+        boot.capacity_ah = value / 1e3
     return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
 
 
@@ -168,13 +173,17 @@ def _ordered(_: Boot, __: int, fields: Fields) -> Told:
     return OrderSeen(command, mode, int(fields["SS"]))
 
 
-def _powered(_: Boot, __: int, fields: Fields) -> Told:
+def _powered(boot: Boot, __: int, fields: Fields) -> Told:
     remaining, consumed = fields.get("RemPct"), fields.get("CurrTot")
     volts, amperes = (_hundredths(fields[name]) for name in ("Volt", "Curr"))
     # MONITOR 3 has no current: both counters stay at nothing.
     counts = consumed is not None and (consumed > 0 or amperes > 0)
+    battery = int(fields.get("Inst", fields.get("Instance", 0)))
+    if remaining is None and counts and consumed is not None and battery == 0 and boot.capacity_ah > 0:
+        # AP_BattMonitor_Backend.cpp: what older firmware told ground stations, and did not log.
+        remaining = int(max(0.0, min(100.0, 100.0 * (1.0 - consumed / 1e3 / boot.capacity_ah))))
     return Battery(
-        battery=int(fields.get("Inst", fields.get("Instance", 0))),
+        battery=battery,
         remaining_pct=float(remaining) if remaining is not None and 0 <= remaining <= 100 else None,
         voltage_v=volts or None,
         current_a=amperes if counts and amperes >= 0 else None,

@@ -74,6 +74,7 @@ def test_a_log_of_2014(text: bool, tmp_path: Path) -> None:
     [first, *_] = of(records, Battery)
     assert (first[0], first[1].voltage_v, first[1].consumed_ah) == (60 * SECOND, 11.52, 0.1)
     assert first[1].current_a == pytest.approx(18.34)
+    assert first[1].remaining_pct == 96, "of 3.3 Ah, cut off as its autopilot does"
     _, there = of(records, Position)[-1]
     assert there.lat_deg == pytest.approx(47.3977)
     assert there.east_m_s == pytest.approx(3.0)
