@@ -207,8 +207,8 @@ class Telemetry:
 
     heartbeat: Heartbeat | None = None
     mode_since_s: float = 0.0
-    mode_before_s: float = float("-inf")
-    """When a HEARTBEAT showed the mode before last: it changed between the two."""
+    mode_before_s: float | None = None
+    """When a HEARTBEAT showed the mode before last: it changed between the two. None where there was no other."""
     doubted: tuple[Heartbeat, float] | None = None
     """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     item: tuple[int, int | None] | None = None

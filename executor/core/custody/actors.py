@@ -72,6 +72,8 @@ def changed_by(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:
 def _late_s(vehicle: VehicleState) -> float:
     """Return how much earlier than usual its mode may have changed: HEARTBEATs get lost, and nobody saw it."""
     told = vehicle.telemetry
+    if told.mode_before_s is None:
+        return 0.0
     return min(MOST_LATE_S, max(0.0, told.mode_since_s - told.mode_before_s - BEAT_S))
 
 

@@ -70,6 +70,7 @@ ROWS = [
                 "stage": Stage.RETURNING,
                 "heartbeat": beat(RTL),
                 "mode_since_s": NOW_S,
+                "mode_before_s": NOW_S - 50.0,
                 "anchor": None,
                 "cause": Cause.FAILSAFE,
                 "errand": Errand(NOW_S),
@@ -93,6 +94,7 @@ ROWS = [
                 "stage": Stage.PILOT,
                 "heartbeat": beat(HOLD),
                 "mode_since_s": NOW_S,
+                "mode_before_s": NOW_S - 50.0,
                 "anchor": None,
                 "certain": True,
                 "taken": TakenOver(since_s=NOW_S, given_away=True),
@@ -158,6 +160,7 @@ ROWS = [
                 "stage": Stage.LANDED,
                 "heartbeat": beat(RTL, armed=False),
                 "mode_since_s": NOW_S,
+                "mode_before_s": NOW_S - 50.0,
                 "ordered_mode_s": NOW_S,
             }
         },
@@ -192,6 +195,7 @@ ROWS = [
                 "spoke_s": NOW_S,
                 "heartbeat": beat(0),
                 "mode_since_s": NOW_S,
+                "mode_before_s": NOW_S,
                 "ordered_modes": frozenset(),
                 "cause": Cause.PERSON,
                 "beat_boot_s": NOW_S,
@@ -212,7 +216,15 @@ ROWS = [
         flying(mode_since_s=NOW_S - 90.0, ordered_modes=frozenset({HOLD}), ordered_mode_s=NOW_S - 9.0),
         said(beat(HOLD)),
         [],
-        {"uav1": {"spoke_s": NOW_S, "heartbeat": beat(HOLD), "mode_since_s": NOW_S, "beat_boot_s": NOW_S}},
+        {
+            "uav1": {
+                "spoke_s": NOW_S,
+                "heartbeat": beat(HOLD),
+                "mode_since_s": NOW_S,
+                "mode_before_s": NOW_S,
+                "beat_boot_s": NOW_S,
+            }
+        },
         {},
     ),
     Row(

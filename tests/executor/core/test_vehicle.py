@@ -29,6 +29,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "spoke_s": None,
             "heartbeat": None,
             "mode_since_s": 0.0,
+            "mode_before_s": None,
             "ordered_mode_s": -math.inf,
             "armed_once": False,
             "disarmed_s": -math.inf,

@@ -147,6 +147,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "spoke_s": NOW_S,
                     "heartbeat": beat(RTL),
                     "mode_since_s": NOW_S,
+                    "mode_before_s": NOW_S,
                     "regained_s": NOW_S,
                     "unseen_until_s": NOW_S,
                     "beat_boot_s": NOW_S,
