@@ -156,3 +156,40 @@ def test_a_mission_that_is_taken_up_again_may_be_interrupted_again(tmp_path: Pat
         return heartbeat(mode=RTL if away else AUTO, status=5 if away else 4)
 
     assert kinds(written(tmp_path, beats)) == [("interruption", "mode")] * 2
+
+
+def test_a_switch_explains_a_mode_that_a_lossy_link_shows_late(tmp_path: Path) -> None:
+    """Recorded: the switch was moved 3.1 s before the HEARTBEAT that shows its mode, after four that were lost."""
+    writer = Writer()
+    for second in range(LASTS_S):
+        if not 56 <= second < 61:
+            writer.say(second + 0.1, 3, heartbeat(mode=AUTO if second < 56 else RTL))
+        writer.say(second + 0.3, 3, position(second, 3.0 * second))
+        writer.say(second + 0.4, 3, channels(SWITCHES[AUTO if second < 57 else RTL]))
+    path = writer.write(tmp_path / "a.tlog")
+    found = replay(TelemetryFile(path), path, rules_of(None))
+    assert modes(found) == [("RTL", "pilot")]
+    assert kinds(found) == []
+
+
+@pytest.mark.parametrize("arms_again", [True, False])
+def test_a_crash_is_of_the_flight_that_it_ended(arms_again: bool, tmp_path: Path) -> None:
+    """Recorded: armed again at once, each crash was told of the next flight too, whose own one was not then."""
+
+    def beats(second: int) -> Any:
+        return heartbeat(armed=second < 60 or (arms_again and 61 <= second < 90), mode=ALT_HOLD)
+
+    crashes = [(59.5, 3, text("Crash: Disarming"))] + ([(89.5, 3, text("Crash: Disarming"))] if arms_again else [])
+    found = written(tmp_path, beats, *crashes)
+    assert kinds(found) == [("interruption", "crash")] * len(crashes)
+    assert [round(at_s, -1) for _, _, at_s in declared(found)] == [60.0, 90.0][: len(crashes)]
+
+
+def test_what_a_log_says_last_is_judged(tmp_path: Path) -> None:
+    writer = Writer()
+    for second in range(60):
+        writer.say(second + 0.1, 3, heartbeat(mode=ALT_HOLD))
+        writer.say(second + 0.3, 3, position(second, 3.0 * second))
+    writer.say(59.4, 3, text("Crash: Disarming"))
+    path = writer.write(tmp_path / "a.tlog")
+    assert kinds(replay(TelemetryFile(path), path, rules_of(None))) == [("interruption", "crash")]

@@ -87,3 +87,15 @@ def test_a_second_flight_begins_anew_with_what_was_learned() -> None:
     again = account.begun_anew(blind, 84.0, 1, 300.0, ANY)
     assert again.estimate is not None
     assert again.estimate.factor == ANY.factor  # what a blind percentage taught is no knowledge
+
+
+def test_what_a_stranger_uses_from_the_start_is_no_drain() -> None:
+    """Recorded: 17 % in 78 s at a steady 25 A, where an aircraft that nobody knew was expected to use 8."""
+    percents = [float(int(99.0 - 6.0 * RATE_PCT_S * n)) for n in range(240)]
+    steady = [fed(BatteryState(), percents[:count], from_s=0.0) for count in (60, 90, 120, 150)]
+    assert steady[-1].estimate is not None
+    assert steady[-1].estimate.factor == pytest.approx(6.0, rel=0.1)
+    assert max(one.slow.excess_pct for one in steady) < 0.5 * LIMITS.slow_blind_pct
+    thirsty = [percents[149] - 12.0 * RATE_PCT_S * n for n in range(90)]
+    later = fed(steady[-1], [float(int(one)) for one in thirsty], from_s=150.0)
+    assert later.slow.excess_pct >= LIMITS.slow_blind_pct, "twice as much is one, once its usual is known"

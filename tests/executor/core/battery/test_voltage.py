@@ -140,3 +140,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
 def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
     assert rounded(found()) == expected
+
+
+def test_a_single_spike_makes_no_pack_of_more_cells() -> None:
+    """Recorded: one report of 13.4 V at rest between hundreds of 12.2 V, and 3.04 V a cell ever since."""
+    spiked = volted((1.0, 12.2, 0.4), (1.0, 13.4, 0.4), (1.0, 12.2, 0.4))
+    assert spiked.cells == 3
+    assert volted((1.0, 13.4, 0.4), (1.0, 13.4, 0.4)).cells == 4
