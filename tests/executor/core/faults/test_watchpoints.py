@@ -214,7 +214,7 @@ def off_pad(state: VehicleState) -> Finding:
 
 WAITS_S = {
     "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
-    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 8.0, "reserve": 5.0, "mode": 1.0,
+    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 15.0, "reserve": 5.0, "mode": 1.0,
 }  # fmt: skip
 
 
