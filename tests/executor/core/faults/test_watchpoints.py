@@ -281,7 +281,7 @@ def test_not_knowing_neither_raises_nor_clears(row: Row) -> None:
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
 def test_it_is_looked_at_in_its_stages_only(row: Row) -> None:
     for stage in Stage:
-        found, _ = raised(later(raised(replace(row.fails, stage=stage), NOW_S)[1], 9.0), NOW_S + 9.0)
+        found, _ = raised(later(raised(replace(row.fails, stage=stage), NOW_S)[1], 16.0), NOW_S + 16.0)
         assert (row.name in found) is (stage in point(row.name).stages)
 
 
