@@ -27,8 +27,8 @@ class Chemistry(Enum):
 REST_CELL_V: Mapping[Chemistry, tuple[float, ...]] = MappingProxyType({
     # Lithium polymer (cobalt oxide), the usual published table of hobby packs.
     Chemistry.LIPO: (3.27, 3.61, 3.69, 3.71, 3.73, 3.77, 3.80, 3.84, 3.87, 3.95, 4.02, 4.11, 4.20),
-    # Nickel-manganese-cobalt 21700, LG M50: Chen et al. 2020, J. Electrochem. Soc. 167 080534, figure of the cell's
-    # open-circuit voltage, read to 0.01 V.
+    # Nickel-manganese-cobalt 21700, about as the LG M50 of Chen et al. 2020, J. Electrochem. Soc. 167 080534; not
+    # read off its data point by point, so a claim that needs better than 0.05 V is none.
     Chemistry.LI_ION: (2.80, 3.13, 3.27, 3.35, 3.43, 3.53, 3.61, 3.68, 3.78, 3.87, 3.95, 4.06, 4.18),
 })  # fmt: skip
 """Open-circuit voltage of a cell at `CHARGE_PCT`, at room temperature."""
