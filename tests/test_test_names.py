@@ -236,6 +236,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/simulator/voice.py",
     ),
     "tests/executor/simulator/test_wire.py": ("executor/simulator/streams.py",),
+    "tests/executor/site/test_config.py": (
+        "executor/site/tables/aircraft.py",
+        "executor/site/tables/ground.py",
+        "executor/site/tables/links.py",
+    ),
     "tests/executor/site/test_heights.py": (
         "executor/core/preflight/heights.py",
         "executor/site/assembly.py",

@@ -23,7 +23,7 @@ from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, finite
 from executor.cli.planning import can_be_written, writable
 from executor.errors import SiteError
 from executor.site import assembly, template
-from executor.site.config import DepotTable
+from executor.site.tables.ground import DepotTable
 from missions import SNAP_M, Mending, Network, NetworkError, Selection, default_network_path, understand
 
 

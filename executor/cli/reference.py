@@ -19,13 +19,13 @@ from typer.main import get_command
 
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli.commandline import cli
-from executor.cli.schemas import docstrings, schemas
+from executor.cli.schemas import SITE, docstrings, schemas
 from executor.cli.states_page import PAGE, PICTURE, states_page, states_picture
 from executor.core.check_codes import CheckCode
 from executor.core.endings import Ending
 from executor.core.intents import IntentReason
 from executor.core.vehicle import FaultCode
-from executor.site import config, learned
+from executor.site import config
 
 COMMANDS = "reference/command-line.md"
 SITE_FILE = "reference/site-file.md"
@@ -132,10 +132,10 @@ def _ranged(meaning: str) -> str:
 
 def site_page() -> str:
     """Return the page of the site file: each table, and each key with its unit, default, values and meaning."""
-    words = {(name, key): text for module in (config, learned) for name, key, text in docstrings(module)}
+    words = {(name, key): text for module in SITE for name, key, text in docstrings(module)}
     shown: set[type[BaseModel]] = set()
     lines = [
-        MADE.format(what="site models (executor/site/config.py)"),
+        MADE.format(what="site models (executor/site/config.py and executor/site/tables)"),
         "",
         "# Site file",
         "",

@@ -12,7 +12,8 @@ from secrets import token_hex
 from executor.adapters.extras import Extra, need
 from executor.adapters.mqtt.broker import Broker, IntakeRules, Topics
 from executor.errors import SiteError
-from executor.site.config import MqttTable, read_secret
+from executor.site.config import read_secret
+from executor.site.tables.links import MqttTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from pydantic import Field
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import Document, Number, ParameterRow
 from executor.core.preflight.parameters import ChangeStage, Kept
-from executor.site.config import AutopilotKey
+from executor.site.tables.aircraft import AutopilotKey
 
 
 class _KeptRow(Document):

@@ -16,8 +16,8 @@ from executor.flight import linking, preparing
 from executor.flight.flight_order import Console, Order
 from executor.flight.parameter_changes import read_changes
 from executor.flight.together import time_of
-from executor.site.config import VehicleTable
 from executor.site.plan_words import plan_checks
+from executor.site.tables.aircraft import VehicleTable
 from missions import dialect_for
 
 

@@ -22,7 +22,8 @@ from executor.flight.flight_order import Console, Order
 from executor.runtime import preflight as asking
 from executor.site import assembly
 from executor.site.assembly import Ground
-from executor.site.config import Site, VehicleTable
+from executor.site.config import Site
+from executor.site.tables.aircraft import VehicleTable
 from missions import FlightSetup, dialect_for, encode, tuned
 
 T = TypeVar("T")

@@ -17,7 +17,7 @@ from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, SiteError
 from executor.flight.flight_order import Teller
 from executor.runtime.flight import Flight
-from executor.site.config import WebTable
+from executor.site.tables.links import WebTable
 from executor.supervised import hand_over
 
 LEAST_TOKEN = 16

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import tomli_w
 
-from executor.site.config import DepotTable, EnergyTable, InspectionTable, VehicleTable
+from executor.site.tables.aircraft import EnergyTable, VehicleTable
+from executor.site.tables.ground import DepotTable, InspectionTable
 from missions import AUTOPILOTS
 from planner import PRESETS
 

@@ -22,7 +22,7 @@ from executor.core.intents import Action, Intent
 from executor.core.view import fleet_view
 from executor.flight.broker import settings_of
 from executor.flight.mqtt import Publication
-from executor.site.config import MqttTable
+from executor.site.tables.links import MqttTable
 from tests.brokers import KIND, RealBroker, free_port, running, slowed
 from tests.executor.core.stories import EVERYTHING, story
 from tests.executor.flights import first_plan_file

@@ -18,7 +18,7 @@ from executor.core.view import FleetView
 from executor.errors import SiteError
 from executor.flight.broker import Settings, settings_of
 from executor.flight.mqtt import Publication
-from executor.site.config import MqttTable
+from executor.site.tables.links import MqttTable
 from tests.brokers import free_port, secured_in
 from tests.executor.flights import first_plan_file
 

@@ -16,7 +16,8 @@ from executor.core.state import FleetState
 from executor.errors import SiteError
 from executor.flight import web
 from executor.runtime.flight import Flight, Observer
-from executor.site.config import WebTable, check_site
+from executor.site.config import check_site
+from executor.site.tables.links import WebTable
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from executor.site.tables.fields import SiteTable
 
 Amount = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 Deviation = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class FigureTable(_Table):
+class FigureTable(SiteTable):
     """One learned figure; the other figures have the same keys."""
 
     mean: Amount
@@ -26,7 +24,7 @@ class FigureTable(_Table):
     """How many pieces of flight, pairs of reports or minutes it is from."""
 
 
-class SpeedTable(_Table):
+class SpeedTable(SiteTable):
     """Consumption in level flight at one speed."""
 
     speed_m_s: Annotated[float, Field(ge=0, le=200)]
@@ -37,7 +35,7 @@ class SpeedTable(_Table):
     """The same in percent of the learned capacity a minute."""
 
 
-class SwitchTable(_Table):
+class SwitchTable(SiteTable):
     """The pilot's mode switch."""
 
     channel: Annotated[int, Field(ge=1, le=18)]
@@ -50,7 +48,7 @@ class SwitchTable(_Table):
     """Changes of mode in the logs."""
 
 
-class LearnedTable(_Table):
+class LearnedTable(SiteTable):
     """What `faultline replay --learn` found. It changes no plan: `[energy]` does, which the same command writes."""
 
     logs: Count

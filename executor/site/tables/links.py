@@ -1,0 +1,126 @@
+"""Who is spoken to: over signed frames, radios, MQTT and the page."""
+
+from __future__ import annotations
+
+import ipaddress
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from executor.site.tables.fields import EnvironmentName, FileName, HostName, SiteTable
+
+
+class SigningTable(SiteTable):
+    """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
+
+    key_file: FileName | None = None
+    """File with 64 hexadecimal digits, or a passphrase, whose SHA-256 is the key, as in other ground stations."""
+    key_env: str | None = None
+    """Environment variable that holds the same. Either `key_file` or `key_env` must be there."""
+
+    @model_validator(mode="after")
+    def _one(self) -> SigningTable:
+        if (self.key_file is None) is (self.key_env is None):
+            raise ValueError("key_file: expected either key_file or key_env")
+        return self
+
+
+class RadioTable(SiteTable):
+    """A telemetry radio, by what its RADIO_STATUS names as its sender."""
+
+    system: Annotated[int, Field(ge=1, le=255)]
+    """MAVLink system id of the radio; SiK radios use 51."""
+    component: Annotated[int, Field(ge=1, le=255)]
+    """MAVLink component id of the radio; SiK radios use 68."""
+
+
+class LinkTable(SiteTable):
+    """Other senders on the links."""
+
+    radios: tuple[RadioTable, ...] | None = None
+    """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
+    unsigned flight, and none on a signed one."""
+
+    @model_validator(mode="after")
+    def _distinct(self) -> LinkTable:
+        for index, radio in enumerate(self.radios or ()):
+            if radio in (self.radios or ())[:index]:
+                raise ValueError(
+                    f"radios[{index}]: expected each radio once, got system {radio.system} component "
+                    f"{radio.component} again"
+                )
+        return self
+
+    @property
+    def senders(self) -> frozenset[tuple[int, int]] | None:
+        """System and component of each radio."""
+        return None if self.radios is None else frozenset((radio.system, radio.component) for radio in self.radios)
+
+
+class MqttTable(SiteTable):
+    """The MQTT broker where the flight is published and intents are taken from."""
+
+    host: HostName = "127.0.0.1"
+    """Host name or address of the broker."""
+    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """Port of the broker; without it 1883, and 8883 with TLS."""
+    prefix: Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")] = "faultline"
+    """First part of all topics; flights that are published at the same time need one each."""
+    telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
+    """How often telemetry is published, in real time."""
+    tls: bool = False
+    """Connect with TLS."""
+    ca_file: FileName | None = None
+    """CA certificate of the broker (PEM), relative to the site file; without it the system's own are trusted."""
+    username_env: EnvironmentName | None = None
+    """Environment variable that holds the user name at the broker."""
+    password_env: EnvironmentName | None = None
+    """Environment variable that holds the password; needs `username_env`."""
+    token_env: EnvironmentName | None = None
+    """Environment variable that holds the token which every intent must carry."""
+    intent_max_age_s: Annotated[float, Field(gt=0, le=3600)] = 10.0
+    """Intents whose timestamp is further than this from the ground station's clock are refused."""
+
+    @model_validator(mode="after")
+    def _fitting(self) -> MqttTable:
+        if self.ca_file is not None and not self.tls:
+            raise ValueError("ca_file: expected none without tls = true")
+        if self.password_env is not None and self.username_env is None:
+            raise ValueError("password_env: expected a username_env beside it")
+        return self
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the broker is reached from this computer alone, as far as its name tells."""
+        try:
+            return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+
+class WebTable(SiteTable):
+    """The page to fly by."""
+
+    enabled: bool = True
+    """Whether the page is served at all."""
+    host: str = "127.0.0.1"
+    """Address to listen on: `0.0.0.0` for phones in the field; then `token_env` is needed."""
+    port: Annotated[int, Field(ge=0, le=65535)] = 0
+    """Port to listen on; 0 takes a free one, and the address is printed."""
+    token_env: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")] | None = None
+    """Environment variable that holds the token which browsers must show."""
+    names: tuple[str, ...] = ()
+    """Further host names under which browsers may call the page."""
+
+    @model_validator(mode="after")
+    def _guarded(self) -> WebTable:
+        try:
+            address = ipaddress.ip_address(self.host)
+        except ValueError:
+            raise ValueError(f"host: expected an address such as 127.0.0.1 or 0.0.0.0, got '{self.host}'") from None
+        if not address.is_loopback and self.token_env is None:
+            raise ValueError(
+                f"token_env: expected the name of an environment variable with a token, because host {self.host} can "
+                "be reached by others"
+            )
+        return self
