@@ -54,7 +54,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/mavlink/integers.py",
         "executor/adapters/mavlink/texts.py",
     ),
-    "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/mavlink/tlog_kinds.py",),
+    "tests/executor/adapters/mavlink/test_tlog_reader.py": (
+        "executor/adapters/pieces.py",
+        "executor/adapters/mavlink/tlog_kinds.py",
+    ),
     "tests/executor/adapters/mavsdk/test_link.py": ("executor/adapters/mavsdk/library.py",),
     "tests/executor/adapters/mqtt/test_client.py": (
         "executor/adapters/mqtt/broker.py",

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from executor.adapters.pieces import in_pieces
 from executor.core.recording import Skipped
 
 HEAD = b"\xa3\x95"
 FMT, FMT_SIZE = 128, 89
-CHUNK = 1 << 18
 PADDING, PADDED = frozenset({0x00, 0xFF}), 16
 """What fills the end of a block of the flash, or of a file that was cut off when the battery was pulled."""
 HIGHEST = 256
@@ -132,16 +132,9 @@ class BinaryRows:
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
         self.sizes[FMT] = FMT_SIZE
-        with self.path.open("rb") as file:
-            buffer, base = b"", 0
-            while True:
-                more = file.read(CHUNK)
-                buffer = buffer[base:] + more
-                base = yield from self._piece(buffer, last=not more)
-                if not more:
-                    break
+        yield from in_pieces(self.path, self._piece)
 
-    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Row, None, int]:
+    def _piece(self, buffer: bytes, last: bool) -> Generator[Row, None, int]:
         """Yield the rows of a piece; returns where the rest begins. Calls would take most of the time."""
         at, size, sizes, formats = 0, len(buffer), self.sizes, self.formats
         while at + 3 <= size:

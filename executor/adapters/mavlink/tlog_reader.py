@@ -34,6 +34,7 @@ from executor.adapters.mavlink.tlog_kinds import (
     MessageKind,
     checksum,
 )
+from executor.adapters.pieces import in_pieces
 from executor.core import words
 from executor.core.hearing.plausible import plausible
 from executor.core.hearing.speaker import Speaker, speaker_after
@@ -54,7 +55,6 @@ from missions import AUTOPILOTS
 V1, V2 = 0xFE, 0xFD
 MARKS = frozenset({V1, V2})
 STAMP = 8
-CHUNK = 1 << 20
 LONGEST = STAMP + 10 + 255 + 2 + 13
 STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
 """Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
@@ -133,14 +133,7 @@ class TelemetryFile:
 
         System 0 stands for what is about the link as a whole.
         """
-        with self.path.open("rb") as file:
-            buffer, base = b"", 0
-            while True:
-                more = file.read(CHUNK)
-                buffer = buffer[base:] + more
-                base = yield from self._piece(buffer, last=not more)
-                if not more:
-                    break
+        yield from in_pieces(self.path, self._piece)
         self._explain()
 
     def _explain(self) -> None:
@@ -158,7 +151,7 @@ class TelemetryFile:
             named = ", ".join(str(one) for one in systems[:MOST_NAMED])
             self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
 
-    def _piece(self, buffer: bytes, *, last: bool) -> Generator[Record, None, int]:
+    def _piece(self, buffer: bytes, last: bool) -> Generator[Record, None, int]:
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
         at, size, known, in_garbage, frames = 0, len(buffer), self._stamp, False, 0
         stop = size if last else size - 2 * LONGEST

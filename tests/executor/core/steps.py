@@ -25,6 +25,19 @@ NOT_SHOWN = frozenset({"vehicles", "watches", "tick_s", "said"})
 """The memory of the watchpoints has tests of its own, and the others say nothing new here."""
 HOLD = 17
 LAND = 9
+ITS_OFFER = Survivor(
+    "uav1",
+    (200.0, -5.0),
+    73.1078,
+    0.999998,
+    airborne=True,
+    tail=(2,),
+    kept=3,
+    most_pct=74.1078,
+    start_up_m=15.0,
+    facing_m=(100.0, 0.0),
+)
+"""What uav1 of `FLEET` offers to a re-plan from its first leg."""
 
 
 def flight_of(*vehicles: VehicleState, **facts: Any) -> FleetState:

@@ -12,7 +12,8 @@ import pytest
 from pymavlink import DFReader
 
 from executor.adapters.logs.dataflash import DataFlashFile
-from executor.adapters.logs.dataflash_rows import CHUNK, BinaryRows, WantedColumns
+from executor.adapters.logs.dataflash_rows import BinaryRows, WantedColumns
+from executor.adapters.pieces import PIECE
 from executor.core.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
@@ -246,7 +247,7 @@ NUMBERS = (
 def test_it_reads_what_pymavlink_reads(name: str) -> None:
     path = real_logs() / name
     if not path.exists():
-        pytest.skip("this one is not there")
+        pytest.skip(f"the log {name} is not in {real_logs()}")
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         theirs = DFReader.DFReader_binary(str(path), zero_time_base=True)
     columns = {one.name: frozenset(one.columns) for one in theirs.formats.values() if one.name in NUMBERS}
@@ -267,7 +268,7 @@ def test_it_reads_what_pymavlink_reads(name: str) -> None:
 
 
 def test_a_file_longer_than_a_piece_is_read_the_same(tmp_path: Path) -> None:
-    rows = [(*BAT, at * SECOND // 2, 15.0, 20.0, at / 10) for at in range(2, 2 + 3 * CHUNK // 20)]
+    rows = [(*BAT, at * SECOND // 2, 15.0, 20.0, at / 10) for at in range(2, 2 + 3 * PIECE // 20)]
     records, file = read(log((*MODE, SECOND, 3, 3, 1), *rows).write(tmp_path / "a.BIN"))
     assert [said.consumed_ah for _, said in of(records, Battery)] == [pytest.approx(row[-1] / 1e3) for row in rows]
     assert not file.skipped

@@ -15,7 +15,8 @@ from pymavlink.generator.mavcrc import x25crc
 
 from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.tlog_kinds import KINDS, ORDERS, STATUSTEXT, checksum
-from executor.adapters.mavlink.tlog_reader import CHUNK, TelemetryFile
+from executor.adapters.mavlink.tlog_reader import TelemetryFile
+from executor.adapters.pieces import PIECE
 from executor.core.messages import (
     Attitude,
     Battery,
@@ -229,7 +230,7 @@ def test_a_file_longer_than_a_piece_is_read_the_same(tmp_path: Path) -> None:
     writer = Writer()
     flight(writer, 3, range(2000))
     once = writer.data()
-    copies = 2 * CHUNK // len(once) + 1
+    copies = 2 * PIECE // len(once) + 1
     path = tmp_path / "a.tlog"
     path.write_bytes(once * copies)
     file = TelemetryFile(path)

@@ -58,6 +58,16 @@ def brief(state: BatteryState) -> Any:
 
 
 ESTIMATE = BatteryEstimate(80.0, 1.2, 0.3, 0.02, 0.01)
+OF_WHOLE_PERCENTS = BatteryEstimate(
+    remaining_pct=93.5089,
+    factor=0.980117,
+    var_remaining=0.00837164,
+    covariance=-0.00261847,
+    var_factor=0.0021487,
+)
+SLOW_OF_WHOLE_PERCENTS = Drift(
+    excess_pct=0.39744, used_pct=1.0, expected_pct=0.502133, since_s=155.0, reports=1, biggest_pct=0.497867
+)
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
@@ -134,19 +144,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             0.991,
             1.00185,
             0.0,
-            BatteryEstimate(
-                remaining_pct=93.5089,
-                factor=0.980117,
-                var_remaining=0.00837164,
-                covariance=-0.00261847,
-                var_factor=0.0021487,
-            ),
+            OF_WHOLE_PERCENTS,
             Drift(
                 excess_pct=0.327665, used_pct=1.0, expected_pct=0.49686, since_s=155.0, reports=1, biggest_pct=0.50314
             ),
-            Drift(
-                excess_pct=0.39744, used_pct=1.0, expected_pct=0.502133, since_s=155.0, reports=1, biggest_pct=0.497867
-            ),
+            SLOW_OF_WHOLE_PERCENTS,
             Charge(
                 consumed_ah=1.2,
                 at_s=160.0,
@@ -172,19 +174,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             1.00233,
             1.00185,
             0.0,
-            BatteryEstimate(
-                remaining_pct=93.5089,
-                factor=0.980117,
-                var_remaining=0.00837164,
-                covariance=-0.00261847,
-                var_factor=0.0021487,
-            ),
+            OF_WHOLE_PERCENTS,
             Drift(
                 excess_pct=0.321803, used_pct=1.0, expected_pct=0.50155, since_s=155.0, reports=1, biggest_pct=0.49845
             ),
-            Drift(
-                excess_pct=0.39744, used_pct=1.0, expected_pct=0.502133, since_s=155.0, reports=1, biggest_pct=0.497867
-            ),
+            SLOW_OF_WHOLE_PERCENTS,
             Charge(
                 consumed_ah=1.7,
                 at_s=160.0,

@@ -18,6 +18,7 @@ from tests.executor.core.steps import (
     BATTERY_FAULT,
     CREW,
     HOMEWARD,
+    ITS_OFFER,
     SECOND,
     Changes,
     Stepped,
@@ -33,18 +34,6 @@ from tests.executor.core.vehicles import FLEET, NOW_S, flying
 CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}
 ON_ITS_WAY = flying()
-ITS_OFFER = Survivor(
-    "uav1",
-    (200.0, -5.0),
-    73.1078,
-    0.999998,
-    airborne=True,
-    tail=(2,),
-    kept=3,
-    most_pct=74.1078,
-    start_up_m=15.0,
-    facing_m=(100.0, 0.0),
-)
 PROVEN = dict.fromkeys(range(6), "uav3")
 UNSOLVED = plan_of(solve_s=None, solved_s=0.0)
 

@@ -23,6 +23,7 @@ from tests.executor.core.steps import (
     BATTERY_FAULT,
     CREW,
     HOLD,
+    ITS_OFFER,
     LOW,
     TAKEN,
     beat,
@@ -35,18 +36,6 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import FLEET, NOW_S, at, flying, pack
 
 CONTEXT = FLEET.context
-ITS_OFFER = Survivor(
-    "uav1",
-    (200.0, -5.0),
-    73.1078,
-    0.999998,
-    airborne=True,
-    tail=(2,),
-    kept=3,
-    most_pct=74.1078,
-    start_up_m=15.0,
-    facing_m=(100.0, 0.0),
-)
 STANDS = landed(stage=Stage.LANDED, fix=LOW)
 ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
 
