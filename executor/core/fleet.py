@@ -337,6 +337,9 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
         return takeover.taken(context, state, vehicle)
     if causes.never_landed(context, vehicle):
         return _flies_on(context, state, vehicle, "landed", now_s)
+    if vehicle.armed and causes.start_overtaken(vehicle, now_s) and vehicle.custody.cause is Cause.OURS:
+        text = f"{vehicle.name}: its motors are on, on its pad: it armed before it was told to stay"
+        return state.put(moved_to(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
     return state, ()
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
 from executor.core.intents import Action, Outcome
-from executor.simulator.autopilot import STEP_S
+from executor.simulator.autopilot import LAST_WORDS_S, STEP_S
 from executor.simulator.faults import InjectionKind, parse_fault
 from executor.simulator.truth import Truth
 from tests.stories.story import MISSION
@@ -381,7 +381,7 @@ class Judge:
 
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
         # How long a restart takes is the simulator's: at most as long as the span says.
-        spans = [span for span in self.silences(found["name"]) if span.from_s < at_s < span.to_s]
+        spans = [span for span in self.silences(found["name"]) if span.from_s + last_words_s(span) < at_s < span.to_s]
         return "it cannot be heard" if any(span.what != "reboot" for span in spans) else ""
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
@@ -538,6 +538,11 @@ class Judge:
         missing = flown.wanted - set(flown.inspected)
         if flown.story.completes and missing:
             yield Finding("completes", self.end_s, f"segments {sorted(missing)} are not inspected")
+
+
+def last_words_s(span: Span) -> float:
+    """Return how long into a silence it may still be said to be heard."""
+    return LAST_WORDS_S + KNOWS_S if span.what == "crash" else 0.0
 
 
 def told_in(flown: Flown) -> str:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from executor.core.commands import Say
 from executor.core.intents import Action
 from executor.simulator.truth import Truth
-from tests.stories.judge import FALLS_FROM_M, KNOWS_S, Finding, Judge, Span, distance_m, place
+from tests.stories.judge import FALLS_FROM_M, KNOWS_S, Finding, Judge, Span, distance_m, last_words_s, place
 from tests.stories.story import MISSION
 from tests.storm.plot import BEARS_S, Happening
 from tests.storm.sky import Stormed
@@ -227,7 +227,9 @@ class StormJudge(Judge):
 
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
-        spans = [span for span in super().silences(name) if span.from_s + 1.0 < at_s < span.to_s]
+        spans = [
+            span for span in super().silences(name) if span.from_s + max(1.0, last_words_s(span)) < at_s < span.to_s
+        ]
         late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up"}))]
         if any(0.0 <= at_s - came_s < 2.0 for came_s in late):
             return ""  # it is heard with what was said before

@@ -27,6 +27,8 @@ LATE_TEXT_S = 4.0
 """A text this long after a change of mode still explains it."""
 FOLLOWED_LATE_S = 120.0
 """An order may be followed this late: a radio keeps it, or only the answers were lost."""
+OVERTAKEN_S = 3.0
+"""A start that was withdrawn is seen to have been followed within two heartbeats, and some of their way."""
 _ACTS = re.compile(
     r"^(?!.*cleared).*(failsafe|fence|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
     re.IGNORECASE,
@@ -137,7 +139,8 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return Cause.OURS
     mode = beat.custom_mode
     if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not never_landed(context, vehicle):
-        return Cause.PERSON  # it arms, and nobody here said so
+        # It arms, and nobody here said so; or what was said overtook its start.
+        return Cause.OURS if start_overtaken(vehicle, now_s) else Cause.PERSON
     if is_manual_mode(dialect, mode):
         return Cause.PERSON
     late = now_s - vehicle.orders.ordered_mode_s > FOLLOWED_LATE_S
@@ -166,9 +169,11 @@ def _persons_still(context: Scene, before: VehicleState, vehicle: VehicleState) 
             vehicle.telemetry.alarm
         )  # who has it changes its mode again, unless it says anew what it does by itself
         return not (_ACTS.search(text) and said_s >= before.telemetry.mode_since_s)
-    holds = beat.custom_mode == dialect.modes.hold.custom_mode
-    # A failsafe holds before it returns, and never after.
-    return holds and before.custody.cause is Cause.FAILSAFE and is_home_mode(dialect, old.custom_mode)
+    if beat.custom_mode != dialect.modes.hold.custom_mode or not is_home_mode(dialect, old.custom_mode):
+        return False
+    # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
+    holds_first = dialect.ground_station_failsafe.pause is not None or vehicle.sensors.fence_breached
+    return before.custody.cause is Cause.FAILSAFE or (before.custody.cause is Cause.OURS and not holds_first)
 
 
 def by_person(context: Scene, vehicle: VehicleState) -> bool:
@@ -187,6 +192,13 @@ def never_landed(context: Scene, vehicle: VehicleState) -> bool:
     return (
         fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.link.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
     )
+
+
+def start_overtaken(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that was told to stay on the ground may arm all the same: its start was on the way."""
+    left_s = vehicle.sortie.left_s
+    told = vehicle.stage is Stage.LANDED and not vehicle.sortie.took_off and left_s is not None
+    return told and now_s - (left_s or 0.0) <= OVERTAKEN_S
 
 
 def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:

@@ -9,6 +9,7 @@ import pytest
 from executor.core import fleet
 from executor.core.commands import Disarm, Finish, LandNow, Level, SendHome, Start
 from executor.core.events import Heard, LaunchOrdered, ReturnAllOrdered, ReturnEnded, StartEnded, Tick
+from executor.core.intents import Action
 from executor.core.messages import StatusText
 from executor.core.vehicle import TRANSITIONS, FaultKind, Stage, VehicleState, moved_to
 from tests.executor.builders import THREE, fleet_of
@@ -415,3 +416,20 @@ def test_the_return_is_ordered_once_for_each_fault() -> None:
     flight.crafts["uav2"].battery_pct -= 30.0
     flight.finish()
     assert flight.given(SendHome) == [SendHome("uav2")]
+
+
+def test_a_vehicle_whose_start_overtook_the_word_to_stay_is_not_shown_as_landed_while_its_motors_are_on() -> None:
+    """Its start was on the way when the operator had it return: it arms on its pad, and disarms by itself later."""
+    flight = Story(FLEET.context, dict(FLEET.boards), start_s={"uav2": 1.0})
+    flight.launch()
+    flight.ask(Action.RETURN, "uav2")
+    assert flight.stage("uav2") is Stage.LANDED
+    stands = flight.crafts["uav2"]
+    stands.stuck = stands.armed = True
+    flight.pass_s(3.0)
+    assert flight.stage("uav2") is Stage.RETURNING
+    assert "uav2: its motors are on, on its pad: it armed before it was told to stay" in flight.said(Level.WARNING)
+    stands.armed = False
+    flight.finish()
+    assert flight.stage("uav2") is Stage.LANDED
+    assert set(flight.state.coverage.inspected) == EVERYTHING

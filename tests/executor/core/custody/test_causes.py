@@ -99,6 +99,35 @@ def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
     assert cause_of(CONTEXT, (), flying(cause=Cause.MISSION), went(LAND), NOW_S) is Cause.PERSON
 
 
+def test_whoever_holds_an_arducopter_on_the_return_that_was_ordered_is_a_person() -> None:
+    """Its battery failsafe is in force all the while, and makes its heartbeats critical; it holds nobody."""
+    home = flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=Cause.OURS, stage=Stage.RETURNING)
+    held = went(BRAKE, heartbeat=Heartbeat(3, BRAKE, True, 5), stage=Stage.RETURNING)
+    assert cause_of(CONTEXT, (), home, held, NOW_S) is Cause.PERSON
+    assert cause_of(CONTEXT, (), home, with_facts(held, fence_breached=True), NOW_S) is Cause.FAILSAFE
+
+
+@pytest.mark.parametrize(
+    ("after_s", "changes", "cause"),
+    [
+        (1.0, {}, Cause.OURS),
+        (3.1, {}, Cause.PERSON),
+        (1.0, {"took_off": True}, Cause.PERSON),
+        (1.0, {"stage": Stage.GROUND}, Cause.PERSON),
+    ],
+)
+def test_who_was_told_to_stay_while_its_start_was_on_the_way_may_arm_by_it(
+    after_s: float, changes: dict[str, object], cause: Cause
+) -> None:
+    stands: dict[str, object] = {
+        "stage": Stage.LANDED,
+        "fix": at(up_m=0.0),
+        "took_off": False,
+        "left_s": NOW_S - after_s,
+    }
+    assert cause_of(CONTEXT, (), flying(), went(RTL, **stands | changes), NOW_S) is cause
+
+
 def test_a_return_that_is_broken_off_for_a_landing_elsewhere_is_a_persons() -> None:
     told: dict[str, object] = {"ordered_modes": frozenset({RTL, LAND}), "ordered_mode_s": NOW_S - 30.0}
     returns = flying(heartbeat=Heartbeat(3, RTL, True, 4), stage=Stage.RETURNING, **told)
