@@ -54,6 +54,8 @@ from executor.flight.next_sortie import next_sortie, sortie_words
 from executor.flight.parameter_changes import check_run, still_open
 from executor.runtime import turns
 from executor.simulated.demo_site import (
+    OTHER_LOSS,
+    USUAL_LOSS,
     USUAL_RADIUS_M,
     USUAL_VEHICLES,
     check_faults,
@@ -107,7 +109,7 @@ def demo(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
     usual = is_usual(network, radius, vehicles)
-    faults = fault if fault is not None else ["uav2:silent@40%"]
+    faults = fault if fault is not None else [USUAL_LOSS if usual else OTHER_LOSS]
     site = check_site(content, "demo")
     ground = assembly.ground_of(site, Path())
     check_faults(ground, faults)

@@ -19,8 +19,10 @@ USUAL_VEHICLES = 4
 """With these the whole of the default network is flown below the ceiling of a site."""
 USUAL_RADIUS_M = 700.0
 USUAL_BUDGET_PCT = 28.0
-"""Of the usual demo: so tight that it matters how a plan was chosen. After ``--fault uav1:silent@510s`` one that was
-chosen by MinComb leaves segments over; one that was chosen for its window does not."""
+"""Of the usual demo: so tight that it matters how a plan was chosen."""
+USUAL_LOSS = "uav1:silent@450s"
+"""After this one a plan chosen by MinComb leaves segments over; one chosen for its window does not."""
+OTHER_LOSS = "uav2:silent@40%"
 SIMULATED_CEILING_M = 1000.0
 ENDS_S = 10.0
 """Real seconds that the simulated fleet may take to end."""

@@ -131,9 +131,9 @@ async def test_after_a_flight(autopilot: str, tmp_path: Path) -> None:
 @AUTOPILOTS
 async def test_killed_and_restored_from_a_copy(autopilot: str, tmp_path: Path) -> None:
     """The laptop dies in flight; who is still in the air is left alone, and has its parameters again on its pad."""
-    site, _ = site_file(tmp_path, pylons=4, vehicles=2, speedup=8.0, autopilot=autopilot)
+    site, _ = site_file(tmp_path, pylons=6, vehicles=2, speedup=6.0, autopilot=autopilot)
     run, copy = tmp_path / "run", tmp_path / "copy"
-    async with on_pads(site, autopilot, speedup=8.0) as fleet:
+    async with on_pads(site, autopilot, speedup=6.0) as fleet:
         async with called("fly", str(site), "--yes", "--run", str(run)) as flight:
             await said_in(flight.stderr, "uav1: flies its mission", "uav2: flies its mission")
             async with called("restore", str(run), "--yes") as process:
