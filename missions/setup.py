@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missions.areas import Area, NamedPlace
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
@@ -66,6 +67,10 @@ class FlightSetup:
     """In the order of the layers' vehicles."""
     tracks_m: FloatArray
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
+    areas: tuple[Area, ...] = ()
+    """What flights keep out of, or keep low in."""
+    alternates: tuple[NamedPlace, ...] = ()
+    """Where a vehicle may come down that does not come home."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.
