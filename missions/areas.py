@@ -6,6 +6,7 @@ the ground, is in the area.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from enum import Enum
@@ -96,7 +97,7 @@ class Area:
         return tuple(
             _capsule(begin_m, end_m, self.width_m / 2)
             for line in self.rings_m
-            for begin_m, end_m in zip(line, line[1:], strict=False)
+            for begin_m, end_m in itertools.pairwise(line)
         )
 
     def edges_m(self) -> FloatArray:
@@ -107,6 +108,27 @@ class Area:
             for index in range(len(ring) - self.is_line)
         ]
         return np.array(edges, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptOut:
+    """An area, and who must keep out of it."""
+
+    area: Area
+    vehicles: tuple[str, ...]
+    """All of them; of a height limit those whose layers are above it."""
+    highest_m: float | None = None
+    """Of a height limit: how high the highest of these vehicles would be, counted as the limit is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unreachable:
+    """A segment that no flight can inspect."""
+
+    segment: int
+    """Its number in the network."""
+    why: str
+    """In words, to be put behind its name: "lies in area 'airfield'"."""
 
 
 @dataclass(frozen=True, slots=True)

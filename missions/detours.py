@@ -1,4 +1,4 @@
-"""Moves that lead around the columns above others' pads, priced as they are flown.
+"""Moves that lead around the columns above others' pads and around areas, priced as they are flown.
 
 Few moves of a network meet a column, but each of them costs its corners as well as its length: on the default network
 one route in four crosses the pads, and takes 3 % longer for it.
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from missions.geo import FloatArray
 from missions.pads import way_around_m
+from missions.ways import Obstacle, column_of, graph_of, way_between_m
 
 IntArray = npt.NDArray[np.int64]
 
@@ -25,9 +26,18 @@ class Columns:
     centres_m: tuple[tuple[float, float], ...] = ()
     """East and north."""
     radius_m: float = 0.0
+    areas: tuple[Obstacle, ...] = ()
+    """That they lead around as well."""
+
+    def way_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray:
+        """Return (w, 2) corners of the way between two (2,) places: as it is flown, and as it is priced."""
+        if not self.areas:
+            return way_around_m(start_m, goal_m, np.array(self.centres_m).reshape(-1, 2), self.radius_m)
+        columns = tuple(column_of(centre_m, self.radius_m) for centre_m in self.centres_m)
+        return way_between_m(start_m, goal_m, self.areas, columns)
 
     def met(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
-        """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around."""
+        """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
         start_m, along_m = from_m[:, :2], to_m[:, :2] - from_m[:, :2]
         squares = np.maximum((along_m**2).sum(axis=1), 1e-12)
         hit = np.zeros(len(from_m), dtype=np.bool_)
@@ -37,7 +47,14 @@ class Columns:
             ends_m = np.minimum(np.hypot(*away_m.T), np.hypot(*(away_m - along_m).T))
             passed_m = np.hypot(*(away_m - share[:, np.newaxis] * along_m).T)
             hit |= (passed_m < self.radius_m - 1e-9) & (ends_m >= self.radius_m)
+        if self.areas:
+            hit |= self._in_areas(from_m[:, :2], to_m[:, :2])
         return np.flatnonzero(hit)
+
+    def _in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return (n,) whether straight ways lead through an area, or begin in one."""
+        graph = graph_of(self.areas)
+        return np.asarray(graph.met(starts_m, goals_m) | graph.inside(starts_m))
 
     def ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield ways around the columns, all with as many corners at once.
@@ -51,13 +68,10 @@ class Columns:
         """
         found: dict[tuple[float, ...], FloatArray] = {}
         lengths: dict[int, list[tuple[int, FloatArray]]] = {}
-        centres_m = np.array(self.centres_m).reshape(-1, 2)
         for number, (start, end) in enumerate(zip(from_m.tolist(), to_m.tolist(), strict=True)):
             key = (*start, *end)
             if key not in found:
-                found[key] = _with_heights(start, end, way_around_m(
-                    np.array(start[:2]), np.array(end[:2]), centres_m, self.radius_m
-                ))  # fmt: skip
+                found[key] = _with_heights(start, end, self.way_m(np.array(start[:2]), np.array(end[:2])))
             lengths.setdefault(len(found[key]), []).append((number, found[key]))
         for ways in lengths.values():
             yield np.array([number for number, _ in ways]), np.array([way for _, way in ways])
