@@ -57,6 +57,8 @@ class Area:
     """How far flights keep from it."""
     width_m: float = 0.0
     """Of a corridor, from side to side."""
+    eased_m: float = 0.0
+    """How far its outlines may be off those of its file, which have more corners: so much more is kept from them."""
     max_agl_m: float | None = None
     """Of a height limit: over the ground."""
     max_amsl_m: float | None = None
@@ -85,7 +87,7 @@ class Area:
     @property
     def keep_m(self) -> float:
         """How far everything keeps from the outlines, or from the middle line."""
-        return self.margin_m + self.width_m / 2
+        return self.margin_m + self.width_m / 2 + self.eased_m
 
     def polygons_m(self) -> tuple[Ring, ...]:
         """Return closed polygons that cover the area itself, without margin and without regard to holes.
