@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from missions.geo import FloatArray
 from missions.pads import way_around_m
-from missions.ways import Obstacle, column_of, graph_of, way_between_m
+from missions.ways import Obstacle, column_of, graph_of, ways_between_m
 
 IntArray = npt.NDArray[np.int64]
 
@@ -31,10 +31,19 @@ class Columns:
 
     def way_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray:
         """Return (w, 2) corners of the way between two (2,) places: as it is flown, and as it is priced."""
-        if not self.areas:
-            return way_around_m(start_m, goal_m, np.array(self.centres_m).reshape(-1, 2), self.radius_m)
-        columns = tuple(column_of(centre_m, self.radius_m) for centre_m in self.centres_m)
-        return way_between_m(start_m, goal_m, self.areas, columns)
+        return self._corners_m(start_m[np.newaxis], goal_m[np.newaxis])[0]
+
+    def _corners_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
+        """Return (w, 2) corners of the ways from (n, 2) places to others."""
+        if self.areas:
+            columns = tuple(column_of(centre_m, self.radius_m) for centre_m in self.centres_m)
+            return ways_between_m(starts_m, goals_m, self.areas, columns)
+        centres_m, found = np.array(self.centres_m).reshape(-1, 2), dict[tuple[float, ...], FloatArray]()
+        keys = [(*start, *goal) for start, goal in zip(starts_m.tolist(), goals_m.tolist(), strict=True)]
+        for key in keys:
+            if key not in found:
+                found[key] = way_around_m(np.array(key[:2]), np.array(key[2:]), centres_m, self.radius_m)
+        return [found[key] for key in keys]
 
     def met(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
         """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
@@ -66,15 +75,13 @@ class Columns:
         Yields:
             (k,) which of them, and (k, w, 3) through which places, both ends included.
         """
-        found: dict[tuple[float, ...], FloatArray] = {}
-        lengths: dict[int, list[tuple[int, FloatArray]]] = {}
-        for number, (start, end) in enumerate(zip(from_m.tolist(), to_m.tolist(), strict=True)):
-            key = (*start, *end)
-            if key not in found:
-                found[key] = _with_heights(start, end, self.way_m(np.array(start[:2]), np.array(end[:2])))
-            lengths.setdefault(len(found[key]), []).append((number, found[key]))
-        for ways in lengths.values():
-            yield np.array([number for number, _ in ways]), np.array([way for _, way in ways])
+        corners_m = self._corners_m(from_m[:, :2], to_m[:, :2])
+        lengths: dict[int, list[int]] = {}
+        for number, way_m in enumerate(corners_m):
+            lengths.setdefault(len(way_m), []).append(number)
+        for numbers in lengths.values():
+            between_m = np.array([corners_m[number] for number in numbers])
+            yield np.array(numbers), _with_heights(from_m[numbers], to_m[numbers], between_m)
 
 
 def led_around(
@@ -101,9 +108,13 @@ def led_around(
     return seconds.reshape(shape), pct.reshape(shape)
 
 
-def _with_heights(start: list[float], end: list[float], corners_m: FloatArray) -> FloatArray:
-    """Return (w, 3) a way through corners, rising evenly."""
-    level_m = np.concatenate((np.array([start[:2]]), corners_m, np.array([end[:2]])))
-    flown_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(level_m, axis=0).T))))
-    up_m = start[2] + (end[2] - start[2]) * flown_m / max(float(flown_m[-1]), 1e-9)
-    return np.column_stack((level_m, up_m))
+def _with_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -> FloatArray:
+    """Return (k, w + 2, 3) ways from (k, 3) places through (k, w, 2) corners to others, rising evenly."""
+    level_m = np.concatenate((from_m[:, np.newaxis, :2], corners_m, to_m[:, np.newaxis, :2]), axis=1)
+    legs_m = np.diff(level_m, axis=1)
+    flown_m = np.cumsum(np.hypot(legs_m[..., 0], legs_m[..., 1]), axis=1)
+    rise_m = (to_m[:, 2] - from_m[:, 2])[:, np.newaxis]
+    up_m = np.column_stack(
+        (from_m[:, 2], from_m[:, 2, np.newaxis] + rise_m * flown_m / np.maximum(flown_m[:, -1:], 1e-9))
+    )
+    return np.concatenate((level_m, up_m[..., np.newaxis]), axis=2)

@@ -57,39 +57,60 @@ def column_of(centre_m: Place, radius_m: float) -> Obstacle:
     return Obstacle(((centre_m,),), radius_m, is_line=True)
 
 
-def way_between_m(
-    start_m: FloatArray, goal_m: FloatArray, areas: tuple[Obstacle, ...], columns: tuple[Obstacle, ...] = ()
-) -> FloatArray:
-    """Return (w, 2) corners of a shortest way between two (2,) places.
+def ways_between_m(
+    starts_m: FloatArray, goals_m: FloatArray, areas: tuple[Obstacle, ...], columns: tuple[Obstacle, ...] = ()
+) -> list[FloatArray]:
+    """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.
 
     Columns that the start or the goal is in are left out: there is no way around them. If columns leave no way, it
     leads through them; if areas leave none, or the goal is in one, the answer is the straight one. Whoever starts in
     an area leaves it by the nearest way out.
 
     Args:
-        start_m: East and north.
-        goal_m: East and north.
+        starts_m: East and north.
+        goals_m: East and north.
         areas: What nothing leads through.
         columns: Single places with the radius that is kept from them.
     """
-    graph = graph_of(areas)
-    way_m = graph.way_m(start_m, goal_m)
-    if way_m is None:
-        return np.zeros((0, 2))
-    met = left_clear_of(columns, start_m, goal_m)
-    if not met or not graph_of(met).meets_any(start_m, way_m, goal_m):
-        return way_m
-    around_m = graph_of((*areas, *met)).way_m(start_m, goal_m)
-    return way_m if around_m is None else around_m
+    found = graph_of(areas).ways_m(starts_m, goals_m)
+    ways = [np.zeros((0, 2)) if way_m is None else way_m for way_m in found]
+    if not columns:
+        return ways
+    middles_m = np.array([column.rings_m[0][0] for column in columns])
+    radii_m = np.array([column.keep_m for column in columns])
+    near_m = np.minimum(_apart_m(starts_m, middles_m), _apart_m(goals_m, middles_m))
+    around = near_m >= radii_m
+    again: dict[tuple[Obstacle, ...], list[int]] = {}
+    for number in _meeting(columns, around, starts_m, ways, goals_m):
+        if found[number] is not None:
+            left = tuple(column for column, wanted in zip(columns, around[number], strict=True) if wanted)
+            again.setdefault(left, []).append(number)
+    for left, numbers in again.items():
+        for number, way_m in zip(
+            numbers, graph_of((*areas, *left)).ways_m(starts_m[numbers], goals_m[numbers]), strict=True
+        ):
+            ways[number] = ways[number] if way_m is None else way_m
+    return ways
 
 
-def left_clear_of(columns: Sequence[Obstacle], start_m: FloatArray, goal_m: FloatArray) -> tuple[Obstacle, ...]:
-    """Return the columns that neither the start nor the goal is in."""
-    return tuple(
-        column
-        for column in columns
-        if min(math.dist(column.rings_m[0][0], start_m), math.dist(column.rings_m[0][0], goal_m)) >= column.keep_m
-    )
+def _meeting(
+    columns: Sequence[Obstacle], around: BoolArray, starts_m: FloatArray, ways: Sequence[FloatArray],
+    goals_m: FloatArray,
+) -> list[int]:  # fmt: skip
+    """Return which ways lead through one of the columns that they are to lead around, by (n, c) `around`."""
+    stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
+    owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
+    begins_m = np.concatenate([one[:-1] for one in stops]) if stops else np.zeros((0, 2))
+    ends_m = np.concatenate([one[1:] for one in stops]) if stops else np.zeros((0, 2))
+    met = np.zeros(len(ways), dtype=np.bool_)
+    for index, column in enumerate(columns):
+        hit = graph_of((column,)).met(begins_m, ends_m)
+        met[owner[hit & around[owner, index]]] = True
+    return [int(number) for number in np.flatnonzero(met)]
+
+
+def _apart_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    return np.hypot(*(places_m[:, np.newaxis] - others_m).transpose(2, 0, 1))
 
 
 @lru_cache(maxsize=64)
@@ -233,31 +254,46 @@ class Graph:
             found[open_] = shape.hit(starts_m[open_], goals_m[open_])
         return found
 
-    def meets_any(self, start_m: FloatArray, way_m: FloatArray, goal_m: FloatArray) -> bool:
-        """Return whether a leg of a way through (w, 2) corners comes nearer than is kept."""
-        stops = np.concatenate((start_m[np.newaxis], way_m, goal_m[np.newaxis]))
-        return bool(self.met(stops[:-1], stops[1:]).any())
+    def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
+        """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.
 
-    def way_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
-        """Return (w, 2) corners of a shortest way; None if there is none, or the goal is in an obstacle."""
-        ends = np.stack((start_m, goal_m))
-        start_in, goal_in = self.inside(ends).tolist()
-        if goal_in:
+        None stands for no way, also where the goal is in an obstacle.
+        """
+        starts, goals = [_place(one) for one in starts_m], [_place(one) for one in goals_m]
+        blocked = self._blocked([*starts, *goals])
+        met = self.met(starts_m, goals_m)
+        ways: list[FloatArray | None] = [np.zeros((0, 2))] * len(starts)
+        led: dict[Place, list[int]] = {}
+        for number, (start, goal) in enumerate(zip(starts, goals, strict=True)):
+            if goal in blocked:
+                ways[number] = None
+            elif start in blocked:
+                ways[number] = self._way_from_inside_m(starts_m[number], goals_m[number])
+            elif met[number]:
+                led.setdefault(start, []).append(number)
+        self.look_from([*led, *(goals[number] for numbers in led.values() for number in numbers)])
+        for start, numbers in led.items():
+            reached_m, first = self._reached_from(start)
+            totals_m = reached_m + np.array([self._seen[goals[number]] for number in numbers])
+            for number, total_m in zip(numbers, totals_m, strict=True):
+                last = int(total_m.argmin()) if len(total_m) else -1
+                reachable = last >= 0 and math.isfinite(total_m[last])
+                ways[number] = self.nodes_m[self._nodes_between(int(first[last]), last)] if reachable else None
+        return ways
+
+    def _blocked(self, places: Sequence[Place]) -> set[Place]:
+        """Return which places are in an obstacle."""
+        every = list(dict.fromkeys(places))
+        inside = self.inside(np.array(every).reshape(-1, 2))
+        return {place for place, within in zip(every, inside.tolist(), strict=True) if within}
+
+    def _way_from_inside_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
+        """Return the corners of a way that leaves an obstacle by the nearest way out."""
+        out_m = self._way_out_m(start_m)
+        if out_m is None:
             return None
-        if start_in:
-            out_m = self._way_out_m(start_m)
-            rest_m = None if out_m is None else self.way_m(out_m, goal_m)
-            return None if out_m is None or rest_m is None else np.concatenate((out_m[np.newaxis], rest_m))
-        if not self.met(ends[:1], ends[1:])[0]:
-            return np.zeros((0, 2))
-        start, goal = _place(start_m), _place(goal_m)
-        self.look_from([start, goal])
-        reached_m, first = self._reached_from(start)
-        total_m = reached_m + self._seen[goal]
-        if not len(total_m) or math.isinf(total_m.min()):
-            return None
-        last = int(total_m.argmin())
-        return self.nodes_m[self._nodes_between(int(first[last]), last)]
+        (rest_m,) = self.ways_m(out_m[np.newaxis], goal_m[np.newaxis])
+        return None if rest_m is None else np.concatenate((out_m[np.newaxis], rest_m))
 
     def distances_m(self, start_m: FloatArray, goals_m: FloatArray) -> FloatArray:
         """Return (n,) the lengths of shortest ways from a place outside to (n, 2) others; infinite where none leads."""
