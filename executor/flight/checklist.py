@@ -50,7 +50,7 @@ def checklist(
         setup, board = context.vehicles[name], boards[name]
         path = board.path if board is not None else None
         place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
-        found += checks.identity(fact, setup.dialect, place_m)
+        found += checks.identity(fact, setup.dialect, place_m, pads_m.get(name))
         found += checks.pad_height(context, fact)
         found.append(checks.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s))
         found += checks.stations(fact, setup.dialect)
