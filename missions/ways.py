@@ -110,7 +110,8 @@ def _meeting(
 
 
 def _apart_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
-    return np.hypot(*(places_m[:, np.newaxis] - others_m).transpose(2, 0, 1))
+    off_m = places_m[:, np.newaxis] - others_m
+    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))
 
 
 @lru_cache(maxsize=64)
@@ -175,7 +176,7 @@ class _Shape:
             part = which[first : first + step]
             away_m = self.distances_m(places_m[part]).min(axis=1)
             found[part] = (away_m < self.keep_m - ROUNDING_M) | self._enclosed(places_m[part])
-        return found
+        return np.asarray(found)
 
     def distances_m(self, places_m: FloatArray) -> FloatArray:
         """Return (n, e) distances of places from the edges."""
@@ -183,7 +184,7 @@ class _Shape:
         off = places_m[:, np.newaxis] - self.begins_m
         share = (off * edges).sum(axis=2) / np.maximum((edges**2).sum(axis=1), 1e-12)
         apart = off - np.clip(share, 0.0, 1.0)[..., np.newaxis] * edges
-        return np.hypot(apart[..., 0], apart[..., 1])
+        return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
 
     def _enclosed(self, places_m: FloatArray) -> BoolArray:
         if self.is_line:
@@ -383,7 +384,7 @@ def _oriented(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
 def _off(centre_m: FloatArray, along_m: FloatArray) -> FloatArray:
     """Return (n,) distances of places from legs, both (n, 2) and counted from where the legs begin."""
     share = (centre_m * along_m).sum(axis=1) / np.maximum((along_m**2).sum(axis=1), 1e-12)
-    return np.hypot(*(centre_m - np.clip(share, 0.0, 1.0)[:, np.newaxis] * along_m).T)
+    return np.asarray(np.hypot(*(centre_m - np.clip(share, 0.0, 1.0)[:, np.newaxis] * along_m).T))
 
 
 def _place(place_m: FloatArray) -> Place:

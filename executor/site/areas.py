@@ -120,8 +120,7 @@ def _placed(
 ) -> Iterator[Area]:
     """Yield an area as far as it is near; of a corridor each part of its line that is."""
     figures = {key: _figure(read, key, getattr(table, key)) for key in FIGURES}
-    limits = {key: figures[key] for key in ("max_agl_m", "max_amsl_m")}
-    limited = any(value is not None for value in limits.values())
+    limited = figures["max_agl_m"] is not None or figures["max_amsl_m"] is not None
     rings = _rings(read, frame)
     name, margin_m = read.name or table.name or read.place.rsplit(": ", 1)[-1], figures["margin_m"] or 0.0
     if read.is_line:
@@ -137,7 +136,9 @@ def _placed(
     if len(cut[0]) >= 3:
         kept = (cut[0], *(ring for ring in cut[1:] if len(ring) >= 3))
         kind = AreaKind.HEIGHT_LIMIT if limited else AreaKind.NO_FLY
-        yield Area(name, kind, kept, margin_m, **limits)
+        yield Area(
+            name, kind, kept, margin_m, max_agl_m=figures["max_agl_m"], max_amsl_m=figures["max_amsl_m"]
+        )  # fmt: skip
 
 
 def _rings(read: ReadArea, frame: LocalFrame) -> list[Ring]:
