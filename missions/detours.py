@@ -6,6 +6,7 @@ one route in four crosses the pads, and takes 3 % longer for it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -13,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.geo import FloatArray
+from missions.geometry import place_distances_m
 from missions.pads import way_around_m
-from missions.ways import Obstacle, column_of, graph_of, ways_between_m
+from missions.ways import Obstacle, column_of, graph_of
 
 IntArray = npt.NDArray[np.int64]
 
@@ -36,14 +38,66 @@ class Columns:
     def _corners_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
         """Return (w, 2) corners of the ways from (n, 2) places to others."""
         if self.areas:
-            columns = tuple(column_of(centre_m, self.radius_m) for centre_m in self.centres_m)
-            return ways_between_m(starts_m, goals_m, self.areas, columns)
+            return self._around_both(starts_m, goals_m)
         centres_m, found = np.array(self.centres_m).reshape(-1, 2), dict[tuple[float, ...], FloatArray]()
         keys = [(*start, *goal) for start, goal in zip(starts_m.tolist(), goals_m.tolist(), strict=True)]
         for key in keys:
             if key not in found:
                 found[key] = way_around_m(np.array(key[:2]), np.array(key[2:]), centres_m, self.radius_m)
         return [found[key] for key in keys]
+
+    def _around_both(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
+        """Return ways around areas, and around the columns that these meet.
+
+        Where no way leads around the areas, it is straight. Columns that the start or the goal is in are left out:
+        there is no way around them.
+        """
+        found = graph_of(self.areas).ways_m(starts_m, goals_m)
+        ways = [np.zeros((0, 2)) if way_m is None else way_m for way_m in found]
+        if not self.centres_m:
+            return ways
+        centres_m = np.array(self.centres_m)
+        near_m = np.minimum(_apart_m(starts_m, centres_m), _apart_m(goals_m, centres_m))
+        for number in self._through_columns(near_m, starts_m, ways, goals_m):
+            others_m = centres_m[near_m[number] >= self.radius_m]
+            ways[number] = self._also_around(others_m, starts_m[number], ways[number], goals_m[number])
+        return ways
+
+    def _through_columns(
+        self, near_m: FloatArray, starts_m: FloatArray, ways: list[FloatArray], goals_m: FloatArray
+    ) -> list[int]:
+        """Return which ways lead through a column that neither of their ends is in."""
+        stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
+        owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
+        legs_m = np.concatenate([np.stack((one[:-1], one[1:]), axis=1) for one in stops])
+        met = np.zeros(len(ways), dtype=np.bool_)
+        for centre, centre_m in enumerate(self.centres_m):
+            passed_m = place_distances_m(legs_m, np.array([centre_m]))[0]
+            met[owner[(passed_m < self.radius_m - 1e-9) & (near_m[owner, centre] >= self.radius_m)]] = True
+        return [int(number) for number in np.flatnonzero(met)]
+
+    def _also_around(
+        self, centres_m: FloatArray, start_m: FloatArray, way_m: FloatArray, goal_m: FloatArray
+    ) -> FloatArray:
+        """Return a way around areas that leads around columns as well.
+
+        They are small: mostly it is enough to lead each leg around them. Only where that comes into an area, or a
+        corner is in a column, is the shortest way around all of them together looked for.
+        """
+        stops = [start_m, *way_m, goal_m]
+        corners: list[FloatArray] = []
+        met = place_distances_m(np.stack((stops[:-1], stops[1:]), axis=1), centres_m).min(axis=0) < self.radius_m
+        for (begin_m, end_m), through in zip(itertools.pairwise(stops), met.tolist(), strict=True):
+            corners += [*way_around_m(begin_m, end_m, centres_m, self.radius_m), end_m] if through else [end_m]
+        led_m = np.array(corners[:-1]).reshape(-1, 2)
+        legs_m = np.stack((np.array([start_m, *corners[:-1]]), np.array(corners)), axis=1)
+        areas = graph_of(self.areas)
+        apart_m = place_distances_m(legs_m, centres_m)
+        if not areas.met(legs_m[:, 0], legs_m[:, 1]).any() and (apart_m >= self.radius_m - 1e-9).all():
+            return led_m
+        columns = (column_of((float(east), float(north)), self.radius_m) for east, north in centres_m)
+        (around_m,) = graph_of((*self.areas, *columns)).ways_m(start_m[np.newaxis], goal_m[np.newaxis])
+        return way_m if around_m is None else around_m
 
     def met(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
         """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
@@ -118,3 +172,8 @@ def _with_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -
         (from_m[:, 2], from_m[:, 2, np.newaxis] + rise_m * flown_m / np.maximum(flown_m[:, -1:], 1e-9))
     )
     return np.concatenate((level_m, up_m[..., np.newaxis]), axis=2)
+
+
+def _apart_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    off_m = places_m[:, np.newaxis] - others_m
+    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))

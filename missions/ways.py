@@ -57,63 +57,6 @@ def column_of(centre_m: Place, radius_m: float) -> Obstacle:
     return Obstacle(((centre_m,),), radius_m, is_line=True)
 
 
-def ways_between_m(
-    starts_m: FloatArray, goals_m: FloatArray, areas: tuple[Obstacle, ...], columns: tuple[Obstacle, ...] = ()
-) -> list[FloatArray]:
-    """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.
-
-    Columns that the start or the goal is in are left out: there is no way around them. If columns leave no way, it
-    leads through them; if areas leave none, or the goal is in one, the answer is the straight one. Whoever starts in
-    an area leaves it by the nearest way out.
-
-    Args:
-        starts_m: East and north.
-        goals_m: East and north.
-        areas: What nothing leads through.
-        columns: Single places with the radius that is kept from them.
-    """
-    found = graph_of(areas).ways_m(starts_m, goals_m)
-    ways = [np.zeros((0, 2)) if way_m is None else way_m for way_m in found]
-    if not columns:
-        return ways
-    middles_m = np.array([column.rings_m[0][0] for column in columns])
-    radii_m = np.array([column.keep_m for column in columns])
-    near_m = np.minimum(_apart_m(starts_m, middles_m), _apart_m(goals_m, middles_m))
-    around = near_m >= radii_m
-    again: dict[tuple[Obstacle, ...], list[int]] = {}
-    for number in _meeting(columns, around, starts_m, ways, goals_m):
-        if found[number] is not None:
-            left = tuple(column for column, wanted in zip(columns, around[number], strict=True) if wanted)
-            again.setdefault(left, []).append(number)
-    for left, numbers in again.items():
-        for number, way_m in zip(
-            numbers, graph_of((*areas, *left)).ways_m(starts_m[numbers], goals_m[numbers]), strict=True
-        ):
-            ways[number] = ways[number] if way_m is None else way_m
-    return ways
-
-
-def _meeting(
-    columns: Sequence[Obstacle], around: BoolArray, starts_m: FloatArray, ways: Sequence[FloatArray],
-    goals_m: FloatArray,
-) -> list[int]:  # fmt: skip
-    """Return which ways lead through one of the columns that they are to lead around, by (n, c) `around`."""
-    stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
-    owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
-    begins_m = np.concatenate([one[:-1] for one in stops]) if stops else np.zeros((0, 2))
-    ends_m = np.concatenate([one[1:] for one in stops]) if stops else np.zeros((0, 2))
-    met = np.zeros(len(ways), dtype=np.bool_)
-    for index, column in enumerate(columns):
-        hit = graph_of((column,)).met(begins_m, ends_m)
-        met[owner[hit & around[owner, index]]] = True
-    return [int(number) for number in np.flatnonzero(met)]
-
-
-def _apart_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
-    off_m = places_m[:, np.newaxis] - others_m
-    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))
-
-
 @lru_cache(maxsize=64)
 def graph_of(obstacles: tuple[Obstacle, ...]) -> Graph:
     """Return the graph of ways around some obstacles; that of the same ones is made once."""
