@@ -7,9 +7,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.flight_record import plan_at_launch
+from executor.analysis.pictures.maps import plan_figure
 from executor.flight.flight_order import Order, keep
 from executor.flight.next_sortie import next_sortie
 from executor.site import assembly, planning
@@ -261,3 +264,16 @@ def test_areas_far_away_are_left_out_and_that_is_said(place: Place) -> None:
         "areas: none of area[0] 'far' is within 20 km of the lines; are latitude and longitude swapped?",
     )
     assert len(read_network(place.folder / "line.geojson", depot=(*DEPOT, 0.0)).segments) == 4
+
+
+def test_a_picture_of_the_plan_shows_areas_and_the_ways_around_them(place: Place) -> None:
+    plan = read_plan(place.planned(extra=area(name="yard", polygon=box(25, -14, 50, 14), margin_m=2)))
+    turns = [turn for route in plan_at_launch(plan).routes for leg in route.turns_m for turn in leg]
+    assert turns
+    figure = plan_figure(plan)
+    [axes] = figure.axes
+    assert "yard" in [text.get_text() for text in axes.texts]
+    [key] = figure.legends
+    assert "areas that flights keep out of" in [text.get_text() for text in key.get_texts()]
+    drawn = np.concatenate([np.asarray(line.get_xydata()) for line in axes.lines])
+    assert all(np.nanmin(np.hypot(*(drawn - np.array(turn)).T)) < 0.01 for turn in turns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 import shapely
@@ -17,6 +18,8 @@ from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import check_site
+from executor.site.planning import Wanted, first_plan
+from missions import PlanFile
 from missions.areacheck import check_areas
 from tests.executor.bench.virtual.short_line import write_line
 from tests.missions.builders import FRAME
@@ -26,10 +29,13 @@ CUT_M = 2.5
 MARGIN_M = 10.0
 YARD = ((180.0, -80.0), (330.0, -80.0), (330.0, 14.0), (180.0, 14.0))
 """South of the line, where everybody who comes home from its far end would fly straight through."""
+NO_MORE: Mapping[str, tuple[tuple[float, float], ...]] = MappingProxyType({})
 FOREST = ((120.0, 75.0), (250.0, 45.0), (250.0, 160.0), (120.0, 160.0))
 
 
-def ground(folder: Path, autopilot: str, *, areas: bool = True) -> Ground:
+def ground(
+    folder: Path, autopilot: str, *, areas: bool = True, more: Mapping[str, tuple[tuple[float, float], ...]] = NO_MORE
+) -> Ground:
     """Return three vehicles over a line of ten spans of 40 m, with areas on both sides of it."""
     line = write_line(folder / "line.geojson")
     content = demo_site(
@@ -39,12 +45,12 @@ def ground(folder: Path, autopilot: str, *, areas: bool = True) -> Ground:
     if areas:
         content["area"] = [
             {"name": name, "polygon": [FRAME.to_wgs84_deg(*corner) for corner in ring], "margin_m": MARGIN_M}
-            for name, ring in (("yard", YARD), ("forest", FOREST))
+            for name, ring in (("yard", YARD), ("forest", FOREST), *more.items())
         ]
     return assembly.ground_of(check_site(content, "test"), folder)
 
 
-def flown(chosen: Ground, *faults: str) -> tuple[VirtualFlight, dict[str, float]]:
+def flown(chosen: Ground, *faults: str, plan: PlanFile | None = None) -> tuple[VirtualFlight, dict[str, float]]:
     """Return a flight, and how near each vehicle truly came to one of the two areas."""
     least_m: dict[str, float] = {}
     shapes = [Polygon(YARD), Polygon(FOREST)]
@@ -56,7 +62,7 @@ def flown(chosen: Ground, *faults: str) -> tuple[VirtualFlight, dict[str, float]
             away_m = min(float(shapely.distance(place, one)) for one in shapes)
             least_m[name] = min(away_m, least_m.get(name, 1e9))
 
-    plan = plan_with(chosen, {"uav1": (0, 2), "uav2": (16, 14, 12, 10), "uav3": (18,)})
+    plan = plan or plan_with(chosen, {"uav1": (0, 2), "uav2": (16, 14, 12, 10), "uav3": (18,)})
     return fly_virtual(chosen, plan, faults=faults, seed=1, onlookers=Onlookers(lived=lived)), least_m
 
 
@@ -98,3 +104,15 @@ def test_the_checklist_says_what_keeps_out_and_whose_own_return_does_not(tmp_pat
     assert warning == "uav3: its own RTL from line.10 and on its way back crosses area 'yard'"
     paths = [board.path for board in flight.boards.values() if board is not None]
     assert check_areas(flight.context.setup, paths) == []
+
+
+def test_what_lies_in_an_area_is_not_flown_and_the_report_says_why(tmp_path: Path) -> None:
+    station = ((420.0, 0.0), (480.0, 0.0), (480.0, 60.0), (420.0, 60.0))
+    chosen = ground(tmp_path, "px4", more={"station": station})
+    flight, least_m = flown(chosen, plan=first_plan(chosen, Wanted(None, 0.2, 1, iterations=200, usual=True)))
+    report = flight.report
+    assert (report.segments_total, report.segments_inspected, report.finished) == (10, 9, False)
+    assert (report.segments_uncovered, report.uncovered_names) == ((9,), ("line.10",))
+    [row] = report.unreachable
+    assert (row.segment, row.name, row.why) == (9, "line.10", "lies in area 'station'")
+    assert min(least_m.values()) >= MARGIN_M - CUT_M
