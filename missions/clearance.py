@@ -190,6 +190,11 @@ def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[Over
     return min(found, key=lambda one: one.height_m), max(found, key=lambda one: one.height_m)
 
 
+def heights_over_ground_m(setup: FlightSetup, places_m: FloatArray) -> FloatArray:
+    """Return (m,) heights of (m, 3) places over the ground as far as it is known, as `over_ground_m` knows it."""
+    return _over_ground(setup, places_m)[0]
+
+
 def return_over_ground_m(setup: FlightSetup) -> OverGround:
     """Return the highest that a vehicle's own level return is over the lowest ground that is known."""
     # Some autopilots take whole metres only, and a vehicle gets the next higher one.

@@ -1,4 +1,4 @@
-"""Moves that lead around the columns above others' pads, priced as they are flown.
+"""Moves that lead around the columns above others' pads and around areas, priced as they are flown.
 
 Few moves of a network meet a column, but each of them costs its corners as well as its length: on the default network
 one route in four crosses the pads, and takes 3 % longer for it.
@@ -6,6 +6,7 @@ one route in four crosses the pads, and takes 3 % longer for it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -13,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.geo import FloatArray
+from missions.geometry import place_distances_m
 from missions.pads import way_around_m
+from missions.ways import Obstacle, column_of, graph_of
 
 IntArray = npt.NDArray[np.int64]
 
@@ -25,9 +28,79 @@ class Columns:
     centres_m: tuple[tuple[float, float], ...] = ()
     """East and north."""
     radius_m: float = 0.0
+    areas: tuple[Obstacle, ...] = ()
+    """That they lead around as well."""
+
+    def way_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray:
+        """Return (w, 2) corners of the way between two (2,) places: as it is flown, and as it is priced."""
+        return self._corners_m(start_m[np.newaxis], goal_m[np.newaxis])[0]
+
+    def _corners_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
+        """Return (w, 2) corners of the ways from (n, 2) places to others."""
+        if self.areas:
+            return self._around_both(starts_m, goals_m)
+        centres_m, found = np.array(self.centres_m).reshape(-1, 2), dict[tuple[float, ...], FloatArray]()
+        keys = [(*start, *goal) for start, goal in zip(starts_m.tolist(), goals_m.tolist(), strict=True)]
+        for key in keys:
+            if key not in found:
+                found[key] = way_around_m(np.array(key[:2]), np.array(key[2:]), centres_m, self.radius_m)
+        return [found[key] for key in keys]
+
+    def _around_both(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
+        """Return ways around areas, and around the columns that these meet.
+
+        Where no way leads around the areas, it is straight. Columns that the start or the goal is in are left out:
+        there is no way around them.
+        """
+        found = graph_of(self.areas).ways_m(starts_m, goals_m)
+        ways = [np.zeros((0, 2)) if way_m is None else way_m for way_m in found]
+        if not self.centres_m:
+            return ways
+        centres_m = np.array(self.centres_m)
+        near_m = np.minimum(_apart_m(starts_m, centres_m), _apart_m(goals_m, centres_m))
+        for number in self._through_columns(near_m, starts_m, ways, goals_m):
+            others_m = centres_m[near_m[number] >= self.radius_m]
+            ways[number] = self._also_around(others_m, starts_m[number], ways[number], goals_m[number])
+        return ways
+
+    def _through_columns(
+        self, near_m: FloatArray, starts_m: FloatArray, ways: list[FloatArray], goals_m: FloatArray
+    ) -> list[int]:
+        """Return which ways lead through a column that neither of their ends is in."""
+        stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
+        owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
+        legs_m = np.concatenate([np.stack((one[:-1], one[1:]), axis=1) for one in stops])
+        met = np.zeros(len(ways), dtype=np.bool_)
+        for centre, centre_m in enumerate(self.centres_m):
+            passed_m = place_distances_m(legs_m, np.array([centre_m]))[0]
+            met[owner[(passed_m < self.radius_m - 1e-9) & (near_m[owner, centre] >= self.radius_m)]] = True
+        return [int(number) for number in np.flatnonzero(met)]
+
+    def _also_around(
+        self, centres_m: FloatArray, start_m: FloatArray, way_m: FloatArray, goal_m: FloatArray
+    ) -> FloatArray:
+        """Return a way around areas that leads around columns as well.
+
+        They are small: mostly it is enough to lead each leg around them. Only where that comes into an area, or a
+        corner is in a column, is the shortest way around all of them together looked for.
+        """
+        stops = [start_m, *way_m, goal_m]
+        corners: list[FloatArray] = []
+        met = place_distances_m(np.stack((stops[:-1], stops[1:]), axis=1), centres_m).min(axis=0) < self.radius_m
+        for (begin_m, end_m), through in zip(itertools.pairwise(stops), met.tolist(), strict=True):
+            corners += [*way_around_m(begin_m, end_m, centres_m, self.radius_m), end_m] if through else [end_m]
+        led_m = np.array(corners[:-1]).reshape(-1, 2)
+        legs_m = np.stack((np.array([start_m, *corners[:-1]]), np.array(corners)), axis=1)
+        areas = graph_of(self.areas)
+        apart_m = place_distances_m(legs_m, centres_m)
+        if not areas.met(legs_m[:, 0], legs_m[:, 1]).any() and (apart_m >= self.radius_m - 1e-9).all():
+            return led_m
+        columns = (column_of((float(east), float(north)), self.radius_m) for east, north in centres_m)
+        (around_m,) = graph_of((*self.areas, *columns)).ways_m(start_m[np.newaxis], goal_m[np.newaxis])
+        return way_m if around_m is None else around_m
 
     def met(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
-        """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around."""
+        """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
         start_m, along_m = from_m[:, :2], to_m[:, :2] - from_m[:, :2]
         squares = np.maximum((along_m**2).sum(axis=1), 1e-12)
         hit = np.zeros(len(from_m), dtype=np.bool_)
@@ -37,7 +110,14 @@ class Columns:
             ends_m = np.minimum(np.hypot(*away_m.T), np.hypot(*(away_m - along_m).T))
             passed_m = np.hypot(*(away_m - share[:, np.newaxis] * along_m).T)
             hit |= (passed_m < self.radius_m - 1e-9) & (ends_m >= self.radius_m)
+        if self.areas:
+            hit |= self._in_areas(from_m[:, :2], to_m[:, :2])
         return np.flatnonzero(hit)
+
+    def _in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return (n,) whether straight ways lead through an area, or begin in one."""
+        graph = graph_of(self.areas)
+        return np.asarray(graph.met(starts_m, goals_m) | graph.inside(starts_m))
 
     def ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield ways around the columns, all with as many corners at once.
@@ -49,18 +129,13 @@ class Columns:
         Yields:
             (k,) which of them, and (k, w, 3) through which places, both ends included.
         """
-        found: dict[tuple[float, ...], FloatArray] = {}
-        lengths: dict[int, list[tuple[int, FloatArray]]] = {}
-        centres_m = np.array(self.centres_m).reshape(-1, 2)
-        for number, (start, end) in enumerate(zip(from_m.tolist(), to_m.tolist(), strict=True)):
-            key = (*start, *end)
-            if key not in found:
-                found[key] = _with_heights(start, end, way_around_m(
-                    np.array(start[:2]), np.array(end[:2]), centres_m, self.radius_m
-                ))  # fmt: skip
-            lengths.setdefault(len(found[key]), []).append((number, found[key]))
-        for ways in lengths.values():
-            yield np.array([number for number, _ in ways]), np.array([way for _, way in ways])
+        corners_m = self._corners_m(from_m[:, :2], to_m[:, :2])
+        lengths: dict[int, list[int]] = {}
+        for number, way_m in enumerate(corners_m):
+            lengths.setdefault(len(way_m), []).append(number)
+        for numbers in lengths.values():
+            between_m = np.array([corners_m[number] for number in numbers])
+            yield np.array(numbers), _with_heights(from_m[numbers], to_m[numbers], between_m)
 
 
 def led_around(
@@ -87,9 +162,18 @@ def led_around(
     return seconds.reshape(shape), pct.reshape(shape)
 
 
-def _with_heights(start: list[float], end: list[float], corners_m: FloatArray) -> FloatArray:
-    """Return (w, 3) a way through corners, rising evenly."""
-    level_m = np.concatenate((np.array([start[:2]]), corners_m, np.array([end[:2]])))
-    flown_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(level_m, axis=0).T))))
-    up_m = start[2] + (end[2] - start[2]) * flown_m / max(float(flown_m[-1]), 1e-9)
-    return np.column_stack((level_m, up_m))
+def _with_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -> FloatArray:
+    """Return (k, w + 2, 3) ways from (k, 3) places through (k, w, 2) corners to others, rising evenly."""
+    level_m = np.concatenate((from_m[:, np.newaxis, :2], corners_m, to_m[:, np.newaxis, :2]), axis=1)
+    legs_m = np.diff(level_m, axis=1)
+    flown_m = np.cumsum(np.hypot(legs_m[..., 0], legs_m[..., 1]), axis=1)
+    rise_m = (to_m[:, 2] - from_m[:, 2])[:, np.newaxis]
+    up_m = np.column_stack(
+        (from_m[:, 2], from_m[:, 2, np.newaxis] + rise_m * flown_m / np.maximum(flown_m[:, -1:], 1e-9))
+    )
+    return np.concatenate((level_m, up_m[..., np.newaxis]), axis=2)
+
+
+def _apart_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    off_m = places_m[:, np.newaxis] - others_m
+    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))

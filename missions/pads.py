@@ -9,9 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.geometry import place_distances_m
+from missions.ways import Graph, graph_of, obstacle_of
 
 COLUMN_MARGIN_M = 2.0
 """A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""
@@ -50,6 +52,8 @@ def place_pads(
     layer_m: float,
     alt_m: float,
     pad_spacing_m: float = PAD_SPACING_M,
+    stated: Sequence[Pad] = (),
+    areas: Sequence[Area] = (),
 ) -> tuple[Pad, ...]:
     """Choose a pad for each vehicle around the depot, as far from every inspection track as the place allows.
 
@@ -62,6 +66,8 @@ def place_pads(
         layer_m: The distance that any two vehicles must keep.
         alt_m: The ground's height above mean sea level.
         pad_spacing_m: The least distance of two pads.
+        stated: Pads of some of them, which are where they are; the others keep away from these.
+        areas: That no pad is in.
 
     Raises:
         SafetyError: there is no room for the fleet within ``SEARCH_RADIUS_M`` of the depot.
@@ -69,16 +75,19 @@ def place_pads(
     radius_m = column_radius_m(layer_m)
     spacing_m = max(pad_spacing_m, _SPACING_IN_RADII * radius_m)
     reach_m = min(SEARCH_RADIUS_M, spacing_m * (1.0 + math.sqrt(len(vehicles))))
+    named = {pad.vehicle: pad for pad in stated}
+    others = [name for name in vehicles if name not in named]
+    taken = [np.array([pad.east_m, pad.north_m]) for pad in stated]
+    closed = graph_of(tuple(obstacle_of(area) for area in areas if area.kind is not AreaKind.HEIGHT_LIMIT))
     while True:
-        chosen = _choose(tracks_m, radius_m, spacing_m, reach_m, len(vehicles))
-        if len(chosen) == len(vehicles):
-            return tuple(
-                Pad(name, float(east), float(north), alt_m)
-                for name, (east, north) in zip(vehicles, chosen, strict=True)
-            )
+        chosen = _choose(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed)
+        if len(chosen) == len(others):
+            for name, (east, north) in zip(others, chosen, strict=True):
+                named[name] = Pad(name, float(east), float(north), alt_m)
+            return tuple(named[name] for name in vehicles)
         if reach_m >= SEARCH_RADIUS_M:
             raise SafetyError(
-                f"pads: expected room for {len(vehicles)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
+                f"pads: expected room for {len(others)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
                 f"every line within {SEARCH_RADIUS_M:g} m of the depot, found {len(chosen)}"
             )
         reach_m = min(SEARCH_RADIUS_M, 1.5 * reach_m)
@@ -121,7 +130,10 @@ def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radiu
     return nodes[_shortest(nodes, centres_m, radius_m)]
 
 
-def _choose(tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int) -> list[FloatArray]:
+def _choose(
+    tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int, taken: Sequence[FloatArray],
+    closed: Graph,
+) -> list[FloatArray]:  # fmt: skip
     steps = math.ceil(4.0 * reach_m / spacing_m)
     axis = np.arange(-steps, steps + 1) * (spacing_m / 4.0)
     places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
@@ -129,14 +141,14 @@ def _choose(tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: fl
     # In parts: for 254 vehicles and 5,000 segments all distances at once are gigabytes.
     parts = np.array_split(places, math.ceil(len(places) * len(tracks_m) / MATRIX_ENTRIES))
     clear_m = np.concatenate([place_distances_m(tracks_m, part).min(axis=1) for part in parts])
-    allowed = (distance_m <= reach_m) & (clear_m >= radius_m)
+    allowed = (distance_m <= reach_m) & (clear_m >= radius_m) & ~closed.inside(places)
     places, clear_m, distance_m = places[allowed], clear_m[allowed], distance_m[allowed]
     chosen: list[FloatArray] = []
     # Of two places as clear as each other the one nearer to the depot; a metre of clearance is worth ten of walking.
     for index in np.argsort(0.1 * distance_m - clear_m, kind="stable"):
         if len(chosen) == count:
             break
-        if all(math.hypot(*(places[index] - other)) >= spacing_m - 1e-9 for other in chosen):
+        if all(math.hypot(*(places[index] - other)) >= spacing_m - 1e-9 for other in (*taken, *chosen)):
             chosen.append(places[index])
     return chosen
 

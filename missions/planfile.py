@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from missions.areas import Area, Unreachable
 from missions.errors import PlanFileError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
@@ -17,6 +18,7 @@ from missions.pricing import DEPOT_M, Pricing, flown_instance
 from missions.setup import Inspection
 from missions.tasks import Task
 from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
+from missions.ways import graph_of, obstacle_of
 from planner import (
     Cost,
     Instance,
@@ -124,6 +126,10 @@ class PlanFile:
     """From which times and energies follow; without it from ``travel``, the paper's model."""
     fly_again: bool = True
     """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
+    unreachable: tuple[Unreachable, ...] = ()
+    """What was asked for as well, and no flight can inspect, by the network's numbers."""
+    unreachable_names: tuple[str, ...] = ()
+    """What their network's file calls them."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
 
@@ -131,6 +137,11 @@ class PlanFile:
     def cost_name(self) -> str:
         """The cost as files and people name it."""
         return WINDOW_COST if self.cost is None else self.cost.value
+
+    @property
+    def areas(self) -> tuple[Area, ...]:
+        """Areas that its ways lead around."""
+        return () if self.pricing is None else tuple(one.area for one in self.pricing.kept_out)
 
     @property
     def ends_m(self) -> FloatArray:
@@ -144,7 +155,8 @@ class PlanFile:
         Raises:
             PlanFileError: its vehicles or coordinates do not make one.
         """
-        return Task(self.instance(), tuple(segment.id for segment in self.segments), self.pricing)
+        ids = tuple(segment.id for segment in self.segments)
+        return Task(self.instance(), ids, self.pricing, self.unreachable)
 
     def instance(self) -> Instance:
         """Return the planning problem over positions in ``segments``.
@@ -227,6 +239,8 @@ def make_plan_file(
         window=window,
         inspection=inspection,
         pricing=task.pricing,
+        unreachable=task.unreachable,
+        unreachable_names=tuple(network.segment_name(one.segment) for one in task.unreachable),
     )
 
 
@@ -262,6 +276,7 @@ def _window_findings(content: PlanFile, written: Window) -> Iterator[str]:
 
 def _findings(content: PlanFile) -> Iterator[str]:
     yield from _place_findings(content)
+    yield from _area_findings(content)
     instance = content.instance()
     evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
     figures = [
@@ -309,6 +324,24 @@ def _place_findings(content: PlanFile) -> Iterator[str]:
         length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
         if not _agree(segment.length_m, length_m):
             yield f"{segment.called}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
+
+
+def _area_findings(content: PlanFile) -> Iterator[str]:
+    """Yield what of the inspection legs that are flown, and of the pads, is in an area."""
+    if content.pricing is None:
+        return
+    flown = sorted({segment_of(visit) for route in content.plan.routes for visit in route.visits})
+    tracks_m = content.pricing.tracks_m[flown, :, :2]
+    for one in content.pricing.kept_out:
+        graph = graph_of((obstacle_of(one.area),))
+        begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
+        within = graph.inside(begins_m) | graph.inside(ends_m) | graph.met(begins_m, ends_m)
+        for number in np.flatnonzero(within).tolist():
+            yield f"{content.segments[flown[number]].called} is flown, and lies in area {one.area.name!r}"
+        for name in one.vehicles:
+            base = content.pricing.bases.get(name)
+            if base is not None and graph.inside(np.array([base.place_m[:2]]))[0]:
+                yield f"the pad of {name} lies in area {one.area.name!r}"
 
 
 def _agree(written: float, computed: float) -> bool:

@@ -16,7 +16,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from missions.errors import PlanFileError
+from missions.areas import Area, AreaKind, KeptOut, Unreachable
+from missions.errors import PlanFileError, SafetyError
 from missions.files import printable, read_text, write_whole
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.pace import AS_MODELLED, Pace
@@ -39,6 +40,9 @@ from planner import (
     segment_of,
     visit_of,
 )
+
+AREA_FIGURES = ("name", "margin_m", "width_m", "eased_m", "max_agl_m", "max_amsl_m")
+"""What an area's part has as the area itself has it."""
 
 
 def _is_zero(value: float) -> bool:
@@ -173,6 +177,42 @@ class VehicleModelPart(_Part):
     """What was learned of it in flight: factors on the times and energies of its legs."""
 
 
+class AreaPart(_Part):
+    """An area that ways lead around."""
+
+    name: Text
+    kind: Literal["no-fly", "corridor", "height-limit"]
+    rings: tuple[tuple[Pair, ...], ...]
+    """Its outline, and after it those of holes, or the middle of a corridor: metres east and north of the depot."""
+    margin_m: Above0
+    """How far flights keep from it."""
+    width_m: Annotated[Figure, Field(ge=0, exclude_if=_is_zero)] = 0.0
+    """Of a corridor."""
+    eased_m: Annotated[Figure, Field(ge=0, exclude_if=_is_zero)] = 0.0
+    """How much more flights keep from it, because its outline is simplified."""
+    max_agl_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """Of a height limit: over the ground."""
+    max_amsl_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """Of a height limit: above mean sea level."""
+    vehicles: tuple[str, ...]
+    """Who must keep out of it; of a height limit those whose layers are above it."""
+    highest_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """Of a height limit: how high the highest of them would be."""
+
+
+class UnreachablePart(_Part):
+    """A segment that was asked for, and that no flight can inspect."""
+
+    segment: Id
+    """Its id in the network; it is none of `segments`."""
+    name: Text
+    why: Text
+
+
+def _is_empty(value: tuple[object, ...]) -> bool:
+    return not value
+
+
 class ModelPart(_Part):
     """From which the times and energies of this file follow."""
 
@@ -189,6 +229,8 @@ class ModelPart(_Part):
     """Radius of these columns; 0 where every way is straight."""
     answer_s: Annotated[Figure, Field(ge=0)] = 0.0
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
+    areas: Annotated[tuple[AreaPart, ...], Field(exclude_if=_is_empty)] = ()
+    """That ways lead around."""
 
 
 class PlanDocument(_Part):
@@ -216,6 +258,8 @@ class PlanDocument(_Part):
     """Without it times and energies follow from `travel` and the straight lines between pylons, as the paper has it."""
     fly_again: Annotated[bool, Field(strict=True, exclude_if=bool)] = True
     """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
+    unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=_is_empty)] = ()
+    """What was asked for and is not planned, because it lies in an area or behind one."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -280,6 +324,8 @@ def read_plan(path: Path | str) -> PlanFile:
         raise PlanFileError(f"{path}: {first_reason(error)}") from error
     except InstanceError as error:
         raise PlanFileError(f"{path}: travel.{error}") from error
+    except SafetyError as error:
+        raise PlanFileError(f"{path}: model.areas: {error}") from error
     except PlanError as error:
         raise PlanFileError(f"{path}: routes: expected every segment at most once: {error}") from error
 
@@ -317,6 +363,10 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
         "model": content.pricing and _model(content.pricing, content.vehicles),
         "fly_again": content.fly_again,
+        "unreachable": [
+            {"segment": one.segment, "name": name, "why": one.why}
+            for one, name in zip(content.unreachable, content.unreachable_names, strict=True)
+        ],
         "segments": content.segments,
     }
     try:
@@ -366,6 +416,8 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         ),
         pricing=_pricing(document),
         fly_again=document.fly_again,
+        unreachable=tuple(Unreachable(one.segment, printable(one.why)) for one in document.unreachable),
+        unreachable_names=tuple(printable(one.name) for one in document.unreachable),
         source=source,
     )  # fmt: skip
 
@@ -383,6 +435,16 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "pads": pricing.pads_m,
         "column_m": pricing.column_m,
         "answer_s": pricing.answer_s,
+        "areas": [
+            {
+                **{key: getattr(one.area, key) for key in AREA_FIGURES},
+                "kind": one.area.kind.value,
+                "rings": one.area.rings_m,
+                "vehicles": one.vehicles,
+                "highest_m": one.highest_m,
+            }
+            for one in pricing.kept_out
+        ],
     }
 
 
@@ -402,4 +464,10 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.pads,
         model.column_m,
         model.answer_s,
+        tuple(map(_kept_out, model.areas)),
     )
+
+
+def _kept_out(part: AreaPart) -> KeptOut:
+    figures = {key: getattr(part, key) for key in AREA_FIGURES}
+    return KeptOut(Area(kind=AreaKind(part.kind), rings_m=part.rings, **figures), part.vehicles, part.highest_m)

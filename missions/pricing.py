@@ -6,8 +6,8 @@ transit to a segment's first pylon, which ends with a stop, and the inspection t
 move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each. A transit is priced as it leads around others' pads, else as one straight
-leg; where hills make the flight follow the ground it is a little longer, which `estimate` of the path knows.
+what a move takes is the same in each. A transit is priced as it leads around others' pads and around areas, else as one
+straight leg; where hills make the flight follow the ground it is a little longer, which `estimate` of the path knows.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from missions.areas import KeptOut
 from missions.detours import Columns, IntArray, led_around
 from missions.geo import FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.validation import Figure, Place
+from missions.ways import obstacle_of
 from planner import CLIMB_SHARE_PER_M_S, Instance, Moves, MoveTables, SteadyWind, Vehicle, Visits
 
 SAME_PLACE_M = 0.5
@@ -171,7 +173,7 @@ class Base:
 
 @dataclass(frozen=True, slots=True)
 class Flier:
-    """One vehicle's moves, around the columns above others' pads."""
+    """One vehicle's moves, around the columns above others' pads and around areas."""
 
     model: FlightModel
     columns: Columns = field(default_factory=Columns)
@@ -216,6 +218,8 @@ class Pricing:
     """Radius of these columns; 0 where every way is straight."""
     answer_s: float = 0.0
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
+    kept_out: tuple[KeptOut, ...] = ()
+    """Areas that ways lead around, however many segments there are."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -224,14 +228,15 @@ class Pricing:
             vehicles: Their names.
             around: Whether their ways lead around others' pads.
         """
-        if not (around and self.column_m):
-            return [Flier(self.models[name]) for name in vehicles]
-        return [Flier(self.models[name], self._columns(name)) for name in vehicles]
+        return [Flier(self.models[name], self._columns(name, around=around)) for name in vehicles]
 
-    def _columns(self, vehicle: str) -> Columns:
+    def _columns(self, vehicle: str, *, around: bool) -> Columns:
+        areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
+        if not (around and self.column_m):
+            return Columns(areas=areas)
         own_m = self.bases[vehicle].place_m[:2]
         others = tuple(pad for pad in self.pads_m if math.dist(pad, own_m) > SAME_PLACE_M)
-        return Columns(others, self.column_m)
+        return Columns(others, self.column_m, areas)
 
     def part(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""

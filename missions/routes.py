@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions.geo import FloatArray
-from missions.pads import column_radius_m, way_around_m
 from missions.pricing import SAME_PLACE_M
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -119,14 +118,9 @@ class _Flight:
         return (b, a) if is_reversed(visit) else (a, b)
 
     def _transit(self, goal_m: FloatArray, phase: Phase, *, visit: int | None, hold: bool) -> Iterator[Waypoint]:
-        """Yield the way to a place: around the columns above others' pads, up and down with the surface."""
+        """Yield the way to a place: around the columns above others' pads and areas, up and down with the surface."""
         layers = self.setup.layers
-        corners = way_around_m(
-            self.here_m[:2],
-            goal_m[:2],
-            self.setup.other_pads_m(self.vehicle),
-            column_radius_m(layers.layer_m),
-        )
+        corners = self.setup.around(self.vehicle).way_m(self.here_m[:2], goal_m[:2])
         heights_m = layers.surface.at_m(corners) + layers.offset_m(self.vehicle) if len(corners) else np.zeros(0)
         stops = [self.here_m, *np.column_stack((corners, heights_m)), goal_m]
         step = np.array([0.0, 0.0, layers.offset_m(self.vehicle)])

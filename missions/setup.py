@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missions.areas import Area, KeptOut, NamedPlace, Unreachable
+from missions.detours import Columns
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
 from missions.network import Network
-from missions.pads import PAD_SPACING_M, Pad, place_pads
+from missions.pads import PAD_SPACING_M, Pad, column_radius_m, place_pads
 from missions.pricing import Base
 from missions.safety import Layers, plan_layers, tracks_m
+from missions.ways import graph_of, obstacle_of
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0
@@ -66,12 +69,20 @@ class FlightSetup:
     """In the order of the layers' vehicles."""
     tracks_m: FloatArray
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
+    areas: tuple[Area, ...] = ()
+    """What flights keep out of, or keep low in."""
+    kept_out: tuple[KeptOut, ...] = ()
+    """Those of them that somebody must lead around, as `reach.within_areas` finds them."""
+    unreachable: tuple[Unreachable, ...] = ()
+    """Segments that no flight can inspect for them."""
+    alternates: tuple[NamedPlace, ...] = ()
+    """Where a vehicle may come down that does not come home."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.
 
         Raises:
-            SafetyError: pads and layers name different vehicles, or a pad lies above its flight height.
+            SafetyError: pads and layers name different vehicles, or a pad lies above its flight height or in an area.
         """
         if tuple(pad.vehicle for pad in self.pads) != self.layers.vehicles:
             raise SafetyError(f"pads: expected one each for {', '.join(self.layers.vehicles)}, in that order")
@@ -82,6 +93,13 @@ class FlightSetup:
                     f"inspection.height_m: expected flight heights of {LOWEST_FLIGHT_M:g} m or more over the pad of "
                     f"{pad.vehicle}, got {over_pad_m:.1f} m: the lines lie below it, or one of the heights above sea "
                     f"level is wrong: depot.alt_m {self.frame.alt_m:g}, the pad {pad.alt_m:.0f}"
+                )
+
+        for pad in self.pads:
+            for area in self.areas_at(pad.vehicle, (pad.east_m, pad.north_m)):
+                raise SafetyError(
+                    f"pad of {pad.vehicle}: expected {area.margin_m:g} m or more outside of area {area.name!r}, got a "
+                    "place in it"
                 )
 
     @property
@@ -137,10 +155,24 @@ class FlightSetup:
         """
         return self.layers.return_up_m(vehicle) - self.frame.up_m(self.pad_of(vehicle).alt_m)
 
-    def other_pads_m(self, vehicle: str) -> FloatArray:
-        """Return (k - 1, 2) float64: east and north of everybody else's pad."""
-        others = [(pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle]
-        return np.array(others, dtype=np.float64).reshape(-1, 2)
+    def around(self, vehicle: str) -> Columns:
+        """Return what a vehicle's ways lead around.
+
+        Raises:
+            SafetyError: there are areas, and the fleet has no vehicle of this name.
+        """
+        others = tuple((pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle)
+        areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
+        return Columns(others, column_radius_m(self.layers.layer_m), areas)
+
+    def areas_at(self, vehicle: str, place_m: tuple[float, float]) -> list[Area]:
+        """Return the areas that a vehicle must keep out of, and a place, east and north, is in with their margins."""
+        place = np.array([place_m])
+        return [
+            one.area
+            for one in self.kept_out
+            if vehicle in one.vehicles and graph_of((obstacle_of(one.area),)).inside(place)[0]
+        ]
 
 
 def flight_setup(
@@ -150,6 +182,8 @@ def flight_setup(
     *,
     pads: Sequence[Pad] | None = None,
     pad_spacing_m: float = PAD_SPACING_M,
+    stated: Sequence[Pad] = (),
+    areas: Sequence[Area] = (),
 ) -> FlightSetup:
     """Choose layers, and pads unless they are given, for a fleet over a network.
 
@@ -159,6 +193,8 @@ def flight_setup(
         inspection: Heights, speeds and distances.
         pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
         pad_spacing_m: The least distance of two chosen pads.
+        stated: Pads of some vehicles that are not to be chosen.
+        areas: That no pad is chosen in; `reach.within_areas` makes flights keep out of them.
 
     Raises:
         NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
@@ -180,5 +216,7 @@ def flight_setup(
             layer_m=inspection.layer_m,
             alt_m=network.frame.alt_m,
             pad_spacing_m=pad_spacing_m,
+            stated=stated,
+            areas=areas,
         )
     return FlightSetup(network, inspection, layers, tuple(pads), tracks)

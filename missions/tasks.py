@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from missions.areas import Unreachable
 from missions.pricing import Pricing, flown_instance
 from planner import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 
@@ -18,6 +19,8 @@ class Task:
     """The network's segment for each of the instance's."""
     pricing: Pricing | None = None
     """From which the instance is made; None: by the paper's model."""
+    unreachable: tuple[Unreachable, ...] = ()
+    """What else of the network was asked for, and no flight can inspect."""
 
     def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the instance's visits as the network's."""

@@ -16,6 +16,14 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/witness/px4.py",
         "executor/replay/witness/scoring.py",
     ),
+    "tests/executor/bench/virtual/test_areas.py": ("executor/core/preflight/areas.py", "missions/areacheck.py"),
+    "tests/executor/cli/test_areas.py": (
+        "executor/site/areas.py",
+        "executor/site/tables/areas.py",
+        "missions/outlines.py",
+        "missions/reach.py",
+    ),
+    "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/ways.py"),
     "tests/executor/replay/test_learning.py": ("executor/replay/learnedfile.py",),
     "tests/executor/replay/witness/test_verdicts.py": (
         "executor/replay/witness/hands.py",

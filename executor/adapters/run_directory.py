@@ -125,16 +125,21 @@ def keep_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, 
     Args:
         path: The run directory.
         site: The content of the site file.
-        files: Its files by table and key; one that comes with the program is not among them.
+        files: Its files by table and key, `area.0` being the first of several tables; one that comes with the program
+            is not among them.
     """
     content = dict(site)
     for (name, key), file in files.items():
+        name, _, number = name.partition(".")
         table = content[name]
-        if not isinstance(table, Mapping):
-            raise TypeError(f"the site's {name} is a table")
-        kept = f"{name}{file.suffix}"
+        kept = f"{name}{number}{file.suffix}"
+        if number and isinstance(table, list):
+            content[name] = [{**one, key: kept} if str(row) == number else one for row, one in enumerate(table)]
+        elif isinstance(table, Mapping):
+            content[name] = {**table, key: kept}
+        else:
+            raise TypeError(f"the site's {name} is a table, or a list of them")
         shutil.copyfile(file, path / kept)
-        content[name] = {**table, key: kept}
     write_whole(RunDirectory(path).site, tomli_w.dumps(content).encode())
 
 

@@ -245,6 +245,15 @@ class RouteRow(Document):
     legs: tuple[LegRow, ...]
 
 
+class UnreachableRow(Document):
+    """A segment that no flight could inspect."""
+
+    segment: Whole
+    """Its id, which is among `segments_uncovered`."""
+    name: str
+    why: str
+
+
 class FlightReport(Document):
     """What a flight came to. Times are seconds since the order to take off."""
 
@@ -257,6 +266,8 @@ class FlightReport(Document):
     """The same by the names of the assets."""
     left_over: tuple[Whole, ...] = ()
     """Ids of those of them that the first plan left for the next sortie."""
+    unreachable: tuple[UnreachableRow, ...] = ()
+    """Those of them that lie in an area or behind one."""
     segment_names: dict[str, str] = {}
     """Every segment's name by its id."""
     finished: YesNo

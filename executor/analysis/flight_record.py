@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from executor.core.commands import Level
 from executor.core.coverage import Run, Sample, Track, follow
 from executor.core.vehicle import FaultKind
 from missions import PlanFile
+from missions.areas import Area
 from missions.geo import FloatArray
 from missions.pricing import DEPOT_M
 from planner import (
@@ -95,6 +96,13 @@ class PlannedRoute:
     """Where it starts, both ends of every segment in the order of flight, and the depot."""
     energy: tuple[tuple[float, float], ...]
     """(seconds, percent used since the launch) at the start, at the end of every segment, and at the depot."""
+    turns_m: tuple[tuple[Place, ...], ...] = ()
+    """Where there are areas: the corners of each leg that is no inspection."""
+
+    @property
+    def places_m(self) -> FloatArray:
+        """(k, 2) float64: everything that it leads through."""
+        return np.array([*self.way_m, *(place for turns in self.turns_m for place in turns)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +137,10 @@ class FlightRecord:
     """The first plan first."""
     decisions: tuple[Decision, ...]
     duration_s: float
+    areas: tuple[Area, ...] = ()
+    """That flights kept out of."""
+    never: tuple[tuple[str, str], ...] = ()
+    """Names of segments that lie in an area or behind one, and why they could not be inspected."""
 
     @property
     def lost(self) -> tuple[tuple[VehicleRecord, FaultRecord], ...]:
@@ -182,7 +194,24 @@ def planned_route(
         segments=tuple(segment.id for segment in segments),
         way_m=tuple(way_m),
         energy=tuple((began_s + t_s, used_pct + spent) for t_s, spent in energy),
+        turns_m=tuple(_turns_m(content, route)),
     )
+
+
+def _turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]]:
+    """Yield the corners of every way between two inspections, and of those from the start and home."""
+    if content.pricing is None or not content.areas:
+        return
+    vehicle = content.vehicles[route.vehicle]
+    around = content.pricing.fliers([vehicle.name], around=True)[0].columns
+    base_m = content.pricing.bases[vehicle.name].place_m[:2]
+    tracks_m = content.pricing.tracks_m[:, :, :2]
+    here_m = np.array(vehicle.start_m if vehicle.airborne else base_m)
+    for visit in route.visits:
+        begin_m, end_m = tracks_m[segment_of(visit)][:: -1 if is_reversed(visit) else 1]
+        yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, begin_m))
+        here_m = end_m
+    yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(base_m)))
 
 
 def uncovered_ids(content: PlanFile) -> tuple[int, ...]:

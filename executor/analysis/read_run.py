@@ -97,6 +97,8 @@ def read_run(run: Path) -> FlightRecord:
         revisions=tuple(revisions),
         decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
         duration_s=report.duration_s,
+        areas=first.areas,
+        never=tuple(zip(first.unreachable_names, (one.why for one in first.unreachable), strict=True)),
     )
 
 

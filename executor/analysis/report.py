@@ -21,6 +21,7 @@ from executor.analysis.documents import (
     PadPart,
     ParameterRow,
     ReplanRow,
+    UnreachableRow,
     VehicleRow,
 )
 from executor.analysis.planned_and_flown import flown_routes
@@ -135,7 +136,8 @@ def report_of(
         parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.progress.launched_s if state.progress.launched_s is not None else ended_s
-    uncovered = tuple(sorted(context.wanted - set(state.coverage.inspected)))
+    never = {one.segment for one in context.unreachable}
+    uncovered = tuple(sorted((context.wanted - set(state.coverage.inspected)) | never))
     return FlightReport(
         format="faultline-report/1",
         segments_total=context.segments,
@@ -143,7 +145,11 @@ def report_of(
         segments_uncovered=uncovered,
         uncovered_names=tuple(map(context.segment_name, uncovered)),
         left_over=tuple(sorted(state.coverage.left_over - set(state.coverage.inspected))),
-        segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted)},
+        unreachable=tuple(
+            UnreachableRow(segment=one.segment, name=context.segment_name(one.segment), why=one.why)
+            for one in context.unreachable
+        ),
+        segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted | never)},
         finished=not uncovered,
         duration_s=round(ended_s - began_s, 1),
         faults=tuple(

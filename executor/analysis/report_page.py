@@ -121,7 +121,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
     """
     sentence = outcome(record)
     parts = [
-        f'<h1 class="{"bad" if record.uncovered else "good"}">{escape(sentence)}</h1>',
+        f'<h1 class="{"bad" if record.uncovered or record.never else "good"}">{escape(sentence)}</h1>',
         f'<p class="facts">{escape(_facts(record, report))}</p>',
         *(_picture(words, content) for words, content in pictures.items()),
         _section("Faults", FAULTS, _faults(record)),
@@ -145,7 +145,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
 
 def outcome(record: FlightRecord) -> str:
     """Return in one sentence what became of the flight."""
-    total, missing = len(record.segments), len(record.uncovered)
+    total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered)))
     lost = " and ".join(vehicle.name for vehicle, _ in record.lost)
     if missing == 0:
         done = f"All {total} segments were inspected in {_clock(record.duration_s)}"
@@ -169,6 +169,7 @@ def _facts(record: FlightRecord, report: FlightReport) -> str:
     if report.left_over:
         names = [report.segment_names.get(str(segment), str(segment)) for segment in report.left_over]
         facts.append(f"of these the plan left for the next sortie: {', '.join(names)}")
+    facts += words.not_reachable(record.never, len(record.never))
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
 

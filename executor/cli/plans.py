@@ -53,6 +53,8 @@ from executor.site.heights import PlannedHeights, planned_heights
 from executor.site.plan_words import left_over_words, left_words, route_words, summary, window_words
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
+    FlightSetup,
+    Inspection,
     PlanFile,
     check_plan,
     dialect_for,
@@ -135,7 +137,7 @@ def plan(
     if output is not None and not as_json:
         known = "" if learned is None else f" --learned {learned}"
         print(f"flown as it is by: faultline fly {site} --plan {output}{known}")
-    if content.plan.uncovered:
+    if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
 
@@ -276,7 +278,7 @@ def export(
     content = read_plan(plan)
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
-    setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    setup = _setup_of(content, content.inspection)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
     for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
         raise SiteError(f"{plan}: heights: {line}")
@@ -294,6 +296,16 @@ def export(
         text = write(items, dialect, home)
         writable(path, partial(path.write_text, text, encoding="utf-8"))
         print(path)
+
+
+def _setup_of(content: PlanFile, inspection: Inspection) -> FlightSetup:
+    """Return heights, pads and areas as a plan file has them."""
+    names, network = [vehicle.name for vehicle in content.vehicles], content.network()
+    if not content.areas:
+        return flight_setup(network, names, inspection)
+    setup = flight_setup(network, names, inspection, areas=content.areas)
+    kept_out = () if content.pricing is None else content.pricing.kept_out
+    return replace(setup, areas=content.areas, kept_out=kept_out)
 
 
 def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> None:

@@ -54,6 +54,8 @@ class CheckCode(StrEnum):
     """A mission, or one of a later plan, comes too near to the ground or a line."""
     CEILING = "ceiling"
     """A mission or an RTL goes above the ceiling."""
+    AREAS = "areas"
+    """Whether missions keep out of areas, and where a vehicle's own return leads through one."""
     PLAN = "plan"
     """What each vehicle flies."""
     LEFT_OVER = "left_over"

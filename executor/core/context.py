@@ -14,6 +14,7 @@ from executor.core.battery.resting import NO_FACTS, PackFacts
 from executor.core.learning import UNKNOWN, Learned
 from executor.core.limits import Limits
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
+from missions.areas import Unreachable
 from missions.pace import AS_MODELLED
 from planner import Drone, pct_per_s, top_speed_m_s
 
@@ -102,6 +103,8 @@ class Context(Scene):
     """Times and energies of all moves, with the pads as they really are."""
     wanted: frozenset[int]
     """The network's segments that this flight is for: those of its first plan."""
+    unreachable: tuple[Unreachable, ...]
+    """Those that were asked for as well, and no flight can inspect."""
     fly_again: FlyAgain
     pilot_grace_s: float
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
@@ -116,8 +119,8 @@ class Context(Scene):
 
     @property
     def segments(self) -> int:
-        """How many segments this flight is for."""
-        return len(self.wanted)
+        """How many segments were asked for, those that cannot be inspected among them."""
+        return len(self.wanted) + len(self.unreachable)
 
     def segment_name(self, segment: int) -> str:
         """Return a segment by the name of the asset, as people call it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Iterable, Sequence
 
 UNSHOWN = "\N{REPLACEMENT CHARACTER}"
 """What stands for a character that would move the cursor, colour the line or turn its direction."""
@@ -18,6 +19,24 @@ def count_of(number: int, thing: str) -> str:
     ('1 segment', '0 segments')
     """
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+def not_reachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
+    """Return which segments cannot be inspected, a line for each reason, from their names and why that is so.
+
+    >>> not_reachable([("A1", "lies in area 'park'"), ("A2", "lies in area 'park'")], most=1)
+    ["not reachable, lies in area 'park': A1, and 1 more"]
+    """
+    reasons: dict[str, list[str]] = {}
+    for name, why in named:
+        reasons.setdefault(why, []).append(name)
+    return [f"not reachable, {why}: {listed(names, most)}" for why, names in reasons.items()]
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Return names in a row; of many the first, and how many more there are."""
+    shown_names = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
+    return ", ".join(shown_names)
 
 
 def minutes(seconds: float) -> str:

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from executor.core.context import Context
 from executor.core.parts import OnBoard
-from executor.core.preflight import checks, heights, packs
+from executor.core.preflight import areas, checks, heights, packs
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import LinkFailsafe
+from executor.site.areas import places_of
 from executor.site.config import Site
 from executor.site.plan_words import plan_checks
 from missions import PlanFile
@@ -38,6 +39,9 @@ def checklist(
     """
     paths = {name: board.path for name, board in boards.items() if board is not None}
     found = heights.checks(context.setup, list(paths.values()), worth_a_look)
+    pads_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in places_of(site, context.frame)[0]}
+    visits = {name: board.visits for name, board in boards.items() if board is not None}
+    found += areas.checks(context.setup, list(paths.values()), visits, pads_m)
     links = {table.name: table.link for table in site.vehicle}
     found.append(checks.talkers(links, signed=site.signing is not None))
     found.append(checks.disk(free_bytes, paths, context))
@@ -46,7 +50,7 @@ def checklist(
         setup, board = context.vehicles[name], boards[name]
         path = board.path if board is not None else None
         place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
-        found += checks.identity(fact, setup.dialect, place_m)
+        found += checks.identity(fact, setup.dialect, place_m, pads_m.get(name))
         found += checks.pad_height(context, fact)
         found.append(checks.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s))
         found += checks.stations(fact, setup.dialect)

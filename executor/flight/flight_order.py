@@ -86,6 +86,9 @@ def keep(order: Order) -> None:
     files = {}
     if order.site.network.file != assembly.DEFAULT_NETWORK:
         files["network", "file"] = order.base / order.site.network.file
+    for index, table in enumerate(order.site.area):
+        if table.file is not None:
+            files[f"area.{index}", "file"] = order.base / table.file
     if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
         files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
     content = order.site.model_dump(exclude_none=True, mode="json")

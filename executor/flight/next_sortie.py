@@ -41,7 +41,8 @@ def next_sortie(ground: Ground, report: FlightReport, seed: int) -> PlanFile | N
         seed: Of the solver.
     """
     lost = {fault.vehicle for fault in report.faults}
-    if not report.segments_uncovered or lost >= set(ground.names):
+    never = {one.segment for one in ground.setup.unreachable}
+    if not set(report.segments_uncovered) - never or lost >= set(ground.names):
         return None
     wanted = replace(planning.DEFAULT, seconds=PLAN_S, seed=seed)
     return planning.first_plan(ground, wanted, task=assembly.task_of(ground, report.segments_uncovered, lost))

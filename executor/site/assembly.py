@@ -15,6 +15,7 @@ from executor.core.learning import UNKNOWN, Known
 from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
 from executor.errors import SiteError
+from executor.site.areas import areas_of, places_of
 from executor.site.config import Site
 from missions import (
     Dialect,
@@ -42,6 +43,7 @@ from missions import (
 )
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
+from missions.reach import within_areas
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -92,7 +94,7 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
     network = with_heights(understood.network, flat=site.inspection.heights == "flat")
     worth_a_look = (*remark_lines(understood.found), *implausible(network, tallest_m=site.network.tallest_m))
-    ground = ground_over(site, network, worth_a_look)
+    ground = ground_over(site, network, worth_a_look, base)
     return replace(ground, learned=dict(learned))
 
 
@@ -114,19 +116,25 @@ def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
         yield f"{matter}: {own[0].words}{more}"
 
 
-def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()) -> Ground:
+def ground_over(
+    site: Site, network: Network, worth_a_look: tuple[str, ...] = (), base: Path = Path()
+) -> Ground:  # fmt: skip
     """Return what is known before any vehicle answers, over a network whose heights are known.
 
     Raises:
-        MissionsError: there is no room for pads or layers.
+        MissionsError: there is no room for pads or layers, or an area cannot be used.
         SiteError: a speed is more than the battery can give.
     """
     table, drone = site.inspection, drone_of(site)
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
-    setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
-    return Ground(site, network, inspection, drone, travel, setup, worth_a_look)
+    names = tuple(vehicle.name for vehicle in site.vehicle)
+    found, (stated, alternates) = areas_of(site, base, network), places_of(site, network.frame)
+    setup = flight_setup(network, names, inspection, stated=stated, areas=found.areas)
+    if found.areas or alternates:
+        setup = within_areas(setup, found.areas, alternates)
+    return Ground(site, network, inspection, drone, travel, setup, (*worth_a_look, *found.remarks))
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -175,14 +183,24 @@ def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Coll
         ground: What is known before any vehicle answers.
         segments: What is to be inspected; everything if not given.
         without: Vehicles that do not fly.
+
+    Raises:
+        SiteError: none of these segments can be reached.
     """
     vehicles = [
         Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct, consumption_of(ground, vehicle.name))
         for vehicle in ground.site.vehicle
         if vehicle.name not in without
     ]
-    wanted = range(len(ground.network.segments)) if segments is None else segments
-    return open_task(pricing_of(ground), wanted, vehicles)
+    wanted = set(range(len(ground.network.segments)) if segments is None else segments)
+    never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
+    if never and len(never) == len(wanted):
+        name = ground.network.segment_name(never[0].segment)
+        raise SiteError(
+            f"area: expected a segment that can be reached, found none of {len(never)}: {name} {never[0].why}"
+        )
+    task = open_task(pricing_of(ground), wanted - {one.segment for one in never}, vehicles)
+    return replace(task, unreachable=never)
 
 
 def consumption_of(ground: Ground, name: str) -> float:
@@ -223,8 +241,9 @@ def pricing_of(
     bases = {name: setup.base_of(name) for name in ground.names}
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
     return Pricing(
-        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site)
-    )
+        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site),
+        setup.kept_out,
+    )  # fmt: skip
 
 
 def answer_s(site: Site) -> float:
@@ -313,6 +332,7 @@ def context_of(
         wind_m_s=site.inspection.wind_m_s,
         pricing=pricing_of(ground, setup, performances),
         wanted=frozenset(task.segment_ids),
+        unreachable=task.unreachable,
         corridor_m=site.inspection.corridor_m,
         inspection_speed_m_s=site.inspection.speed_m_s,
         fly_again=FlyAgain(site.flight.fly_again),

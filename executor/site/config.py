@@ -18,6 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
 from executor.site.tables.aircraft import EnergyTable, VehicleTable
+from executor.site.tables.areas import AreaTable, PlaceTable
 from executor.site.tables.fields import SiteTable
 from executor.site.tables.flight import FaultsTable, FlightTable
 from executor.site.tables.ground import DepotTable, InspectionTable, NetworkTable
@@ -36,6 +37,8 @@ class Site(SiteTable):
     network: NetworkTable
     inspection: InspectionTable = InspectionTable()
     energy: EnergyTable = EnergyTable()
+    area: tuple[AreaTable, ...] = ()
+    place: tuple[PlaceTable, ...] = ()
     vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
     flight: FlightTable = FlightTable()
     faults: FaultsTable = FaultsTable()
@@ -64,6 +67,32 @@ class Site(SiteTable):
                         f"{key} of vehicle '{seen[value]}'"
                     )
                 seen[value] = vehicle.name
+        return self
+
+    @model_validator(mode="after")
+    def _placed(self) -> Site:
+        kinds: dict[str, str] = {}
+        for index, place in enumerate(self.place):
+            if place.name in kinds:
+                raise ValueError(f"place[{index}].name: expected a name of its own, got '{place.name}' again")
+            kinds[place.name] = place.kind
+        pads = [name for name, kind in kinds.items() if kind == "pad"]
+        taken: dict[str, str] = {}
+        for index, vehicle in enumerate(self.vehicle):
+            if vehicle.pad is None:
+                continue
+            if vehicle.pad not in pads:
+                known = ", ".join(map(repr, pads)) or "which there is none of"
+                raise ValueError(
+                    f"vehicle[{index}].pad: expected the name of a [[place]] of kind 'pad', {known}, "
+                    f"got '{vehicle.pad}'"
+                )
+            if vehicle.pad in taken:
+                raise ValueError(
+                    f"vehicle[{index}].pad: expected a pad of its own, got '{vehicle.pad}', which is also the pad of "
+                    f"vehicle '{taken[vehicle.pad]}'"
+                )
+            taken[vehicle.pad] = vehicle.name
         return self
 
     @model_validator(mode="after")

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from executor.core.preflight import heights
+from executor.core.preflight import areas, heights
 from executor.errors import SiteError
 from executor.site import assembly
 from executor.site.assembly import Ground
 from missions import PlanFile, SafetyError, check_ceiling
+from missions.areacheck import check_areas
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +27,17 @@ def planned_heights(ground: Ground, plan: PlanFile) -> PlannedHeights:
     """Return by which heights a plan of a site would be flown.
 
     Raises:
-        SiteError: its flights come too near to the ground or to a line.
+        SiteError: its flights come too near to the ground or to a line, or into an area.
     """
     try:
         setup = assembly.setup_of(ground)
     except SafetyError as error:
         return PlannedHeights(f"not checked: {error}", ground.worth_a_look, None)
-    paths = list(assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan)).values())
+    routes = assembly.routes_of(ground, plan.task(), plan.plan)
+    paths = list(assembly.paths_of(setup, routes).values())
+    for text in check_areas(setup, paths):
+        raise SiteError(f"area: {text}")
     for text in heights.too_low(setup, paths):
         raise SiteError(f"{ground.network.source}: heights: {text}")
-    warnings = (*ground.worth_a_look, *check_ceiling(setup, paths))
+    warnings = (*ground.worth_a_look, *check_ceiling(setup, paths), *areas.return_lines(setup, paths, routes))
     return PlannedHeights(heights.height_words(setup, paths), warnings, heights.heights_document(setup, paths))

@@ -9,6 +9,7 @@ import numpy as np
 
 from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Check, Severity
+from executor.core.words import listed, not_reachable
 from missions import PlanFile
 
 NAMED = 50
@@ -69,13 +70,11 @@ def summary(plan: PlanFile) -> str:
     """Return a plan in one line: what it inspects, how long it takes, by what it was chosen."""
     flown = sum(len(route.visits) for route in plan.plan.routes)
     if not flown:
-        return f"none of {len(plan.segments)} segments, nobody flies"
+        return f"none of {len(plan.segments) + len(plan.unreachable)} segments, nobody flies"
     longest_s = max(plan.durations_s)
     who = plan.vehicles[plan.durations_s.index(longest_s)].name
-    return (
-        f"{flown} of {len(plan.segments)} segments, longest route {longest_s / 60:.1f} min ({who}), "
-        f"chosen by {plan.cost_name}"
-    )
+    asked = len(plan.segments) + len(plan.unreachable)
+    return f"{flown} of {asked} segments, longest route {longest_s / 60:.1f} min ({who}), chosen by {plan.cost_name}"
 
 
 def window_words(plan: PlanFile) -> list[str]:
@@ -97,12 +96,9 @@ def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
     for one in left_over_words(plan):
         figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
-    return [f"left over, {why}: {_listed(names, most)}" for why, names in reasons.items()]
-
-
-def _listed(names: list[str], most: int) -> str:
-    shown = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
-    return ", ".join(shown)
+    never = zip(plan.unreachable_names, (one.why for one in plan.unreachable), strict=True)
+    lines = [f"left over, {why}: {listed(names, most)}" for why, names in reasons.items()]
+    return [*lines, *not_reachable(never, most)]
 
 
 def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
@@ -117,7 +113,8 @@ def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
     found += [
         Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER) for line in left_words(plan, NAMED_IN_CHECKLIST)
     ]
-    if len(plan.segments) < segments:
-        text = f"it is about {len(plan.segments)} of the site's {segments} segments; the others are not flown"
+    about = len(plan.segments) + len(plan.unreachable)
+    if about < segments:
+        text = f"it is about {about} of the site's {segments} segments; the others are not flown"
         found.append(Check(Severity.WARNING, "plan", text, CheckCode.LEFT_OVER))
     return found

@@ -23,6 +23,7 @@ from missions import (
     make_plan_file,
     plan_document,
 )
+from missions.areas import Area, AreaKind
 from planner import (
     DEFAULT_PARAMS,
     Cost,
@@ -258,6 +259,9 @@ def changes(plan: PlanFile, ground: Ground) -> list[str]:
         plan: One that belongs to the site.
         ground: The site.
     """
+    never = {one.segment: one.why for one in ground.setup.unreachable}
+    if barred := [segment for segment in plan.segments if segment.id in never]:
+        return [f"{segment.called} {never[segment.id]}" for segment in barred]
     task = assembly.task_of(ground, [segment.id for segment in plan.segments])
     nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
     inspection = None if plan.inspection is None else ground.inspection
@@ -272,9 +276,13 @@ def _asked(plan: PlanFile) -> dict[str, object]:
     """
     document = plan_document(plan)
     model = None if plan.pricing is None else {"power": asdict(next(iter(plan.pricing.models.values())).power)}
+    # Whether a height limit is in anybody's way is a matter of layers.
+    areas = [area for area in plan.areas if area.kind is not AreaKind.HEIGHT_LIMIT]
     return {
         **{key: document.get(key) for key in ("depot", "travel", "inspection")},
         "model": model,
+        "areas": len(areas),
+        "area": [_outlined(area) for area in areas],
         "vehicles": {
             vehicle.name: asdict(vehicle)
             | ({} if plan.pricing is None else {"performance": asdict(plan.pricing.models[vehicle.name].performance)})
@@ -284,6 +292,11 @@ def _asked(plan: PlanFile) -> dict[str, object]:
             segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
         },
     }
+
+
+def _outlined(area: Area) -> dict[str, object]:
+    rings = [[[round(figure, 2) for figure in corner] for corner in ring] for ring in area.rings_m]
+    return {"name": area.name, "margin_m": area.margin_m, "width_m": area.width_m, "corners": rings}
 
 
 def _differing(before: object, now: object, place: str = "") -> Iterator[str]:

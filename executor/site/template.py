@@ -58,6 +58,9 @@ def _lines(wish: Wish) -> Iterator[str]:
         _row("drone", EnergyTable().drone, f"{', '.join(PRESETS)};"),
         _noted("", "mass_kg, capacity_ah and the other figures can be set, too"),
     )
+    yield ""
+    yield _noted("# [[area]]", "what flights keep out of: GeoJSON or KML, or a polygon")
+    yield '# file = "areas.geojson"'
     for number in range(1, wish.vehicles + 1):
         yield ""
         yield from _vehicle(number, wish.autopilot, commented=number == 1)

@@ -35,7 +35,9 @@ LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection", "MultiPoint")
 
 
 @dataclass(frozen=True, slots=True)
-class _Feature:
+class GeoFeature:
+    """One feature as the file has it."""
+
     place: str
     kind: str | None
     coordinates: object
@@ -56,9 +58,9 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
     """
     choice.no_layers(source, FORMAT)
     choice.no_crs(source, FORMAT)
-    system = _system(document, source)
+    system = system_of(document, source)
     drawing = Drawing(source, FORMAT, crs=system.words, flat=document.get(FLAT) is True)
-    for feature in _features(document, source):
+    for feature in features_of(document, source):
         if feature.kind == "Point":
             _add_point(drawing, feature, system)
         elif "a" in feature.properties and "b" in feature.properties:
@@ -74,8 +76,12 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
     return drawing
 
 
-def _system(document: Mapping[str, object], source: str) -> ToWgs84:
-    """Return the system that files before RFC 7946, and QGIS when asked, name."""
+def system_of(document: Mapping[str, object], source: str) -> ToWgs84:
+    """Return the system that files before RFC 7946, and QGIS when asked, name.
+
+    Raises:
+        NetworkError: it is unknown.
+    """
     crs = document.get("crs")
     if crs is None:
         return ToWgs84("WGS 84", source, None)
@@ -86,7 +92,12 @@ def _system(document: Mapping[str, object], source: str) -> ToWgs84:
     return to_wgs84(name, source)
 
 
-def _features(document: Mapping[str, object], source: str) -> Iterator[_Feature]:
+def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeature]:
+    """Yield the features of a FeatureCollection.
+
+    Raises:
+        NetworkError: one line that names the file, the place in it and what was expected.
+    """
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
         raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")
@@ -100,7 +111,7 @@ def _features(document: Mapping[str, object], source: str) -> Iterator[_Feature]
         kind = geometry.get("type")
         if kind not in ("Point", "LineString", "MultiLineString", None, *LEFT_OUT):
             raise NetworkError(f"{source}: {place}.geometry.type: expected Point or LineString, got {kind!r}")
-        yield _Feature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
+        yield GeoFeature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
 
 
 def _check_names(drawing: Drawing) -> None:
@@ -116,7 +127,7 @@ def _check_names(drawing: Drawing) -> None:
         seen.add(pole.name)
 
 
-def _add_point(drawing: Drawing, feature: _Feature, system: ToWgs84) -> None:
+def _add_point(drawing: Drawing, feature: GeoFeature, system: ToWgs84) -> None:
     place = f"{drawing.source}: {feature.place}"
     vertex = _vertex(feature.coordinates, f"{place}.geometry.coordinates")
     ((lat_deg, lon_deg),) = system.lat_lon_deg([vertex[1]], [vertex[0]], place)
@@ -129,7 +140,7 @@ def _add_point(drawing: Drawing, feature: _Feature, system: ToWgs84) -> None:
     drawing.poles.append(Pole(feature.place, name, lat_deg, lon_deg, elevation_m, height_m, vertex[2], line))
 
 
-def _pylon_name(feature: _Feature, place: str) -> str:
+def _pylon_name(feature: GeoFeature, place: str) -> str:
     key = next((key for key in OWN_NAMES if key in feature.properties), None)
     name = feature.id if key is None else feature.properties[key]
     if name is None and key is None:
@@ -139,25 +150,30 @@ def _pylon_name(feature: _Feature, place: str) -> str:
     return printable(str(name))
 
 
-def _name(feature: _Feature) -> str:
+def _name(feature: GeoFeature) -> str:
     """Return what people call a line or a segment."""
     return name_of(feature.properties, LINE_NAMES) or name_of({"id": feature.id})
 
 
-def _span(feature: _Feature) -> Span:
+def _span(feature: GeoFeature) -> Span:
     a, b = (printable(str(feature.properties[key])) for key in ("a", "b"))
     return Span(f"{feature.place}.properties", _name(feature), a, b, name_of(feature.properties, LINES))
 
 
-def _line(feature: _Feature, source: str, system: ToWgs84) -> Line:
+def _line(feature: GeoFeature, source: str, system: ToWgs84) -> Line:
     place = f"{source}: {feature.place}.geometry.coordinates"
     parts = feature.coordinates if feature.kind == "MultiLineString" else [feature.coordinates]
     if not isinstance(parts, list):
         raise NetworkError(f"{place}: expected a list of lines, got {parts!r}")
-    return Line(feature.place, _name(feature), tuple(_part(part, place, system) for part in parts))
+    return Line(feature.place, _name(feature), tuple(positions_of(part, place, system) for part in parts))
 
 
-def _part(positions: object, place: str, system: ToWgs84) -> tuple[Vertex, ...]:
+def positions_of(positions: object, place: str, system: ToWgs84) -> tuple[Vertex, ...]:
+    """Return the places of a line or an outline.
+
+    Raises:
+        NetworkError: one line that names the file, the place in it and what was expected.
+    """
     if not isinstance(positions, list) or len(positions) < 2:
         raise NetworkError(f"{place}: expected a line of at least two positions")
     read = [_vertex(position, f"{place}[{number}]") for number, position in enumerate(positions)]

@@ -53,7 +53,7 @@ def draw_kml(root: etree._Element, source: str, choice: Choice) -> Drawing:
     """
     choice.no_crs(source, FORMAT)
     drawing, modes = Drawing(source, FORMAT), Counter[str]()
-    marks = list(_placemarks([root], ""))
+    marks = list(placemarks_of([root], ""))
     wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         if folder in wanted:
@@ -67,28 +67,28 @@ def draw_kml(root: etree._Element, source: str, choice: Choice) -> Drawing:
     return drawing
 
 
-def _placemarks(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
+def placemarks_of(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
     """Yield every Placemark with its folder's name; the document's own name is none."""
     for child in elements:
         tag = tag_of(child)
         if tag == "Placemark":
             yield child, folder
         elif tag in ROOTS:
-            yield from _placemarks(child, text_of(child, "name") if tag == "Folder" else folder)
+            yield from placemarks_of(child, text_of(child, "name") if tag == "Folder" else folder)
 
 
 def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, modes: Counter[str]) -> None:
     name = text_of(mark, "name")
     place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
-    attributes = {**_attributes(mark), "folder": folder}
+    attributes = {**attributes_of(mark), "folder": folder}
     if name:
         attributes["name"] = name
     points: list[list[Vertex]] = []
     parts: list[list[Vertex]] = []
-    for geometry in _geometries(mark):
+    for geometry in geometries_of(mark):
         tag = tag_of(geometry)
         if tag in {"Point", "LineString"}:
-            vertices = _vertices(geometry, f"{drawing.source}: {place}", modes)
+            vertices = vertices_of(geometry, f"{drawing.source}: {place}", modes)
             (points if tag == "Point" else parts).append(vertices)
         else:
             drawing.found.append(Remark(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
@@ -103,15 +103,17 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
         drawing.draw(Line(place, name, tuple(map(tuple, parts))))
 
 
-def _geometries(element: etree._Element) -> Iterator[etree._Element]:
+def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
+    """Yield the geometries of a Placemark, one by one."""
     for child in children(element, *GEOMETRIES):
         if tag_of(child) == "MultiGeometry":
-            yield from _geometries(child)
+            yield from geometries_of(child)
         else:
             yield child
 
 
-def _attributes(mark: etree._Element) -> dict[str, object]:
+def attributes_of(mark: etree._Element) -> dict[str, object]:
+    """Return what a Placemark's ExtendedData says."""
     found: dict[str, object] = {}
     for data in children(mark, "ExtendedData"):
         for element in data.iter("{*}Data", "{*}SimpleData"):
@@ -120,7 +122,12 @@ def _attributes(mark: etree._Element) -> dict[str, object]:
     return found
 
 
-def _vertices(geometry: etree._Element, place: str, modes: Counter[str]) -> list[Vertex]:
+def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> list[Vertex]:
+    """Return the positions of a geometry, and count the modes of those with an altitude.
+
+    Raises:
+        NetworkError: there is none, or one is no place.
+    """
     mode = text_of(geometry, "altitudeMode") or CLAMPED
     coordinates = next(children(geometry, "coordinates"), None)
     words = ((coordinates.text or "") if coordinates is not None else "").split()

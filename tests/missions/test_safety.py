@@ -197,7 +197,7 @@ def test_a_setup_knows_its_pads() -> None:
     setup = default_setup()
     assert setup.pad_of("uav2") == setup.pads[1]
     assert setup.home_alt_m == dict.fromkeys(FLEET, 462.0)
-    assert setup.other_pads_m("uav1").tolist() == [[pad.east_m, pad.north_m] for pad in setup.pads[1:]]
+    assert setup.around("uav1").centres_m == tuple((pad.east_m, pad.north_m) for pad in setup.pads[1:])
     with pytest.raises(SafetyError, match="vehicle 'uav9': expected one of uav1"):
         setup.pad_of("uav9")
 

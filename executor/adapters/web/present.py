@@ -14,6 +14,7 @@ from executor.core.context import Context
 from executor.core.state import FleetState
 from executor.core.view import FleetView, fleet_view
 from missions import Phase
+from missions.areas import AreaKind
 
 Describe = Callable[[Context, FleetState, float], FleetView]
 Now = Callable[[], tuple[FleetState, float]]
@@ -96,6 +97,14 @@ class Present:
         content = {
             "chart": _stamp(state),
             "names": [self._context.segment_name(segment.id) for segment in setup.network.segments],
+            "areas": [
+                {
+                    "name": area.name,
+                    "limit": area.kind is AreaKind.HEIGHT_LIMIT,
+                    "outlines_m": [[_rounded(place) for place in ring] for ring in area.polygons_m()],
+                }
+                for area in setup.areas
+            ],
             "segments_m": [[_rounded(a), _rounded(b)] for a, b in setup.network.ends_m.tolist()],
             "vehicles": [
                 {

@@ -24,7 +24,7 @@ from executor.analysis.flight_record import (
     plan_at_launch,
 )
 from executor.analysis.pictures.placing import Placer, along, calmest
-from executor.analysis.pictures.sheet import Sheet, draw_ground, legend, make_sheet
+from executor.analysis.pictures.sheet import Sheet, area_handles, draw_areas, draw_ground, legend, make_sheet
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, VehicleStyle, cased, outlined, style_of
 from executor.core.words import since_take_off
 from missions import PlanFile
@@ -57,11 +57,12 @@ def plan_figure(content: PlanFile) -> Figure:
     """Return the map of a plan."""
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
     routes = plan_at_launch(content).routes
-    handles = [*_vehicle_handles(styles), *_first_handles(), *_ground_handles(pads=False)]
-    places = [content.ends_m.reshape(-1, 2), *(np.array(route.way_m) for route in routes), np.array([DEPOT_M])]
-    count, covered = len(content.segments), sum(len(route.segments) for route in routes)
+    handles = [*_vehicle_handles(styles), *_first_handles(), *_ground_handles(pads=False), *area_handles(content.areas)]
+    places = [content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), np.array([DEPOT_M])]
+    count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_chosen(content)}"
     sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
+    draw_areas(sheet.panels[0], content.areas)
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
     legend(sheet, handles)
     return sheet.figure
@@ -73,10 +74,13 @@ def map_figure(record: FlightRecord) -> Figure:
     ends = np.array(_ends(record.segments)).reshape(-1, 2, 2)
     pads = [vehicle.pad_m for vehicle in record.vehicles]
     handles = [*_vehicle_handles(styles), *_first_handles(), *_flown_handles(record), *_ground_handles(pads=True)]
+    handles += area_handles(record.areas)
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
     names = ["First plan", "As flown"]
     sheet = make_sheet(shown, _title(record), names, len(handles))
+    for axes in sheet.panels:
+        draw_areas(axes, record.areas)
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
     legend(sheet, handles)
@@ -92,7 +96,7 @@ def _chosen(content: PlanFile) -> str:
 
 def _title(record: FlightRecord) -> str:
     """Return in a line what became of the flight."""
-    total, missing = len(record.segments), len(record.uncovered)
+    total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered)))
     text = f"{total - missing} of {total} segments inspected"
     lost = [f"{vehicle.name} lost at {since_take_off(fault.detected_s)}" for vehicle, fault in record.lost]
     return "; ".join([text, *lost]) if len(lost) <= 2 else f"{text}; {len(lost)} vehicles lost"
@@ -147,6 +151,10 @@ def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _Loo
     # From the start on, every other leg is an inspection; the rest is transit.
     for first, width_pt in ((0, look.transit_pt), (1, look.inspecting_pt)):
         legs = [way[index : index + 2] for index in range(first, len(way) - 1, 2)]
+        if first == 0 and route.turns_m:
+            legs = [
+                np.array([leg[0], *turns, leg[1]]) for leg, turns in zip(legs, route.turns_m, strict=True)
+            ]  # fmt: skip
         broken = np.concatenate([np.vstack((leg, [np.nan, np.nan])) for leg in legs]) if legs else np.zeros((0, 2))
         ls = style.dashes if look.dashed else "-"
         effects = cased(width_pt + 1.6) if look.dashed else []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Polygon, Rectangle
 
 from executor.analysis.flight_record import Place
-from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, cased
+from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, cased
+from missions.areas import Area, AreaKind
 from missions.geo import FloatArray
 
 MARGIN_IN = 0.15
@@ -109,6 +110,29 @@ def draw_ground(axes: Axes, ends_m: FloatArray, pads_m: Sequence[Place]) -> None
         east, north = zip(*pads_m, strict=True)
         axes.plot(east, north, ls="", marker="s", ms=4.5, mfc=PAPER, mec=INK, mew=0.9, zorder=7)
     axes.plot([0.0], [0.0], ls="", marker="*", ms=13, mfc=INK, mec=PAPER, mew=0.8, zorder=8)
+
+
+def draw_areas(axes: Axes, areas: Iterable[Area]) -> None:
+    """Draw areas hatched, those with a height limit pale, with their names."""
+    for area in areas:
+        limited = area.kind is AreaKind.HEIGHT_LIMIT
+        hatch, alpha = ("", 0.08) if limited else ("///", 0.16)
+        for ring in area.polygons_m():
+            axes.add_patch(Polygon(ring, facecolor=LOSS, edgecolor="none", alpha=alpha, zorder=0))
+            axes.add_patch(
+                Polygon(ring, fill=False, edgecolor=LOSS, lw=0.8, ls="--" if limited else "-", hatch=hatch, alpha=0.45,
+                        zorder=0.5)
+            )  # fmt: skip
+        (west, south), (east, north) = np.min(area.edges_m(), axis=(0, 1)), np.max(area.edges_m(), axis=(0, 1))
+        axes.text((west + east) / 2, (south + north) / 2, area.name, fontsize=8, color=LOSS, ha="center", va="center",
+                  clip_on=True, path_effects=cased(2.0), zorder=7)  # fmt: skip
+
+
+def area_handles(areas: Sequence[Area]) -> list[Artist]:
+    """Return what explains areas; nothing where there are none."""
+    if not areas:
+        return []
+    return [Patch(facecolor=LOSS, alpha=0.3, hatch="///", label="areas that flights keep out of")]
 
 
 def _scale_and_north(axes: Axes, m_per_in: float) -> None:

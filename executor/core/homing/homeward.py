@@ -20,7 +20,9 @@ from executor.core.parts import Cause, Errand
 from executor.core.places import kill_switch_on
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
+from executor.core.words import listed
 from missions import Phase
+from missions.areacheck import areas_on_the_way_home
 from missions.autopilots.modes import is_home_mode, is_mission_mode
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -34,6 +36,10 @@ STOPPED_S = 5.0
 """A vehicle whose motors were stopped shows within this time that it is disarmed, if it was so."""
 UNSAID_S = 5.0
 """So long without HEARTBEAT its mode is not known."""
+
+
+MOST_NAMED = 3
+"""Areas that a line to the crew names."""
 
 
 class Answer(Enum):
@@ -177,7 +183,21 @@ def _told(
             vehicle.orders, errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
         ),
     )
-    return state.put(told), (LandNow(vehicle.name) if land else SendHome(vehicle.name),)
+    if land:
+        return state.put(told), (LandNow(vehicle.name),)
+    return state.put(told), (*_through_areas(context, vehicle), SendHome(vehicle.name))
+
+
+def _through_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ...]:
+    """Say so if the way home that the vehicle's own autopilot flies leads through an area: it knows of none."""
+    fix = vehicle.motion.fix
+    if fix is None or not context.setup.areas:
+        return ()
+    names = areas_on_the_way_home(context.setup, vehicle.name, fix.place_m)
+    if not names:
+        return ()
+    text = f"{vehicle.name}: its RTL is straight, through area {listed([repr(name) for name in names], MOST_NAMED)}"
+    return (Say(Level.WARNING, text),)
 
 
 def answered(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -> Stepped:

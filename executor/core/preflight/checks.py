@@ -83,7 +83,9 @@ def pad_from(facts: Facts, east_m: float, north_m: float) -> Pad:
     return Pad(facts.name, east_m, north_m, facts.position.alt_msl_m - facts.position.alt_rel_m)
 
 
-def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> list[Check]:
+def identity(
+    facts: Facts, dialect: Dialect, place_m: tuple[float, float], stated_m: tuple[float, float] | None = None
+) -> list[Check]:
     """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
     found = [_who(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
@@ -100,9 +102,10 @@ def identity(facts: Facts, dialect: Dialect, place_m: tuple[float, float]) -> li
         found.append(
             Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad", CheckCode.ARMED)
         )
-    away_m = math.hypot(*place_m)
+    away_m = math.dist(place_m, stated_m or (0.0, 0.0))
     if away_m > FARTHEST_PAD_M:
-        text = f"stands {away_m:.0f} m from the depot, expected at most {FARTHEST_PAD_M:.0f} m"
+        where = "the depot" if stated_m is None else "its pad"
+        text = f"stands {away_m:.0f} m from {where}, expected at most {FARTHEST_PAD_M:.0f} m"
         found.append(Check(Severity.STOP, facts.name, text, CheckCode.FAR_FROM_DEPOT))
     return found
 

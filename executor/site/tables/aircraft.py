@@ -76,6 +76,8 @@ class VehicleTable(SiteTable):
     """Most of a full battery that a route may use."""
     reserve_pct: Percent = 15.0
     """Share of a full battery that is never planned with."""
+    pad: Annotated[str, Field(min_length=1, max_length=60)] | None = None
+    """The `[[place]]` where it starts and lands; without it a pad is chosen around the depot."""
 
     @model_validator(mode="after")
     def _sane(self) -> VehicleTable:

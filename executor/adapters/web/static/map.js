@@ -190,6 +190,7 @@ export class Chart {
     const context = this.context;
     context.clearRect(0, 0, this.width, this.height);
     if (!this.chart) return;
+    for (const area of this.chart.areas ?? []) this.drawArea(area);
     this.drawNetwork();
     const vehicles = this.state?.vehicles ?? [];
     this.chart.vehicles.forEach((chart, index) => this.drawWays(chart, vehicles[index], index));
@@ -200,6 +201,31 @@ export class Chart {
     for (const vehicle of vehicles) this.label(vehicle, taken);
     this.drawName(taken);
     this.drawRuler();
+  }
+
+  // What flights keep out of; with a height limit, what they keep low in.
+  drawArea(area) {
+    const context = this.context;
+    for (const outline of area.outlines_m) {
+      context.save();
+      context.beginPath();
+      outline.forEach((place, index) => context[index ? "lineTo" : "moveTo"](...this.pixels(place)));
+      context.closePath();
+      context.globalAlpha = area.limit ? 0.06 : 0.16;
+      context.fillStyle = style("--bad");
+      context.fill();
+      context.globalAlpha = 0.7;
+      context.setLineDash(area.limit ? [6, 5] : []);
+      context.lineWidth = 1.5;
+      context.strokeStyle = style("--bad");
+      context.stroke();
+      context.restore();
+    }
+    const places = area.outlines_m.flat();
+    const [x, y] = this.pixels([0, 1].map((axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length));
+    context.font = "600 12px system-ui, sans-serif";
+    context.fillStyle = style("--bad");
+    context.fillText(area.name, x - context.measureText(area.name).width / 2, y);
   }
 
   drawNetwork() {

@@ -1,0 +1,157 @@
+"""Areas that flights keep out of, or keep low in, and places that have a name.
+
+An area is known by its outlines in local metres. Everything that flies keeps ``keep_m`` from them: what is nearer, over
+the ground, is in the area.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from missions.errors import SafetyError
+from missions.geo import FloatArray
+
+Ring = tuple[tuple[float, float], ...]
+"""East and north of corners, in metres; of an outline the last is joined to the first, which is not repeated."""
+
+END_CORNERS = 6
+"""Of half a circle about the end of a corridor's leg."""
+MOST_LIMIT_M = 10_000.0
+
+
+class AreaKind(Enum):
+    """What an area forbids; the value is what site files and plan files call it."""
+
+    NO_FLY = "no-fly"
+    """Flight at any height."""
+    CORRIDOR = "corridor"
+    """The same, on both sides of a line: where others fly."""
+    HEIGHT_LIMIT = "height-limit"
+    """Flight above a height."""
+
+
+class PlaceKind(Enum):
+    """What a named place is for."""
+
+    PAD = "pad"
+    """Where a vehicle starts and lands."""
+    ALTERNATE = "alternate"
+    """Where a vehicle may come down that does not come home."""
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """One area, or one part of an area of several."""
+
+    name: str
+    """What people call it."""
+    kind: AreaKind
+    rings_m: tuple[Ring, ...]
+    """The outline, and after it those of holes; of a corridor its middle line."""
+    margin_m: float
+    """How far flights keep from it."""
+    width_m: float = 0.0
+    """Of a corridor, from side to side."""
+    eased_m: float = 0.0
+    """How far its outlines may be off those of its file, which have more corners: so much more is kept from them."""
+    max_agl_m: float | None = None
+    """Of a height limit: over the ground."""
+    max_amsl_m: float | None = None
+    """Of a height limit: above mean sea level."""
+
+    def __post_init__(self) -> None:
+        """Check what belongs together.
+
+        Raises:
+            SafetyError: an outline has too few corners, or a limit is missing.
+        """
+        least = 2 if self.kind is AreaKind.CORRIDOR else 3
+        if not self.rings_m or any(len(ring) < least for ring in self.rings_m):
+            raise SafetyError(f"area {self.name!r}: expected at least {least} places")
+        if not 0 < self.margin_m <= MOST_LIMIT_M or (self.kind is AreaKind.CORRIDOR) is not (self.width_m > 0):
+            raise SafetyError(f"area {self.name!r}: expected a margin_m above 0, and a width_m for a corridor alone")
+        limited = self.max_agl_m is not None or self.max_amsl_m is not None
+        if limited is not (self.kind is AreaKind.HEIGHT_LIMIT):
+            raise SafetyError(f"area {self.name!r}: expected max_agl_m or max_amsl_m for a height limit alone")
+
+    @property
+    def is_line(self) -> bool:
+        """Whether what is flown around is a line, with nothing inside."""
+        return self.kind is AreaKind.CORRIDOR
+
+    @property
+    def keep_m(self) -> float:
+        """How far everything keeps from the outlines, or from the middle line."""
+        return self.margin_m + self.width_m / 2 + self.eased_m
+
+    def polygons_m(self) -> tuple[Ring, ...]:
+        """Return closed polygons that cover the area itself, without margin and without regard to holes.
+
+        Of a corridor that is one for each of its legs, with round ends.
+        """
+        if not self.is_line:
+            return self.rings_m[:1]
+        return tuple(
+            _capsule(begin_m, end_m, self.width_m / 2)
+            for line in self.rings_m
+            for begin_m, end_m in itertools.pairwise(line)
+        )
+
+    def edges_m(self) -> FloatArray:
+        """Return (e, 2, 2) float64: begin and end of all straight pieces of the outlines, or of the line."""
+        edges = [
+            (ring[index], ring[(index + 1) % len(ring)])
+            for ring in self.rings_m
+            for index in range(len(ring) - self.is_line)
+        ]
+        return np.array(edges, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptOut:
+    """An area, and who must keep out of it."""
+
+    area: Area
+    vehicles: tuple[str, ...]
+    """All of them; of a height limit those whose layers are above it."""
+    highest_m: float | None = None
+    """Of a height limit: how high the highest of these vehicles would be, counted as the limit is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unreachable:
+    """A segment that no flight can inspect."""
+
+    segment: int
+    """Its number in the network."""
+    why: str
+    """In words, to be put behind its name: "lies in area 'airfield'"."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedPlace:
+    """A place that people call by a name."""
+
+    name: str
+    kind: PlaceKind
+    east_m: float
+    north_m: float
+    alt_m: float | None = None
+    """The ground's, above mean sea level, where it is known."""
+
+
+def _capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:
+    """Return the polygon about a leg, with sides that touch the round ends from outside."""
+    toward = math.atan2(end_m[1] - begin_m[1], end_m[0] - begin_m[0])
+    step, corners = math.pi / END_CORNERS, []
+    out_m = radius_m / math.cos(step / 2)
+    for (east_m, north_m), first in ((end_m, toward - math.pi / 2), (begin_m, toward + math.pi / 2)):
+        for number in range(END_CORNERS):
+            angle = first + (number + 0.5) * step
+            corners.append((east_m + out_m * math.cos(angle), north_m + out_m * math.sin(angle)))
+    return tuple(corners)

@@ -1,0 +1,213 @@
+"""Areas of GeoJSON, KML and KMZ files: polygons, and lines that others fly along.
+
+What a network's reader leaves out with a remark is refused here: an area that is not understood is one that somebody
+flies through.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from missions.errors import AreaError, NetworkError
+from missions.files import NESTED, parse_json
+from missions.readers import geojson, kml
+from missions.readers.attributes import metres, name_of
+from missions.readers.choice import Choice, Term
+from missions.readers.drawing import MOST_VERTICES, Vertex
+from missions.readers.opened import Archive, begin_of, limited_content
+from missions.readers.xmltree import children, line_of, root_of, tag_of, text_of
+
+if TYPE_CHECKING:
+    from lxml import etree
+
+FORMATS = "GeoJSON, KML or KMZ"
+NAMES = ("name", "ref", "id", "label", "title")
+FIGURES = ("margin_m", "width_m", "max_agl_m", "max_amsl_m")
+"""What a feature may say of itself, by the names of the site file's keys."""
+
+LatLon = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ReadArea:
+    """An area as its file has it."""
+
+    place: str
+    """The file and the feature, for messages."""
+    name: str
+    """Empty where the file has none."""
+    rings_deg: tuple[tuple[LatLon, ...], ...]
+    """Latitude and longitude of the outline, not closed, and after it of those of holes; or of a line."""
+    is_line: bool
+    figures: Mapping[str, float]
+    """Of `FIGURES`, as far as the feature has them."""
+
+
+def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Term] = ()) -> tuple[ReadArea, ...]:
+    """Return the areas of a file, of several parts each part for itself.
+
+    Args:
+        path: The file.
+        layers: Folders of KML to read; all if none is given.
+        where: Only features of which this holds.
+
+    Raises:
+        AreaError: one line that names the file, the feature and what was expected.
+    """
+    choice = Choice(tuple(layers), tuple(where))
+    try:
+        found = tuple(_read(path, choice))
+        choice.check_where(str(path))
+    except NetworkError as error:
+        raise AreaError(str(error)) from error
+    except RecursionError:
+        raise AreaError(f"{path}: content: {NESTED}") from None
+    if not found:
+        raise AreaError(f"{path}: areas: expected at least one polygon or line, found none")
+    if sum(len(ring) for area in found for ring in area.rings_deg) > MOST_VERTICES:
+        raise AreaError(f"{path}: areas: expected at most {MOST_VERTICES} positions; where, layer, or a cut choose")
+    return found
+
+
+def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line: bool) -> None:
+    """Refuse what is no outline or no line.
+
+    Raises:
+        AreaError: one line that names the place and what was expected.
+    """
+    for ring in rings_deg:
+        for lat_deg, lon_deg in ring:
+            if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180):
+                raise AreaError(
+                    f"{place}: expected latitudes up to 90 and longitudes up to 180, got {lat_deg:g}, {lon_deg:g}; are "
+                    "they swapped?"
+                )
+        least = 2 if is_line else 3
+        if len(set(ring)) < least:
+            what = "a line of at least 2 places" if is_line else "an outline of at least 3 corners"
+            raise AreaError(f"{place}: expected {what}, got {len(set(ring))}")
+
+
+def _read(path: Path, choice: Choice) -> Iterator[ReadArea]:
+    source = str(path)
+    begin_of(path)  # says why a file cannot be read
+    content = limited_content(path)
+    if content.startswith(b"PK"):
+        archive = Archive(content, source)
+        if not archive.ending_in(".kml"):
+            raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
+        content = kml.kml_of(archive)
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
+        yield from _of_kml(root_of(content, source), source, choice)
+        return
+    try:
+        text = content.decode("utf-8-sig").lstrip()
+    except UnicodeDecodeError as reason:
+        raise AreaError(f"{source}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
+    if not text.startswith("{"):
+        raise AreaError(f"{source}: content: expected {FORMATS}, found none")
+    document = parse_json(text, source, AreaError)
+    if not isinstance(document, dict):
+        raise AreaError(f"{source}: content: expected a JSON object")
+    yield from _of_geojson(document, source, choice)
+
+
+def _of_geojson(document: Mapping[str, object], source: str, choice: Choice) -> Iterator[ReadArea]:
+    choice.no_layers(source, geojson.FORMAT)
+    system = geojson.system_of(document, source)
+    for feature in geojson.features_of(document, source):
+        if not choice.takes(feature.properties):
+            continue
+        name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
+        place = f"{source}: {feature.place}" + (f" {name!r}" if name else "")
+        figures = _figures(feature.properties, place)
+        at = f"{place}: coordinates"
+        match feature.kind:
+            case "Polygon" | "MultiPolygon":
+                polygons = [feature.coordinates] if feature.kind == "Polygon" else _list(feature.coordinates, at)
+                for polygon in polygons:
+                    rings = tuple(_closed(geojson.positions_of(ring, at, system), place) for ring in _list(polygon, at))
+                    yield _area(place, name, rings, figures)
+            case "LineString" | "MultiLineString":
+                lines = [feature.coordinates] if feature.kind == "LineString" else _list(feature.coordinates, at)
+                for line in lines:
+                    yield _area(place, name, (_places(geojson.positions_of(line, at, system)),), figures, is_line=True)
+            case other:
+                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other or 'none'}")
+
+
+def _of_kml(root: etree._Element, source: str, choice: Choice) -> Iterator[ReadArea]:
+    if tag_of(root) not in {"kml", *kml.ROOTS}:
+        raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
+    for link in root.iter("{*}NetworkLink"):
+        raise AreaError(f"{source}: NetworkLink {text_of(link, 'name')!r}: expected the areas themselves, got a link")
+    marks = list(kml.placemarks_of([root], ""))
+    wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    for mark, folder in marks:
+        name = text_of(mark, "name")
+        attributes = {**kml.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
+        if folder in wanted and choice.takes(attributes):
+            place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"
+            yield from _of_mark(mark, name, place, _figures(attributes, place))
+
+
+def _of_mark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[ReadArea]:
+    empty = True
+    for geometry in kml.geometries_of(mark):
+        empty = False
+        match tag_of(geometry):
+            case "Polygon":
+                sides = [side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in children(geometry, key)]
+                rings = [ring for side in sides for ring in children(side, "LinearRing")]
+                if next(children(geometry, "outerBoundaryIs"), None) is None or not rings:
+                    raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
+                yield _area(place, name, tuple(_closed(_of_ring(ring, place), place) for ring in rings), figures)
+            case "LinearRing":
+                yield _area(place, name, (_closed(_of_ring(geometry, place), place),), figures)
+            case "LineString":
+                yield _area(place, name, (_places(_of_ring(geometry, place)),), figures, is_line=True)
+            case other:
+                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other}")
+    if empty:
+        raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got none")
+
+
+def _area(
+    place: str, name: str, rings: tuple[tuple[LatLon, ...], ...], figures: Mapping[str, float], *, is_line: bool = False
+) -> ReadArea:
+    if not rings:
+        raise AreaError(f"{place}: coordinates: expected an outline, got none")
+    check_outline(rings, place, is_line=is_line)
+    return ReadArea(place, name, rings, is_line, figures)
+
+
+def _closed(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
+    places = _places(positions)
+    if len(places) < 4 or places[0] != places[-1]:
+        raise AreaError(
+            f"{place}: expected an outline of at least 3 corners that ends where it begins, got {len(places)} positions"
+        )
+    return places[:-1]
+
+
+def _places(positions: Iterable[Vertex]) -> tuple[LatLon, ...]:
+    return tuple((lat_deg, lon_deg) for lat_deg, lon_deg, _ in positions)
+
+
+def _of_ring(geometry: etree._Element, place: str) -> list[Vertex]:
+    return kml.vertices_of(geometry, place, Counter())
+
+
+def _figures(attributes: Mapping[str, object], place: str) -> dict[str, float]:
+    found = {key: metres(attributes, (key,), place) for key in FIGURES}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _list(value: object, place: str) -> list[object]:
+    if not isinstance(value, list) or not value:
+        raise AreaError(f"{place}: expected a list of outlines, got {str(value)[:60]}")
+    return value

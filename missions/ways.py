@@ -1,0 +1,334 @@
+"""Shortest ways around outlines that keep their distance from all of them.
+
+An obstacle is outlines and a distance that is kept from them: an area, a line that others fly along, or one place, the
+middle of a column. A shortest way turns at convex corners only, on an arc about the corner. The arc is flown as a few
+straight legs that touch it from outside; where they meet are the nodes between which the shortest way is looked for.
+
+All that does not depend on where a way begins and ends is made once for the same obstacles, and kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from missions.areas import Area, Ring
+from missions.geo import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+Place = tuple[float, float]
+
+TURN = math.radians(30.0)
+"""The most that a way turns at one node."""
+SLACK_SHARE, SLACK_M = 0.01, 0.02
+"""Nodes are this much farther out: legs between them stay clear also when places are rounded to a centimetre."""
+ROUNDING_M = 1e-6
+AT_ONCE = 1_000_000
+"""Legs times corners that are looked at in one step."""
+REMEMBERED = 50_000
+"""Places that graphs remember what is seen from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """What is flown around."""
+
+    rings_m: tuple[Ring, ...]
+    """Closed outlines, those of holes too; or lines, or single places."""
+    keep_m: float
+    """The distance that is kept."""
+    is_line: bool = False
+    """Whether the rings are open lines or single places, with nothing inside."""
+
+
+def obstacle_of(area: Area) -> Obstacle:
+    """Return an area as what is flown around."""
+    return Obstacle(area.rings_m, area.keep_m, area.is_line)
+
+
+def column_of(centre_m: Place, radius_m: float) -> Obstacle:
+    """Return a column of air as what is flown around."""
+    return Obstacle(((centre_m,),), radius_m, is_line=True)
+
+
+@lru_cache(maxsize=64)
+def graph_of(obstacles: tuple[Obstacle, ...]) -> Graph:
+    """Return the graph of ways around some obstacles; that of the same ones is made once."""
+    return Graph(obstacles)
+
+
+class _Shape:
+    """One obstacle as arrays."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        self.keep_m = obstacle.keep_m
+        self.is_line = obstacle.is_line
+        self.rings_m = [_oriented(ring, number, is_line=obstacle.is_line)
+                        for number, ring in enumerate(obstacle.rings_m)]  # fmt: skip
+        self.begins_m = np.concatenate(self.rings_m)
+        self.ends_m = np.concatenate([np.roll(ring, -1, axis=0) for ring in self.rings_m])
+        sizes = [len(ring) for ring in self.rings_m]
+        firsts = np.cumsum([0, *sizes[:-1]])
+        self.after = np.concatenate(
+            [first + (np.arange(size) + 1) % size for first, size in zip(firsts, sizes, strict=True)]
+        )
+        """For each corner the next of its ring."""
+        self.centre_m = (self.begins_m.min(axis=0) + self.begins_m.max(axis=0)) / 2
+        self.radius_m = float(np.hypot(*(self.begins_m - self.centre_m).T).max()) + self.keep_m
+
+    def hit(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
+        """Return (n,) whether straight legs between places outside come nearer than is kept."""
+        along_m = goals_m - starts_m
+        passed_m = _off(self.centre_m[np.newaxis] - starts_m, along_m)
+        found = np.zeros(len(starts_m), dtype=np.bool_)
+        near = np.flatnonzero(passed_m < self.radius_m)
+        step = max(1, AT_ONCE // len(self.begins_m))
+        for first in range(0, len(near), step):
+            part = near[first : first + step]
+            found[part] = self._hit(starts_m[part], along_m[part])
+        return found
+
+    def _hit(self, starts_m: FloatArray, along_m: FloatArray) -> BoolArray:
+        # Leg and outline are nearest at a corner, at an end of the leg, which is outside, or they cross.
+        off_e = self.begins_m[:, 0] - starts_m[:, :1]
+        off_n = self.begins_m[:, 1] - starts_m[:, 1:]
+        along_e, along_n = along_m[:, :1], along_m[:, 1:]
+        share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)
+        np.clip(share, 0.0, 1.0, out=share)
+        apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
+        near = apart.min(axis=1) < (self.keep_m - ROUNDING_M) ** 2
+        left = along_e * off_n - along_n * off_e  # on which side of the leg corners are
+        edges = self.ends_m - self.begins_m
+        start_left = edges[:, 1] * off_e - edges[:, 0] * off_n  # on which side of the edges the leg's ends are
+        goal_left = start_left + edges[:, 0] * along_n - edges[:, 1] * along_e
+        crossed = (left * left[:, self.after] < 0) & (start_left * goal_left < 0)
+        return np.asarray(near | crossed.any(axis=1))
+
+    def inside(self, places_m: FloatArray) -> BoolArray:
+        """Return (n,) whether places are nearer than is kept, or enclosed."""
+        found = np.hypot(*(places_m - self.centre_m).T) < self.radius_m
+        which = np.flatnonzero(found)
+        step = max(1, AT_ONCE // len(self.begins_m))
+        for first in range(0, len(which), step):
+            part = which[first : first + step]
+            away_m = self.distances_m(places_m[part]).min(axis=1)
+            found[part] = (away_m < self.keep_m - ROUNDING_M) | self._enclosed(places_m[part])
+        return np.asarray(found)
+
+    def distances_m(self, places_m: FloatArray) -> FloatArray:
+        """Return (n, e) distances of places from the edges."""
+        edges = self.ends_m - self.begins_m
+        off = places_m[:, np.newaxis] - self.begins_m
+        share = (off * edges).sum(axis=2) / np.maximum((edges**2).sum(axis=1), 1e-12)
+        apart = off - np.clip(share, 0.0, 1.0)[..., np.newaxis] * edges
+        return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
+
+    def _enclosed(self, places_m: FloatArray) -> BoolArray:
+        if self.is_line:
+            return np.zeros(len(places_m), dtype=np.bool_)
+        north = places_m[:, 1:]
+        low, high = self.begins_m[:, 1] <= north, self.ends_m[:, 1] <= north
+        rise = self.ends_m[:, 1] - self.begins_m[:, 1]
+        share = (north - self.begins_m[:, 1]) / np.where(rise == 0, 1.0, rise)
+        east = self.begins_m[:, 0] + share * (self.ends_m[:, 0] - self.begins_m[:, 0])
+        return np.asarray(((low != high) & (east > places_m[:, :1])).sum(axis=1) % 2 == 1)
+
+    def nodes_m(self) -> Iterator[FloatArray]:
+        """Yield (k, 2) places around every convex corner, between which legs keep the distance."""
+        for ring in self.rings_m:
+            before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+            for corner, came, goes in zip(ring, before, after, strict=True):
+                turn = math.atan2(came[0] * goes[1] - came[1] * goes[0], float(came @ goes))
+                if len(ring) == 1:
+                    first, turn = 0.0, 2.0 * math.pi
+                else:
+                    first = math.atan2(came[1], came[0]) - math.pi / 2
+                    turn = math.pi if turn < -math.pi + 1e-9 else turn
+                if turn > 1e-9:
+                    count = math.ceil(turn / TURN - 1e-9)
+                    angles = first + (np.arange(count) + 0.5) * turn / count
+                    out_m = (self.keep_m * (1.0 + SLACK_SHARE) + SLACK_M) / math.cos(turn / count / 2)
+                    yield corner + out_m * np.column_stack((np.cos(angles), np.sin(angles)))
+
+    def ways_out_m(self, place_m: FloatArray) -> FloatArray:
+        """Return (k, 2) places just outside that a place inside may be left to."""
+        edges = self.ends_m - self.begins_m
+        off = place_m - self.begins_m
+        share = (off * edges).sum(axis=1) / np.maximum((edges**2).sum(axis=1), 1e-12)
+        on_m = self.begins_m + np.clip(share, 0.0, 1.0)[:, np.newaxis] * edges
+        out_m = self.keep_m * (1.0 + SLACK_SHARE) + SLACK_M
+        away = place_m - on_m
+        lengths = np.hypot(*edges.T)
+        right = np.column_stack((edges[:, 1], -edges[:, 0])) / np.maximum(lengths, 1e-9)[:, np.newaxis]
+        far = np.hypot(*away.T)
+        straight = away / np.maximum(far, 1e-9)[:, np.newaxis]
+        return np.concatenate((on_m + out_m * right, on_m - out_m * right, on_m + out_m * straight))
+
+
+class Graph:
+    """The nodes around some obstacles, and the shortest ways between them."""
+
+    def __init__(self, obstacles: tuple[Obstacle, ...]) -> None:
+        self._shapes = [_Shape(obstacle) for obstacle in obstacles]
+        nodes = [place for shape in self._shapes for place in shape.nodes_m()]
+        places_m = np.concatenate(nodes) if nodes else np.zeros((0, 2))
+        self.nodes_m = places_m[~self.inside(places_m)]
+        self._between: tuple[FloatArray, IntArray] | None = None
+        self._seen: dict[Place, FloatArray] = {}
+        self._reached: dict[Place, tuple[FloatArray, IntArray]] = {}
+
+    def inside(self, places_m: FloatArray) -> BoolArray:
+        """Return (n,) whether (n, 2) places are in an obstacle, or nearer to it than is kept."""
+        found = np.zeros(len(places_m), dtype=np.bool_)
+        for shape in self._shapes:
+            found |= shape.inside(places_m)
+        return found
+
+    def met(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
+        """Return (n,) whether straight legs between (n, 2) places outside come nearer than is kept."""
+        found = np.zeros(len(starts_m), dtype=np.bool_)
+        for shape in self._shapes:
+            open_ = np.flatnonzero(~found)
+            found[open_] = shape.hit(starts_m[open_], goals_m[open_])
+        return found
+
+    def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
+        """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.
+
+        None stands for no way, also where the goal is in an obstacle.
+        """
+        starts, goals = [_place(one) for one in starts_m], [_place(one) for one in goals_m]
+        blocked = self._blocked([*starts, *goals])
+        met = self.met(starts_m, goals_m)
+        ways: list[FloatArray | None] = [np.zeros((0, 2))] * len(starts)
+        led: dict[Place, list[int]] = {}
+        for number, (start, goal) in enumerate(zip(starts, goals, strict=True)):
+            if goal in blocked:
+                ways[number] = None
+            elif start in blocked:
+                ways[number] = self._way_from_inside_m(starts_m[number], goals_m[number])
+            elif met[number]:
+                led.setdefault(start, []).append(number)
+        self.look_from([*led, *(goals[number] for numbers in led.values() for number in numbers)])
+        for start, numbers in led.items():
+            reached_m, first = self._reached_from(start)
+            totals_m = reached_m + np.array([self._seen[goals[number]] for number in numbers])
+            for number, total_m in zip(numbers, totals_m, strict=True):
+                last = int(total_m.argmin()) if len(total_m) else -1
+                reachable = last >= 0 and math.isfinite(total_m[last])
+                ways[number] = self.nodes_m[self._nodes_between(int(first[last]), last)] if reachable else None
+        return ways
+
+    def _blocked(self, places: Sequence[Place]) -> set[Place]:
+        """Return which places are in an obstacle."""
+        every = list(dict.fromkeys(places))
+        inside = self.inside(np.array(every).reshape(-1, 2))
+        return {place for place, within in zip(every, inside.tolist(), strict=True) if within}
+
+    def _way_from_inside_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
+        """Return the corners of a way that leaves an obstacle by the nearest way out."""
+        out_m = self._way_out_m(start_m)
+        if out_m is None:
+            return None
+        (rest_m,) = self.ways_m(out_m[np.newaxis], goal_m[np.newaxis])
+        return None if rest_m is None else np.concatenate((out_m[np.newaxis], rest_m))
+
+    def distances_m(self, start_m: FloatArray, goals_m: FloatArray) -> FloatArray:
+        """Return (n,) the lengths of shortest ways from a place outside to (n, 2) others; infinite where none leads."""
+        goals = [_place(goal_m) for goal_m in goals_m]
+        start = _place(start_m)
+        self.look_from([start, *goals])
+        straight_m = np.hypot(*(goals_m - start_m).T)
+        met = self.met(np.broadcast_to(start_m, goals_m.shape), goals_m)
+        reached_m, _ = self._reached_from(start)
+        around_m = np.array([(reached_m + self._seen[goal]).min(initial=math.inf) for goal in goals])
+        inside = self.inside(goals_m)
+        return np.where(inside, math.inf, np.where(met, around_m, straight_m))
+
+    def look_from(self, places: Sequence[Place]) -> None:
+        """Find out which nodes are seen from places outside, and remember it."""
+        if len(self._seen) > REMEMBERED:
+            self._seen.clear()
+            self._reached.clear()
+        new = [place for place in dict.fromkeys(places) if place not in self._seen]
+        if not new:
+            return
+        count = len(self.nodes_m)
+        starts_m = np.repeat(np.array(new).reshape(-1, 2), count, axis=0)
+        goals_m = np.tile(self.nodes_m, (len(new), 1))
+        away_m = np.hypot(*(goals_m - starts_m).T)
+        away_m[self.met(starts_m, goals_m)] = math.inf
+        for place, row in zip(new, away_m.reshape(len(new), count), strict=True):
+            self._seen[place] = row
+
+    def _reached_from(self, start: Place) -> tuple[FloatArray, IntArray]:
+        """Return (n,) lengths of shortest ways to all nodes, and the first node of each."""
+        if start not in self._reached:
+            between_m, _ = self._all_between()
+            total_m = self._seen[start][:, np.newaxis] + between_m
+            first = total_m.argmin(axis=0) if len(total_m) else np.zeros(0, dtype=np.int64)
+            reached_m = total_m.min(axis=0) if len(total_m) else np.zeros(0)
+            self._reached[start] = (reached_m, first)
+        return self._reached[start]
+
+    def _nodes_between(self, first: int, last: int) -> list[int]:
+        _, following = self._all_between()
+        way = [first]
+        while way[-1] != last:
+            way.append(int(following[way[-1], last]))
+        return way
+
+    def _all_between(self) -> tuple[FloatArray, IntArray]:
+        """Return (n, n) lengths of shortest ways between nodes, and the node that follows on each (Floyd, Warshall)."""
+        if self._between is None:
+            count = len(self.nodes_m)
+            ones, others = np.triu_indices(count, 1)
+            seen = ~self.met(self.nodes_m[ones], self.nodes_m[others])
+            ones, others = ones[seen], others[seen]
+            between_m = np.full((count, count), math.inf)
+            between_m[ones, others] = np.hypot(*(self.nodes_m[ones] - self.nodes_m[others]).T)
+            between_m = np.minimum(between_m, between_m.T)
+            np.fill_diagonal(between_m, 0.0)
+            following = np.tile(np.arange(count), (count, 1))
+            for node in range(count):
+                over_m = between_m[:, node, np.newaxis] + between_m[node]
+                shorter = over_m < between_m - 1e-9
+                between_m[shorter] = over_m[shorter]
+                following = np.where(shorter, following[:, node, np.newaxis], following)
+            self._between = between_m, following
+        return self._between
+
+    def _way_out_m(self, start_m: FloatArray) -> FloatArray | None:
+        """Return the nearest place outside that a place inside is left to; None if there is none."""
+        found = [shape.ways_out_m(start_m) for shape in self._shapes if shape.inside(start_m[np.newaxis])[0]]
+        places_m = np.concatenate(found)
+        places_m = places_m[~self.inside(places_m)]
+        if not len(places_m):
+            return None
+        return np.asarray(places_m[np.hypot(*(places_m - start_m).T).argmin()])
+
+
+def _oriented(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
+    """Return (k, 2) corners with what is forbidden to the left; a line is gone along there and back."""
+    corners = np.array(ring, dtype=np.float64).reshape(-1, 2)
+    if is_line:
+        return np.concatenate((corners, corners[-2:0:-1]))
+    after = np.roll(corners, -1, axis=0)
+    area = float((corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum())
+    return corners if (area > 0) is (number == 0) else corners[::-1]
+
+
+def _off(centre_m: FloatArray, along_m: FloatArray) -> FloatArray:
+    """Return (n,) distances of places from legs, both (n, 2) and counted from where the legs begin."""
+    share = (centre_m * along_m).sum(axis=1) / np.maximum((along_m**2).sum(axis=1), 1e-12)
+    return np.asarray(np.hypot(*(centre_m - np.clip(share, 0.0, 1.0)[:, np.newaxis] * along_m).T))
+
+
+def _place(place_m: FloatArray) -> Place:
+    return float(place_m[0]), float(place_m[1])
