@@ -14,6 +14,7 @@ from dataclasses import replace
 from executor.core.context import Scene
 from executor.core.custody.actors import changed_by
 from executor.core.messages import CRITICAL, Actor, Heartbeat
+from executor.core.own_words import FENCE_BREACH
 from executor.core.parts import Cause
 from executor.core.places import over_its_pad
 from executor.core.state import Absence
@@ -28,7 +29,7 @@ LATE_TEXT_S = 4.0
 FOLLOWED_LATE_S = 120.0
 """An order may be followed this late: a radio keeps it, or only the answers were lost."""
 _ACTS = re.compile(
-    r"^(?!.*cleared).*(failsafe|fence|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
+    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
     re.IGNORECASE,
 )
 """Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
