@@ -14,6 +14,7 @@ from executor.core.battery.resting import NO_FACTS, PackFacts
 from executor.core.learning import UNKNOWN, Learned
 from executor.core.limits import Limits
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
+from missions.fences import Corner
 from missions.pace import AS_MODELLED
 from planner import Drone, pct_per_s, top_speed_m_s
 
@@ -27,6 +28,22 @@ class FlyAgain(Enum):
     """Not one that has landed, unless the crew includes it."""
     AUTO = "auto"
     """By itself: for simulation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fencing:
+    """What the site says of fences and rally points."""
+
+    enabled: bool
+    """Whether vehicles are given any; else what is on board is only looked at."""
+    margin_m: float
+    height_margin_m: float
+    action: str
+    """What a vehicle does at a breach: keep, warn, hold, return or land."""
+    rally: str
+    """Its rally points: keep those on board, or its own pad alone."""
+    keep_out_m: tuple[tuple[Corner, ...], ...] = ()
+    """Areas that nobody may enter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +130,8 @@ class Context(Scene):
     """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
+    fencing: Fencing | None = None
+    """None where the site says nothing of fences."""
 
     @property
     def segments(self) -> int:

@@ -22,9 +22,9 @@ FENCE_BREACH = (
     r"fence breach|\bbreached\b|geo-?fence (violation\b(?! for)|violated|exceed|breach)|"
     r"geofence: (approaching|exceeding)"
 )
-"""ArduPilot names the kind, "Polygon fence breached"; PX4 1.17 says "Geofence: exceeding maximum altitude above Home", up
-to 1.13 "Geofence violation". "Geofence violation for waypoint 2", "Geofence invalid, doesn't contain Home position" and
-"Fence Indexed OK" are about what was uploaded (measured)."""
+"""ArduPilot names the kind, "Polygon fence breached"; PX4 1.17 says "Geofence: exceeding maximum altitude above Home",
+up to 1.13 "Geofence violation". "Geofence violation for waypoint 2", "Geofence invalid, doesn't contain Home position"
+and "Fence Indexed OK" are about what was uploaded (measured)."""
 _KINDS: Mapping[str, str] = MappingProxyType(
     {
         # "Crash: Disarming: AngErr=40>30, Accel=0.0<3.0"

@@ -1,4 +1,6 @@
-"""Download of what is on board, a mission, a fence or rally points: here the ground station drives, and repeats its question until it is answered.
+"""Download of what is on board, a mission, a fence or rally points.
+
+Here the ground station drives, and repeats its question until it is answered.
 
 An error is no end: it may be the late answer to a doubled item of the upload before, or another station's transfer that
 will be over soon. It is the reason if the question stays without an answer.

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.resting import PackFacts
-from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
+from executor.core.context import Context, Fencing, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.learning import UNKNOWN, Known
 from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
@@ -269,6 +269,14 @@ def paths_of(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Mappi
     return {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
 
 
+def fencing_of(site: Site) -> Fencing | None:
+    """Return what a site says of fences; None if it says nothing."""
+    table = site.fence
+    if table is None:
+        return None
+    return Fencing(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
+
+
 def context_of(
     ground: Ground,
     setup: FlightSetup,
@@ -321,4 +329,5 @@ def context_of(
         infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
         horizon_s=horizon_s(site),
+        fencing=fencing_of(site),
     )

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from executor.core.context import Scene
 from executor.core.custody.actors import changed_by
+from executor.core.fencing import off_its_fence
 from executor.core.messages import CRITICAL, Actor, Heartbeat
 from executor.core.own_words import FENCE_BREACH
 from executor.core.parts import Cause
@@ -29,7 +30,8 @@ LATE_TEXT_S = 4.0
 FOLLOWED_LATE_S = 120.0
 """An order may be followed this late: a radio keeps it, or only the answers were lost."""
 _ACTS = re.compile(
-    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
+    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
+    r"no valid mission)",
     re.IGNORECASE,
 )
 """Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
@@ -232,6 +234,7 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
         said
         or beat.system_status >= CRITICAL
         or vehicle.sensors.fence_breached
+        or bool(off_its_fence(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or _unseen(vehicle)
         or missed_us(context, absences, vehicle, now_s)

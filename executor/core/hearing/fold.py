@@ -44,7 +44,8 @@ from missions.autopilots.modes import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
 
 _ALARM = re.compile(
-    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
+    r"low battery|"
     r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )

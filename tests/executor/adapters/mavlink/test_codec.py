@@ -438,7 +438,7 @@ def test_a_list_that_is_not_known_says_nothing(kind: int) -> None:
 
 @pytest.mark.parametrize("kind", list(MissionKind))
 def test_what_is_sent_says_which_list_is_meant(kind: MissionKind) -> None:
-    sent = [
+    sent: list[Outgoing] = [
         SendMissionCount(2, kind), SendMissionItem(MissionItem(0, 0, 5001), kind), SendMissionRequestList(kind),
         SendMissionRequest(1, kind), SendMissionAck(0, kind),
     ]  # fmt: skip
