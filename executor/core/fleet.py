@@ -443,6 +443,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         state = state.put(carrying(vehicle, board, now_s))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
+        what += ", and a wider fence before it" if mission.fence is not None else ""
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
     elif _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.

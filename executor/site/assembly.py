@@ -48,6 +48,8 @@ STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
 UPLOAD_ALLOWANCE_S = 1.0
 """Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
+FENCE_ALLOWANCE_S = 3.0
+"""What a wider fence before a new mission takes more, in the vehicles' time."""
 SEEN_S = 2.0
 """A vehicle is this much farther than its last reports say."""
 DEFAULT_NETWORK = "default"
@@ -234,7 +236,8 @@ def answer_s(site: Site) -> float:
 
 def horizon_s(site: Site) -> float:
     """Return how far ahead of a re-plan's begin missions stay as they are, in the vehicles' time."""
-    return SEEN_S + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
+    fence_s = FENCE_ALLOWANCE_S if site.fence is not None and site.fence.enabled else 0.0
+    return SEEN_S + fence_s + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
 
 
 def stall_s(speedup: float) -> float:

@@ -54,6 +54,8 @@ class Story:
     """Whom it happens to."""
     faults: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """The site file's table of that name."""
+    fence: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    """The site file's table of that name."""
     relayed: tuple[str, ...] = ()
     """Whose link goes through a relay."""
     signed: bool = False
@@ -211,6 +213,7 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
                 **story.flight,
             },
             "faults": dict(story.faults),
+            **({"fence": dict(story.fence)} if story.fence else {}),
             "web": {"port": story.page},
             "vehicle": [
                 {
