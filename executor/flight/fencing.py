@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
@@ -189,15 +188,11 @@ async def give_back(
     turn = asyncio.Semaphore(AT_ONCE)
 
     async def of(name: str, kept: Sequence[KeptList]) -> None:
-        problem = "is not in the site file"
+        problems = {one.kind: "is not in the site file" for one in kept}
         if name in links:
             async with turn:
-                problem = await _given_back(links[name], clock, kept, record, heard_s)
-        if problem:
-            console.say(Level.WARNING, f"{name}: {' and '.join(one.what for one in kept)} not restored: {problem}")
-            console.say(Level.WARNING, f"{name}: to restore them: faultline restore {run}")
-        else:
-            console.say(Level.INFO, f"{name}: {' and '.join(one.what for one in kept)} restored")
+                problems = await _given_back(links[name], clock, kept, record, heard_s)
+        _tell(run, console, name, kept, problems)
 
     async with asyncio.TaskGroup() as tasks:
         for name, kept in waiting.items():
@@ -205,30 +200,49 @@ async def give_back(
     return tuple(record.kept)
 
 
-async def _given_back(link: OpenLink, clock: Clock, kept: Sequence[KeptList], record: _Record, heard_s: float) -> str:
-    """Give one vehicle its lists back; returns what is in the way, empty if nothing was."""
-    problem, restored = "", partial(record.one, stage=ListStage.RESTORED)
+def _tell(
+    run: Path, console: Console, name: str, kept: Sequence[KeptList], problems: Mapping[MissionKind, str]
+) -> None:
+    """Say of one vehicle what it has again, and what stays."""
+    back = [one.what for one in kept if one.kind not in problems]
+    if back:
+        console.say(Level.INFO, f"{name}: {' and '.join(back)} restored")
+    for one in kept:
+        if one.kind in problems:
+            console.say(Level.WARNING, f"{name}: {one.what} not restored: {problems[one.kind]}")
+    if problems:
+        console.say(Level.WARNING, f"{name}: to restore: faultline restore {run}")
+
+
+async def _given_back(
+    link: OpenLink, clock: Clock, kept: Sequence[KeptList], record: _Record, heard_s: float
+) -> dict[MissionKind, str]:
+    """Give one vehicle its lists back; returns why it does not have one of them."""
+    problems: dict[MissionKind, str] = {}
     async with parameters.at_rest(link, clock, kept[0].autopilot, heard_s) as rest:
-        if rest.problem:
-            return rest.problem
         for one in kept:
-            found = await preflight.read_one(link, clock, one.kind)
-            if found is None:
-                problem = problem or f"its {one.what} cannot be read"
-            elif not place_differences(one.old, found):
-                restored(one)
-            elif not one.ours(found):
-                record.one(one, stage=ListStage.LEFT)
-                problem = problem or f"its {one.what} on board is another, which somebody put there since"
-            elif not rest.rests():
-                return "was armed meanwhile"
-            else:
-                failed = await preflight.put_back(link, clock, dialect_for(one.autopilot), one.kind, one.old)
-                if failed:
-                    problem = problem or failed
-                else:
-                    restored(one)
-    return problem
+            problem = rest.problem or ("" if rest.rests() else "was armed meanwhile")
+            stage = None
+            if not problem:
+                stage, problem = await _one_given_back(link, clock, one)
+            if stage is not None:
+                record.one(one, stage)
+            if problem:
+                problems[one.kind] = problem
+    return problems
+
+
+async def _one_given_back(link: OpenLink, clock: Clock, one: KeptList) -> tuple[ListStage | None, str]:
+    """Give one list back; returns how far it has come, and why it is not back."""
+    found = await preflight.read_one(link, clock, one.kind)
+    if found is None:
+        return None, "cannot be read"
+    if not place_differences(one.old, found):
+        return ListStage.RESTORED, ""
+    if not one.ours(found):
+        return ListStage.LEFT, "another is on board, which somebody put there since: left as it is"
+    problem = await preflight.put_back(link, clock, dialect_for(one.autopilot), one.kind, one.old)
+    return (None, problem) if problem else (ListStage.RESTORED, "")
 
 
 @dataclass(slots=True)

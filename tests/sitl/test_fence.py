@@ -40,8 +40,15 @@ class Look:
         if self._autopilot is PX4:
             vehicle.set("GF_MAX_HOR_DIST", 10.0)  # it drops a polygon that it is not in itself
             return
-        pad = self.rally[0]
-        corners = [(pad.x + 900 * north, pad.y + 1400 * east) for north, east in ((-1, -1), (-1, 1), (1, 1), (1, -1))]
+        # A square about its pad that ends 50 m before it: more than 100 m outside it would land where it is.
+        request = mav.MAVLink_command_long_message(vehicle.sysid, 1, mav.MAV_CMD_REQUEST_MESSAGE, 0, 33, *[0] * 6)
+        place, pad = vehicle.other.ask(request, "GLOBAL_POSITION_INT"), self.rally[0]
+        north_m, east_m = 0.0111 * (place.lat - pad.x), 0.0072 * (place.lon - pad.y)
+        half_m = max(abs(north_m), abs(east_m)) - 50.0
+        assert half_m > 10.0, f"it is {north_m:.0f} m north and {east_m:.0f} m east of its pad"
+        north, east = round(half_m / 0.0111), round(half_m / 0.0072)
+        corners = [(pad.x - north, pad.y - east), (pad.x - north, pad.y + east), (pad.x + north, pad.y + east),
+                   (pad.x + north, pad.y - east)]  # fmt: skip
         vehicle.other.upload(
             vehicle.sysid,
             [
