@@ -74,7 +74,9 @@ class Story:
     pack_ah: float | None = None
     """What ArduPilot's packs really hold."""
     loses: str = ""
-    """Who falls silent for good as soon as uav2 inspects its second segment."""
+    """Who falls silent for good."""
+    loses_at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
+    """When that is, by uav2."""
 
 
 class WatchfulConsole:
@@ -107,7 +109,7 @@ class WatchfulConsole:
         story, vehicle = self._story, state.vehicles[VICTIM]
         if not self.shown or self.shown[-1][1] != vehicle.stage.value:
             self.shown.append((now_s, vehicle.stage.value))
-        if story.loses and not self._lost and in_its_second_segment(vehicle, state):
+        if story.loses and not self._lost and story.loses_at(vehicle, state):
             self._lost = True
             self.running[story.loses].suspend()
         if self.struck_s is None:

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
+from executor.core.state import FleetState
+from executor.core.vehicle import VehicleState
 from executor.flight.kept_lists import ListStage, read_lists
 from missions.fences import place_differences
 from missions.items import MissionItem, MissionKind, Place
@@ -61,6 +63,11 @@ class Look:
         )
 
 
+def in_its_first_segment(vehicle: VehicleState, _: FleetState) -> bool:
+    """Whether uav2 inspects its first segment."""
+    return vehicle.assignment.run is not None
+
+
 def as_items(frames: Sequence[mav.MAVLink_mission_item_int_message]) -> list[MissionItem]:
     return [MissionItem(one.seq, one.frame, one.command, one.param1, x=one.x, y=one.y, z=one.z) for one in frames]
 
@@ -94,7 +101,7 @@ def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, t
 @BOTH
 def test_a_replan_that_leads_out_of_a_fence_widens_it_first(autopilot: Autopilot, tmp_path: Path) -> None:
     look = Look(autopilot, shrinks=False)
-    flight = flown(autopilot, Story(look.strike, fence=FENCE, loses="uav3"), tmp_path)
+    flight = flown(autopilot, Story(look.strike, fence=FENCE, loses="uav3", loses_at=in_its_first_segment), tmp_path)
     print(flight.said)
     assert {fault["vehicle"] for fault in flight.report["faults"]} == {"uav3"}
     assert "and a wider fence before it" in flight.said

@@ -105,6 +105,8 @@ def left_mission(view: View) -> Finding:
     state = view.state
     if state.telemetry.heartbeat is None:
         return STALE
+    if fence_breached(view).verdict is Verdict.FAIL:
+        return OK  # that is said by its own name
     dialect = view.setup.dialect
     if view.setup.planned:
         if not state.armed or state.custody.cause is not Cause.FAILSAFE:
@@ -131,6 +133,10 @@ def _left_unplanned(view: View, mode: int) -> Finding:
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and settled(state, view.now_s):
         return Finding(Verdict.FAIL, f"went to mode {name}, and nothing says who chose it")
     return OK
+
+
+FENCE_SEEN_S = 1.5
+"""Until then a HEARTBEAT shows what it does about it by itself, which is left to it."""
 
 
 def fence_breached(view: View) -> Finding:
@@ -277,7 +283,7 @@ TABLE: tuple[Watchpoint, ...] = (
     ),
     Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION, FaultCode.ITEM_LOST),
     Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION, FaultCode.POSITION_JUMP),
-    Watchpoint("fence", FaultKind.FENCE, fence_breached, 0.4, _ON_MISSION, FaultCode.FENCE_BREACHED),
+    Watchpoint("fence", FaultKind.FENCE, fence_breached, FENCE_SEEN_S, _ON_MISSION, FaultCode.FENCE_BREACHED),
     Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION, FaultCode.MODE_CHANGED),
     Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION, FaultCode.STALL),
 )
