@@ -241,8 +241,8 @@ class FakeAutopilot:
                     self.parameters[name] = value
                 return self._value(name, kind)
             case _:
-                kind = getattr(message, "kind", MissionKind.MISSION)
-                if kind not in self.beside:
+                kind = getattr(message, "kind", None)
+                if not isinstance(kind, MissionKind) or kind not in self.beside:
                     return self.missions.hear(message, now_s)
                 return [_of(kind, answer) for answer in self.beside[kind].hear(message, now_s)]
 

@@ -11,7 +11,7 @@ from executor.core.commands import Upload
 from executor.core.context import Context, Fencing
 from executor.core.custody.causes import cause_of
 from executor.core.endings import Ending
-from executor.core.events import Found, MissionsWanted, NewRoute, UploadEnded
+from executor.core.events import Found, Heard, MissionsWanted, NewRoute, Resumed, UploadEnded
 from executor.core.faults import watchpoints
 from executor.core.faults.watching import Verdict, View
 from executor.core.messages import OwnFailsafe, StatusText
@@ -33,7 +33,7 @@ UNMADE = plan_of(unmade=(NewRoute("uav1", (4,)),), pending=frozenset({"uav1"}))
 
 
 def fenced(fence: Fence | None = FENCES["uav1"], **given: object) -> VehicleState:
-    one = flying(**given)  # type: ignore[arg-type]
+    one = flying(**given)
     return replace(one, assignment=replace(one.assignment, fence=fence))
 
 
@@ -129,7 +129,7 @@ def test_a_flight_taken_up_between_the_two_sends_the_fence_again_before_the_miss
     assert board is not None
     found = resuming.found_on(CONTEXT, before, "uav1", None, 3)
     assert isinstance(found, Found)
-    resumption = resuming.resumed(CONTEXT, before, resuming.Resumed((found,)), NOW_S)
+    resumption = resuming.resumed(CONTEXT, before, Resumed((found,)), NOW_S)
     again = [command for command in resumption.commands if isinstance(command, Upload)]
     assert [command.fence for command in again] == [WIDE]
 
@@ -198,7 +198,7 @@ def test_the_fence_names_the_reason_before_the_mode_does() -> None:
 )
 def test_what_is_said_of_an_upload_is_no_breach(text: str, means: bool) -> None:
     before = flight_of(fenced(), SECOND)
-    heard = fleet.step(CONTEXT, before, fleet.Heard("uav1", StatusText(2, text)), NOW_S)[0].vehicles["uav1"]
+    heard = fleet.step(CONTEXT, before, Heard("uav1", StatusText(2, text)), NOW_S)[0].vehicles["uav1"]
     assert any(one.what == "fence" for one, _ in heard.evidence.failed) is means
 
 

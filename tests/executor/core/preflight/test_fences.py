@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.context import Context, Fencing
+from executor.core.fencing import top_m
 from executor.core.messages import ParamValue
 from executor.core.preflight import checks, fences
 from executor.core.preflight.checks import Severity
@@ -35,9 +36,9 @@ def present(**values: float) -> dict[str, ParamValue]:
 
 
 def made(context: Context, **values: float) -> dict[str, float]:
-    top_m = fences.top_m(context, "uav1")
+    ends_m = top_m(context, "uav1")
     found = {one.name: one.new for one in fences.changes(context, "uav1", present(**values))}
-    return {name: TOP_M if abs(value - top_m) < 0.11 else value for name, value in found.items()}
+    return {name: TOP_M if abs(value - ends_m) < 0.11 else value for name, value in found.items()}
 
 
 def test_nothing_is_read_or_set_without_the_sites_word() -> None:
@@ -127,7 +128,7 @@ def test_a_fence_of_others_that_holds_the_flight_or_is_off_is_said() -> None:
     assert severity is Severity.OK
     assert text.endswith("and its flight fits into it; kept, and given back after the landing")
     for off in ({"FENCE_ENABLE": 0.0}, {"FENCE_TYPE": 3.0}):
-        [(severity, text)] = found_on_board(context_of(), Lists(circle(200.0), ()), **off)
+        [(severity, text)] = found_on_board(context_of(), Lists(circle(200.0), ()), NOTHING, **off)
         assert (severity, text) == (Severity.OK, "a fence of 1 item that is not ours is on board, switched off")
 
 
