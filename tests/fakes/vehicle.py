@@ -241,10 +241,10 @@ class FakeAutopilot:
                     self.parameters[name] = value
                 return self._value(name, kind)
             case _:
-                kind = getattr(message, "kind", None)
-                if not isinstance(kind, MissionKind) or kind not in self.beside:
+                which = getattr(message, "kind", None)
+                if not isinstance(which, MissionKind) or which not in self.beside:
                     return self.missions.hear(message, now_s)
-                return [_of(kind, answer) for answer in self.beside[kind].hear(message, now_s)]
+                return [_of(which, answer) for answer in self.beside[which].hear(message, now_s)]
 
     def _value(self, name: str, kind: int) -> list[Message]:
         return [ParamValue(name, self.parameters[name], kind)] if name in self.parameters else []
