@@ -38,7 +38,7 @@ from missions.estimate import Estimate, LegEstimate, estimate
 from missions.files import NESTED, parse_json, read_text
 from missions.geo import LocalFrame
 from missions.heights import implausible, with_heights
-from missions.items import Command, Frame, MissionItem
+from missions.items import Command, Frame, MissionItem, MissionKind
 from missions.network import Network, Pylon, Segment
 from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
@@ -99,6 +99,7 @@ __all__ = [
     "Mending",
     "MissionFileError",
     "MissionItem",
+    "MissionKind",
     "MissionsError",
     "ModeNumber",
     "Modes",

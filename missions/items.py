@@ -19,6 +19,27 @@ class Frame(IntEnum):
     GLOBAL_RELATIVE_ALT_INT = 6
 
 
+class MissionKind(IntEnum):
+    """MAV_MISSION_TYPE: the three lists that a vehicle keeps, each with a transfer of its own."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+
+class Place(IntEnum):
+    """MAV_CMD of the items of fences and rally points."""
+
+    FENCE_RETURN_POINT = 5000
+    INCLUSION_VERTEX = 5001
+    """param1: how many vertices its polygon has; they follow one another."""
+    EXCLUSION_VERTEX = 5002
+    INCLUSION_CIRCLE = 5003
+    """param1: its radius in metres."""
+    EXCLUSION_CIRCLE = 5004
+    RALLY_POINT = 5100
+
+
 class Command(IntEnum):
     """MAV_CMD of mission items."""
 

@@ -9,6 +9,8 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "tests/executor/flight/test_fencing.py": ("executor/flight/kept_lists.py",),
+    "tests/executor/simulator/test_fences.py": ("executor/simulator/fence.py", "executor/simulator/lists_ardupilot.py"),
     "tests/executor/bench/test_reallogs.py": (
         "executor/bench/detectionbench.py",
         "executor/bench/reallogspage.py",

@@ -50,6 +50,11 @@ class RunDirectory:
         return self.path / "parameters.json"
 
     @property
+    def fences(self) -> Path:
+        """Return the fences and rally points that were replaced on board, and are to be given back."""
+        return self.path / "fences.json"
+
+    @property
     def report(self) -> Path:
         """Return what the flight came to."""
         return self.path / "report.json"

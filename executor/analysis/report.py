@@ -42,7 +42,7 @@ class Happening:
 
     vehicle: str
     kind: str
-    """link, battery or interruption."""
+    """link, battery, fence or interruption."""
     at_s: float
     """In the ground station's time."""
 

@@ -13,7 +13,9 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
 from executor.core.commands import Level
 from executor.core.preflight.parameters import Kept
+from executor.core.words import count_of
 from executor.flight.changed_parameters import parameters_report, read_kept
+from executor.flight.kept_lists import KeptList, read_lists
 from executor.runtime import turns
 
 
@@ -23,32 +25,37 @@ def restore(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Restore the parameters that the flight of a run directory changed on its vehicles."""
+    """Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles."""
     from executor.flight import restore as restoring
 
-    waiting = restoring.read_open(directory)[1]
-    if not waiting:
-        _finish(directory, read_kept(directory) or (), as_json=as_json, quiet=quiet)
+    _, waiting, lists = restoring.read_open(directory)
+    if not waiting and not lists:
+        _finish(directory, read_kept(directory) or (), read_lists(directory), as_json=as_json, quiet=quiet)
         return
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    for one in waiting:
-        console.say(Level.INFO, one.words)
-    asked = "1 parameter" if len(waiting) == 1 else f"{len(waiting)} parameters"
+    for words in (*(one.words for one in waiting), *(one.words for one in lists)):
+        console.say(Level.INFO, words)
+    counted = [count_of(len(waiting), "parameter")] if waiting else []
+    counted += list(dict.fromkeys(one.what for one in lists))
+    asked = " and ".join(counted)
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
         raise typer.Exit(1)
-    _finish(directory, turns.run(restoring.restore(directory, console)), as_json=as_json, quiet=quiet)
+    kept, fences = turns.run(restoring.restore(directory, console))
+    _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
 
 
-def _finish(directory: Path, kept: Sequence[Kept], *, as_json: bool, quiet: bool) -> None:
-    stay = sum(one.open for one in kept)
+def _finish(directory: Path, kept: Sequence[Kept], lists: Sequence[KeptList], *, as_json: bool, quiet: bool) -> None:
+    stay = sum(one.open for one in kept) + sum(one.open for one in lists)
     if as_json:
-        print(json.dumps({"restored": stay == 0, "parameters": [row.plain() for row in parameters_report(kept)]}))
+        rows = {"parameters": [row.plain() for row in parameters_report(kept)]}
+        if lists:
+            rows["fences"] = [
+                {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.open} for one in lists
+            ]
+        print(json.dumps({"restored": stay == 0, **rows}))
     elif not quiet:
-        print(
-            f"{directory}: all parameters are restored"
-            if not stay
-            else f"{directory}: {stay} of {len(kept)} not restored"
-        )
+        what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
+        print(f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored")
     if stay:
         raise typer.Exit(1)

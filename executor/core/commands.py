@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from missions.fences import Fence
 from missions.pace import AS_MODELLED, Pace
 from missions.waypoints import FlightPath
 
@@ -33,6 +34,8 @@ class Upload:
     revision: int
     path: FlightPath
     airborne: bool
+    fence: Fence | None = None
+    """What goes on board before it, and covers what is there as well; None where that suffices."""
 
 
 @dataclass(frozen=True, slots=True)

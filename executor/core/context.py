@@ -31,6 +31,20 @@ class FlyAgain(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Fencing:
+    """What the site says of fences and rally points."""
+
+    enabled: bool
+    """Whether vehicles are given any; else what is on board is only looked at."""
+    margin_m: float
+    height_margin_m: float
+    action: str
+    """What a vehicle does at a breach: keep, warn, hold, return or land."""
+    rally: str
+    """Its rally points: keep those on board, or its own pad alone."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleSetup:
     """What the site says of one vehicle."""
 
@@ -116,6 +130,8 @@ class Context(Scene):
     """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
+    fencing: Fencing | None = None
+    """None where the site says nothing of fences."""
 
     @property
     def segments(self) -> int:

@@ -42,6 +42,8 @@ class UploadEnded:
     reason: str
     code: Ending | None = None
     """Why it was not accepted; None where it was, and in a log from before there were codes."""
+    fenced: bool = False
+    """Whether the wider fence that it needs is on board, with the mission or without it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,14 +60,22 @@ from executor.core.separation import separated
 from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying, moved_to
 from executor.core.words import count_of
+from missions.fences import Fence
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
-def initial(boards: Mapping[str, OnBoard | None], checks: tuple[CheckLine, ...] = ()) -> FleetState:
-    """Return the state before the launch, with the missions that are, or are to be, on board."""
+def initial(
+    boards: Mapping[str, OnBoard | None],
+    checks: tuple[CheckLine, ...] = (),
+    fences: Mapping[str, Fence] = MappingProxyType({}),
+) -> FleetState:
+    """Return the state before the launch, with the missions and fences that are, or are to be, on board."""
     vehicles = MappingProxyType(
-        {name: VehicleState(name, assignment=Assignment(board=board)) for name, board in boards.items()}
+        {
+            name: VehicleState(name, assignment=Assignment(board=board, fence=fences.get(name)))
+            for name, board in boards.items()
+        }
     )
     return FleetState(vehicles, crew=Crew(briefing=Briefing(checks)))
 
@@ -427,6 +435,8 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         return state, ()
     mission = plan.missions[event.vehicle]
     vehicle = replace(vehicle, assignment=replace(vehicle.assignment, pending=None))
+    if event.fenced and mission.fence is not None:
+        vehicle = replace(vehicle, assignment=replace(vehicle.assignment, fence=mission.fence))
     commands: list[Command] = []
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
@@ -436,6 +446,7 @@ def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: fl
         state = state.put(carrying(vehicle, board, now_s))
         to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
         what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
+        what += ", and a wider fence before it" if mission.fence is not None else ""
         commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
     elif _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.

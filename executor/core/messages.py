@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from missions.items import MissionItem
+from missions.items import MissionItem, MissionKind
 
 GROUND_STATION = (255, 190)
 """Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
@@ -155,6 +155,7 @@ class MissionRequest:
     """MISSION_REQUEST or MISSION_REQUEST_INT; both are answered with MISSION_ITEM_INT."""
 
     seq: int
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +164,7 @@ class MissionAck:
 
     result: int
     """MAV_MISSION_RESULT."""
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +172,7 @@ class MissionCount:
     """MISSION_COUNT, the answer to a request for the list."""
 
     count: int
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +180,7 @@ class MissionItemReceived:
     """MISSION_ITEM_INT during a download."""
 
     item: MissionItem
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,6 +371,7 @@ class SendMissionCount:
     """Opens an upload."""
 
     count: int
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,11 +379,14 @@ class SendMissionItem:
     """Answers a request during an upload."""
 
     item: MissionItem
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
 class SendMissionRequestList:
     """Opens a download."""
+
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,6 +394,7 @@ class SendMissionRequest:
     """Asks for one item of a download."""
 
     seq: int
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)
@@ -393,6 +402,7 @@ class SendMissionAck:
     """Closes a download (0), or cancels a transfer (15)."""
 
     result: int
+    kind: MissionKind = MissionKind.MISSION
 
 
 @dataclass(frozen=True, slots=True)

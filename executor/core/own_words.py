@@ -18,6 +18,13 @@ _NO_NEWS = re.compile(
     re.IGNORECASE,
 )
 """What is said of arming is said on the ground; what is over has not failed."""
+FENCE_BREACH = (
+    r"fence breach|\bbreached\b|geo-?fence (violation\b(?! for)|violated|exceed|breach)|"
+    r"geofence: (approaching|exceeding)"
+)
+"""ArduPilot names the kind, "Polygon fence breached"; PX4 1.17 says "Geofence: exceeding maximum altitude above Home",
+up to 1.13 "Geofence violation". "Geofence violation for waypoint 2", "Geofence invalid, doesn't contain Home position"
+and "Fence Indexed OK" are about what was uploaded (measured)."""
 _KINDS: Mapping[str, str] = MappingProxyType(
     {
         # "Crash: Disarming: AngErr=40>30, Accel=0.0<3.0"
@@ -35,7 +42,7 @@ _KINDS: Mapping[str, str] = MappingProxyType(
         # "Potential Thrust Loss (3)"; "Motor failure detected", "Attitude failure (roll)"
         "motor": r"potential thrust loss|(motor|esc)\w* fail|failure detect|critical failure|attitude failure",
         "vibration": r"vibration failsafe|vibration compensation on",
-        "fence": r"fence breach|breached|geo-?fence (violat|exceed|breach)",
+        "fence": FENCE_BREACH,
         "rc": r"(radio|rc|throttle) failsafe|(manual control|rc signal|rc link|manual control signal) lost|"
         r"failsafe enabled: no rc|due to .*(manual control|rc )",
         "ground station": r"gcs failsafe|(data ?link|gcs connection|connection to ground (control )?station) lost|"

@@ -25,6 +25,7 @@ from executor.core.messages import (
     Wind,
 )
 from missions import FlightPath, LegEstimate, Phase
+from missions.fences import Fence
 
 
 class Cause(Enum):
@@ -290,6 +291,8 @@ class Assignment:
     before: Before | None = None
     """Until it is known what it did while nobody listened."""
     carried: Carried = field(default_factory=Carried)
+    fence: Fence | None = None
+    """The fence on board, of those that were put there from here: while a wider one is being uploaded, the narrower."""
     pending: int | None = None
     """The revision whose mission is being put on board."""
     stubborn: bool = False

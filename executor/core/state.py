@@ -13,6 +13,7 @@ from executor.core.events import Gain, NewRoute
 from executor.core.intents import IntentRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
+from missions.fences import Fence
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,8 @@ class NewMission:
     """All visits of the path: those that stay, then the new ones."""
     fresh: bool
     """Whether it begins on the ground, with a take-off."""
+    fence: Fence | None = None
+    """The fence that has to be on board before it; None where the one on board covers it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from executor.core.ports import OpenLink
 from executor.core.preflight import checks
 from executor.core.preflight.checks import Check, Facts, Severity
 from executor.errors import ExecutorError
-from executor.flight import linking, preparing
+from executor.flight import fencing, linking, preparing
 from executor.flight.flight_order import Console, Order
 from executor.flight.parameter_changes import read_changes
 from executor.flight.together import time_of
@@ -46,7 +46,8 @@ async def _examined(order: Order, console: Console, clock: SystemClock) -> list[
         facts = {answer.name: answer for answer in answers if isinstance(answer, Facts)}
         found = [answer for answer in answers if isinstance(answer, Check)]
         if not found:
-            context, _, found_of = preparing.examined(order, facts)
+            context, boards, found_of = preparing.examined(order, facts)
+            found_of += fencing.checks(context, facts, boards, await fencing.read_all(context, links, clock))
             return [*found_of, *(await read_changes(context, links, clock)).checks]
     found += plan_checks(order.plan, len(order.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executor import supervised
@@ -21,15 +22,17 @@ from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Asked, IntentReceived, Reopened
+from executor.core.fencing import first_fences
 from executor.core.intents import Action
 from executor.core.parts import OnBoard
 from executor.core.ports import OpenLink
 from executor.core.preflight.checks import Check, Severity
-from executor.core.preflight.parameters import Proposal
+from executor.core.preflight.fences import Lists
+from executor.core.preflight.parameters import Kept, Proposal
 from executor.core.state import CheckLine, FleetState
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
-from executor.flight import parameter_changes, web
+from executor.flight import fencing, parameter_changes, web
 from executor.flight.changed_parameters import parameters_report
 from executor.flight.flight_order import Console, Order, keep_learned
 from executor.flight.leaving import Interrupts
@@ -40,6 +43,7 @@ from executor.flight.together import time_of
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
 from executor.site.plan_words import route_words, summary
+from missions.fences import Fence
 
 if TYPE_CHECKING:
     from executor.flight.mqtt import Publication
@@ -97,17 +101,21 @@ async def _fly(
     run = order.run
     facts = await interviews(order, links, clock, console)
     context, boards, found = examined(order, facts)
+    lists = await fencing.read_all(context, links, clock)
+    found += fencing.checks(context, facts, boards, lists, run)
     console.checks(found)
     try:
         _must_not_stop(found)
+        proposal = await parameter_changes.read_changes(context, links, clock)
+        console.checks(proposal.checks)
+        _must_not_stop(proposal.checks)
     except PreflightFailed:
-        await parameter_changes.give_back(run, links, clock, console)  # of an earlier attempt in this directory
+        await _given_back(run, links, clock, console)  # of an earlier attempt in this directory
         raise
-    proposal = await parameter_changes.read_changes(context, links, clock)
-    console.checks(proposal.checks)
     found += proposal.checks
+    fences = first_fences(context, boards)
     state = fleet.initial(
-        boards, tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found)
+        boards, tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found), fences
     )
     log = EventLog(
         RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
@@ -115,15 +123,23 @@ async def _fly(
     seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
     flown: FlightResult | None = None
     try:
-        flown = await supervise(order, console, seat, Launch(proposal, boards, found))
+        flown = await supervise(order, console, seat, Launch(proposal, boards, found, fences, lists))
     except PreflightFailed:
         RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
     finally:
         if flown is None:
             # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
-            await parameter_changes.give_back(run, links, clock, console)
+            await _given_back(run, links, clock, console)
     return flown
+
+
+async def _given_back(
+    run: Path, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
+) -> tuple[Kept, ...]:
+    """Give back what is on record, fences before the parameters that say how they are kept to."""
+    await fencing.give_back(run, links, clock, console)
+    return await parameter_changes.give_back(run, links, clock, console)
 
 
 def _must_not_stop(found: Sequence[Check]) -> None:
@@ -140,6 +156,10 @@ class Launch:
     boards: Mapping[str, OnBoard | None]
     found: list[Check]
     """The checklist so far."""
+    fences: Mapping[str, Fence]
+    """What is to be put on board."""
+    lists: Mapping[str, Lists]
+    """What every vehicle carries beside its mission, where it was asked."""
 
 
 async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Launch) -> None:
@@ -149,11 +169,15 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
         PreflightFailed: the operator did not say yes, or something cannot be put on board.
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
-    if proposal.changes:
-        text = parameter_changes.changes_question(proposal)
-        if not await _asked(flight, console, Action.PREPARE, text, parameter_changes.lines(proposal)):
+    fence_lines = fencing.lines(context, beginning.fences, beginning.lists)
+    if proposal.changes or fence_lines:
+        text = parameter_changes.changes_question(proposal, fences=len(fence_lines))
+        told = [*fence_lines, *parameter_changes.lines(proposal)]
+        if not await _asked(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
+    # Before the missions: PX4 holds a mission against the fence that is on board.
+    await fencing.put_all(order.run, context, links, clock, beginning.fences, beginning.lists, console)
     await load_all(context, links, clock, beginning.boards, console)
     vehicles_of(context, seat.said).write(RunDirectory(order.run).vehicles)
     text = f"All missions are on board, verified by read-back: {summary(order.plan)}. Take off?"
@@ -222,7 +246,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         console.done()
         seat.log.close()
     ended_s = clock.now_s()
-    given_back = await parameter_changes.give_back(order.run, links, clock, console)
+    given_back = await _given_back(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
     report = report_of(
         context, flight.state, ended_s, order.truths(clock), frames, seat.said, parameters_report(given_back)

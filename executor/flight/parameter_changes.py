@@ -13,6 +13,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.ports import Clock, OpenLink
+from executor.core.preflight import fences
 from executor.core.preflight.checks import Check
 from executor.core.preflight.parameters import (
     ChangeStage,
@@ -24,6 +25,7 @@ from executor.core.preflight.parameters import (
     propose,
     return_heights,
 )
+from executor.core.words import count_of
 from executor.errors import LogError, PreflightFailed
 from executor.flight.changed_parameters import read_kept, write_kept
 from executor.flight.flight_order import Console
@@ -42,10 +44,11 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Proposal
 
     async def one(name: str) -> Present:
         async with turn:
-            return await parameters.read_present(links[name], clock, context.vehicles[name].dialect)
+            beside = fences.parameter_names(context, name)
+            return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
     found = await asyncio.gather(*(one(name) for name in context.vehicles))
-    return propose(context, dict(zip(context.vehicles, found, strict=True)))
+    return fences.with_fences(context, propose(context, dict(zip(context.vehicles, found, strict=True))))
 
 
 def lines(proposal: Proposal) -> list[str]:
@@ -53,10 +56,15 @@ def lines(proposal: Proposal) -> list[str]:
     return [f"{change.vehicle}: {change.words}" for change in proposal.changes]
 
 
-def changes_question(proposal: Proposal) -> str:
-    """Return what is asked before anything is set."""
-    count = len(proposal.changes)
-    what = "1 parameter" if count == 1 else f"{count} parameters"
+def changes_question(proposal: Proposal, *, fences: int = 0) -> str:
+    """Return what is asked before anything is set.
+
+    Args:
+        proposal: Which parameters.
+        fences: Of how many vehicles the fence.
+    """
+    counted = ((len(proposal.changes), "parameter"), (fences, "fence"))
+    what = " and ".join(count_of(count, name) for count, name in counted if count)
     return f"Change {what} on board until the flight is over?"
 
 
@@ -68,7 +76,8 @@ async def apply_changes(
     What was there before is on record in the run directory, and on its disk, before anything is sent.
 
     Raises:
-        PreflightFailed: the record cannot be written; nothing was set.
+        PreflightFailed: the record cannot be written, and nothing was set; or a vehicle does not take what its fence
+            needs.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
     about = {name: (setup.sysid, setup.dialect.name) for name, setup in context.vehicles.items()}
@@ -79,6 +88,7 @@ async def apply_changes(
         text = f"{RunDirectory(run).parameters}: cannot be written: {error.strerror}; nothing was changed on board"
         raise PreflightFailed(text) from error
     checks: list[Check] = []
+    unfenced: list[str] = []
     turn = asyncio.Semaphore(AT_ONCE)
 
     async def one(name: str) -> None:
@@ -88,12 +98,18 @@ async def apply_changes(
             if not problem:
                 record.stage(name, parameter, ChangeStage.SET)
         record.keep()
-        checks.append(return_heights(context, name, proposal, ends))
-        console.checks(checks[-1:])
+        own = fences.parameter_names(context, name)
+        unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
+        rest = {key: problem for key, problem in ends.items() if key not in own}
+        if rest:
+            checks.append(return_heights(context, name, proposal, rest))
+            console.checks(checks[-1:])
 
     async with asyncio.TaskGroup() as tasks:
         for name in dict.fromkeys(change.vehicle for change in proposal.changes):
             tasks.create_task(one(name))
+    if unfenced:
+        raise PreflightFailed(unfenced[0])
     return checks
 
 

@@ -13,10 +13,12 @@ from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
 from executor.adapters.solver import REPLAN_COST, replan_task
-from executor.core.commands import Command, Level, Say, Solve
+from executor.core.commands import Command, Level, Say, Solve, Upload
 from executor.core.context import Context
 from executor.core.events import Event, SolveEnded, Tick
 from executor.core.state import FleetState
+from executor.errors import LogError
+from executor.flight import fencing
 from executor.flight.checkpointing import Checkpointer
 from executor.flight.checkpoints import Checkpoint, Planned
 from executor.flight.flight_order import Console, Order
@@ -94,6 +96,11 @@ class Keeper:
         """Write a decision down, before it is carried out."""
         if not isinstance(command, Say):
             self._log.note(now_s, command=to_plain(command))
+        if isinstance(command, Upload):
+            try:
+                fencing.noted(self._order.run, self._context, command)
+            except (OSError, LogError) as error:
+                self._warn(f"the new fence of {command.vehicle} is not on record: {error}")
 
     def said(self, line: Say, now_s: float) -> None:
         """Show, keep and publish a line."""

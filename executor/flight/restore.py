@@ -10,28 +10,31 @@ from executor.adapters.run_directory import RunDirectory, locked
 from executor.core.ports import Keyring, LinkOrder
 from executor.core.preflight.parameters import Kept
 from executor.errors import LogError
+from executor.flight import fencing
 from executor.flight.changed_parameters import read_kept
 from executor.flight.flight_order import Console
+from executor.flight.kept_lists import KeptList, read_lists
 from executor.flight.parameter_changes import give_back
 from executor.flight.together import time_of
 from executor.site.config import Site, read_site, signing_key
 
 
-def read_open(run: Path) -> tuple[Site, list[Kept]]:
-    """Return the site of a flight, and what has still to be given back.
+def read_open(run: Path) -> tuple[Site, list[Kept], list[KeptList]]:
+    """Return the site of a flight, and which parameters, fences and rally points have still to be given back.
 
     Raises:
         LogError: the directory holds no record, or one that cannot be read.
         SiteError: site.toml cannot be used.
     """
-    kept = read_kept(run)
-    if kept is None:
+    kept, lists = read_kept(run), read_lists(run)
+    if kept is None and not lists:
         raise LogError(f"{run}: expected a run directory with parameters.json; no parameter was changed from here")
-    return read_site(RunDirectory(run).site), [one for one in kept if one.open]
+    still = [one for one in kept or () if one.open]
+    return read_site(RunDirectory(run).site), still, [one for one in lists if one.open]
 
 
-async def restore(run: Path, console: Console) -> tuple[Kept, ...]:
-    """Give back what is on record; returns the record as it is then.
+async def restore(run: Path, console: Console) -> tuple[tuple[Kept, ...], tuple[KeptList, ...]]:
+    """Give back what is on record; returns both records as they are then.
 
     Nobody hears a heartbeat from here: a vehicle that somebody flies would take its end for a lost ground station.
 
@@ -41,8 +44,8 @@ async def restore(run: Path, console: Console) -> tuple[Kept, ...]:
         ConnectionFailed: a connection cannot be opened.
     """
     with locked(run):
-        site, waiting = read_open(run)  # now that nobody else writes to it
-        names = {one.vehicle for one in waiting}
+        site, waiting, lists = read_open(run)  # now that nobody else writes to it
+        names = {one.vehicle for one in waiting} | {one.vehicle for one in lists}
         async with time_of(site, console) as found:
             clock = SystemClock.beside(site.flight.speedup, found.steady)
             key = signing_key(site, run)
@@ -50,4 +53,6 @@ async def restore(run: Path, console: Console) -> tuple[Kept, ...]:
             # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
             wanted = {table.name: LinkOrder(table.link, table.sysid) for table in site.vehicle if table.name in names}
             async with endpoints.open_mavlink_links(wanted, keyring) as links:
-                return await give_back(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)
+                heard_s = site.flight.connect_timeout_s * clock.speedup
+                fences = await fencing.give_back(run, links, clock, console, heard_s)
+                return await give_back(run, links, clock, console, heard_s), fences

@@ -12,6 +12,7 @@ from executor.analysis.documents import AskedVehicle, read_asked
 from executor.analysis.learned import began_with
 from executor.core import fleet
 from executor.core.context import Context
+from executor.core.fencing import first_fences
 from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
 from executor.core.state import FleetState
 from executor.core.vehicle import aboard
@@ -64,7 +65,7 @@ def beginning(run: Path) -> Beginning:
         name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles
     }
-    return Beginning(ground, plan, context, fleet.initial(boards))
+    return Beginning(ground, plan, context, fleet.initial(boards, fences=first_fences(context, boards)))
 
 
 def _pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:

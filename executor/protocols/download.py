@@ -1,4 +1,6 @@
-"""Download of the mission on board: here the ground station drives, and repeats its question until it is answered.
+"""Download of what is on board, a mission, a fence or rally points.
+
+Here the ground station drives, and repeats its question until it is answered.
 
 An error is no end: it may be the late answer to a doubled item of the upload before, or another station's transfer that
 will be over soon. It is the reason if the question stays without an answer.
@@ -21,7 +23,7 @@ from executor.core.messages import (
 )
 from executor.protocols.machine import Accepted, BrokenOff, Outcome, TimedOut
 from executor.protocols.upload import rejected
-from missions.items import MissionItem
+from missions.items import MissionItem, MissionKind
 
 PERIOD_S = 1.0
 TRIES = 8
@@ -31,6 +33,8 @@ TRIES = 8
 class DownloadDialogue:
     """The state of one download."""
 
+    kind: MissionKind = MissionKind.MISSION
+    """Which of the vehicle's lists: what is said of another is another dialogue's."""
     outcome: Outcome | None = None
     deadline_s: float = 0.0
     count: int | None = None
@@ -42,18 +46,18 @@ class DownloadDialogue:
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask how many items there are."""
-        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (SendMissionRequestList(),)
+        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (SendMissionRequestList(self.kind),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the count, then the items in their order."""
         if self.outcome is not None:
             return self, ()
         match message:
-            case MissionCount(count) if self.count is None:
+            case MissionCount(count, kind) if kind is self.kind and self.count is None:
                 return _ask(replace(self, count=count), now_s)
-            case MissionItemReceived(item) if self.count is not None and item.seq == len(self.items):
+            case MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
                 return _ask(replace(self, items=(*self.items, item)), now_s)
-            case MissionAck(result) if result != 0:
+            case MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
             case _:
                 return self, ()
@@ -68,13 +72,18 @@ class DownloadDialogue:
             what = "the count" if self.count is None else f"item {len(self.items)} of {self.count}"
             return self._ended(TimedOut(f"no answer when asked for {what}")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
-        return state, (SendMissionRequestList() if self.count is None else SendMissionRequest(len(self.items)),)
+        if self.count is None:
+            return state, (SendMissionRequestList(self.kind),)
+        return state, (SendMissionRequest(len(self.items), self.kind),)
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up."""
         if self.outcome is not None:
             return self, ()
-        return self._ended(BrokenOff()), (SendMissionAck(15),)
+        return self._ended(BrokenOff()), (SendMissionAck(15, self.kind),)
+
+    def _is_next(self, item: MissionItem) -> bool:
+        return self.count is not None and item.seq == len(self.items)
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))
@@ -86,6 +95,6 @@ D = TypeVar("D", bound=DownloadDialogue)
 def _ask(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
     """Ask for the next item, or say that all have come."""
     if len(state.items) == state.count:
-        return replace(state, outcome=Accepted(), deadline_s=float("inf")), (SendMissionAck(0),)
+        return replace(state, outcome=Accepted(), deadline_s=float("inf")), (SendMissionAck(0, state.kind),)
     asked = replace(state, tries=1, refusal=None, deadline_s=now_s + PERIOD_S)
-    return asked, (SendMissionRequest(len(state.items)),)
+    return asked, (SendMissionRequest(len(state.items), state.kind),)

@@ -1,4 +1,4 @@
-"""Upload of a mission.
+"""Upload of a mission, a fence or rally points.
 
 The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only
 until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is
@@ -21,7 +21,7 @@ from executor.core.messages import (
     SendMissionItem,
 )
 from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
-from missions.items import MissionItem
+from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
 COUNT_TRIES = 5
@@ -56,6 +56,8 @@ class UploadDialogue:
     """How long the vehicle may stay silent after its first request: longer than its own time-out."""
     warnings: frozenset[int]
     """MAV_MISSION_RESULTs that this autopilot sends while it goes on (ArduPilot: 13)."""
+    kind: MissionKind = MissionKind.MISSION
+    """Which of the vehicle's lists: what is said of another is another dialogue's."""
     outcome: Outcome | None = None
     deadline_s: float = 0.0
     counts_sent: int = 0
@@ -77,16 +79,16 @@ class UploadDialogue:
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Announce the number of items."""
         state = replace(self, counts_sent=1, deadline_s=now_s + COUNT_PERIOD_S)
-        return state, (SendMissionCount(len(self.items)),)
+        return state, (SendMissionCount(len(self.items), self.kind),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Answer requests; end on an acknowledgement that is final."""
         if self.outcome is not None:
             return self, ()
         match message:
-            case MissionRequest(seq) if 0 <= seq < len(self.items):
+            case MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
-            case MissionAck(result):
+            case MissionAck(result, kind) if kind is self.kind:
                 return self._acknowledged(result), ()
             case _:
                 return self, ()
@@ -99,21 +101,21 @@ class UploadDialogue:
             if self.counts_sent >= COUNT_TRIES:
                 return self._ended(TimedOut("the vehicle did not ask for the first item")), ()
             state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
-            return state, (SendMissionCount(len(self.items)),)
+            return state, (SendMissionCount(len(self.items), self.kind),)
         if now_s - self.heard_s >= self.silence_s:
             if self.refusal is not None:
-                return self._ended(rejected("mission", self.refusal)), ()
+                return self._ended(rejected(what_of(self.kind), self.refusal)), ()
             return self._ended(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
         if self.furthest == len(self.items) - 1:
-            return state, (SendMissionItem(self.items[-1]),)
+            return state, (SendMissionItem(self.items[-1], self.kind),)
         return state, ()
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up; PX4 takes the cancellation, ArduPilot notices the silence."""
         if self.outcome is not None:
             return self, ()
-        return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED),)
+        return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         state = replace(
@@ -125,7 +127,7 @@ class UploadDialogue:
         )
         if seq == self.answered and now_s - self.answered_s < REPEAT_S:
             return state, ()
-        return replace(state, answered=seq, answered_s=now_s), (SendMissionItem(self.items[seq]),)
+        return replace(state, answered=seq, answered_s=now_s), (SendMissionItem(self.items[seq], self.kind),)
 
     def _acknowledged(self, result: int) -> Self:
         all_asked = self.furthest == len(self.items) - 1
@@ -137,10 +139,15 @@ class UploadDialogue:
         if result == RESULT_ERROR and self.begun and not all_asked:
             # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
             return replace(self, refusal=result)
-        return self._ended(rejected("mission", result))
+        return self._ended(rejected(what_of(self.kind), result))
 
     def _ended(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))
+
+
+def what_of(kind: MissionKind) -> str:
+    """Return one of a vehicle's lists in words."""
+    return {MissionKind.MISSION: "mission", MissionKind.FENCE: "fence", MissionKind.RALLY: "rally points"}[kind]
 
 
 def rejected(what: str, result: int) -> Rejected:

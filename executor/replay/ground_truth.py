@@ -15,6 +15,7 @@ from executor.replay.result import Happened, RecordedTruth
 KINDS: Mapping[str, FaultKind] = {
     "battery fault": FaultKind.BATTERY,
     "link loss": FaultKind.LINK,
+    "fence breach": FaultKind.FENCE,
     "interruption": FaultKind.INTERRUPTION,
     "mission interruption": FaultKind.INTERRUPTION,
 }

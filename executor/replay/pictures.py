@@ -16,7 +16,7 @@ from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 ROW_IN = 1.9
 BAND_SD = 2.0
 KIND_COLOURS = {FaultKind.LINK: "#1f3fa8", FaultKind.BATTERY: "#e8a010", FaultKind.INTERRUPTION: "#00806b",
-                FaultKind.OPERATOR: "#5a5a5a"}  # fmt: skip
+                FaultKind.OPERATOR: "#5a5a5a", FaultKind.FENCE: "#8a2a8a"}  # fmt: skip
 ROWS = ("battery (%)", "voltage (V)", "link age (s)", "progress")
 MOST_LETTERS = 50
 LEGEND_PCT, DECLARED_PCT = -32.0, -16.0

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from executor import supervised
-from executor.core import commands, events, fleet
+from executor.core import commands, events, fencing, fleet
 from executor.core.commands import Command
 from executor.core.context import Context
+from executor.core.custody.causes import in_other_hands
 from executor.core.endings import Ending
 from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
@@ -199,7 +200,8 @@ class Flight:
             case commands.Upload(vehicle, revision):
                 # How far it came is not known then: a part of it may be on board.
                 failed = partial(events.UploadEnded, vehicle, revision, False, True)
-                self._job(vehicle, partial(self._upload, command), failed, whole=True)
+                # A fence is broken off when a person takes the vehicle, and nothing of it is on board then.
+                self._job(vehicle, partial(self._upload, command), failed, whole=command.fence is None)
             case commands.Start(vehicle):
                 self._job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
             case commands.SendHome(vehicle):
@@ -298,10 +300,21 @@ class Flight:
             # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
-        wanted = partial(self._may_be_given, name)
-        tell = partial(self._tell, name)
+        ended = partial(events.UploadEnded, name, command.revision)
+        if over_m := fencing.over_its_top_m(self.context, name, command.path):
+            return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
+        fenced = command.fence is not None
+        if command.fence is not None:
+            items = fencing.fence_list(self.context, command.fence)
+            fence = await procedures.put_fence(link, self._clock, dialect, items, partial(self._may_be_fenced, name))
+            if not fence.accepted:
+                return ended(False, False, f"its fence: {fence.reason}", fence.code)
+            if not self._may_be_fenced(name, mixed=False):
+                return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
+            self._whole.add(name)
+        wanted, tell = partial(self._may_be_given, name), partial(self._tell, name)
         done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted, tell)
-        return events.UploadEnded(command.vehicle, command.revision, done.accepted, done.mixed, done.reason, done.code)
+        return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
     def _tell(self, vehicle: str, text: str) -> None:
         line = commands.Say(commands.Level.WARNING, f"{vehicle}: {text}")
@@ -309,6 +322,10 @@ class Flight:
 
     def _may_be_given(self, vehicle: str, mixed: bool) -> bool:
         return replanning.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)
+
+    def _may_be_fenced(self, vehicle: str, mixed: bool) -> bool:
+        """Return whether a fence may be changed: never while a person has the vehicle, or may have."""
+        return not in_other_hands(self.state.vehicles[vehicle]) and self._may_be_given(vehicle, mixed)
 
     async def _start(self, vehicle: str) -> Event:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

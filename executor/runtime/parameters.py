@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequest
@@ -34,9 +35,9 @@ SETTLE_S = 1.0
 """Between two rounds: what is under way by then, such as a setting that comes twice, has arrived."""
 
 
-async def read_present(link: Link, clock: Clock, dialect: Dialect) -> dict[str, ParamValue]:
-    """Return what a vehicle has of the parameters that its RTL goes by."""
-    present = await read_parameters(link, clock, first_names(dialect))
+async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> dict[str, ParamValue]:
+    """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
+    present = await read_parameters(link, clock, (*first_names(dialect), *beside))
     return present | await read_parameters(link, clock, newer_names(dialect, present))
 
 
@@ -94,6 +95,35 @@ class _Watch:
         return self.heartbeat is not None and not self.heartbeat.armed
 
 
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """A vehicle that was waited for until it answers and is not armed."""
+
+    problem: str
+    """What is in the way, in words; empty if nothing is."""
+    rests: Callable[[], bool]
+    """Whether it still is not armed, by its last HEARTBEAT."""
+
+
+@asynccontextmanager
+async def at_rest(link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S) -> AsyncIterator[Rest]:
+    """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        autopilot: Which it has to be, by its name in site files.
+        heard_s: How long it is waited for, in its time.
+    """
+    watch = _Watch(asyncio.Event())
+    stop_listening = link.listen(watch.take)
+    try:
+        calls = first_names(dialect_for(autopilot))[0]
+        yield Rest(await _not_ready(link, clock, calls, autopilot, watch, heard_s), lambda: watch.rests)
+    finally:
+        stop_listening()
+
+
 async def give_back_to(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: float = HEARD_S) -> GivenBack:
     """Give one vehicle its parameters back, if it answers and is not armed; what somebody else set since stays.
 
@@ -108,7 +138,7 @@ async def give_back_to(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: 
     watch = _Watch(asyncio.Event())
     stop_listening = link.listen(watch.take)
     try:
-        problem = await _not_ready(link, clock, kept[0], watch, heard_s)
+        problem = await _not_ready(link, clock, kept[0].name, kept[0].autopilot, watch, heard_s)
         if problem:
             return GivenBack(tuple(kept), (problem,))
         return await _in_rounds(link, clock, kept, watch)
@@ -116,7 +146,7 @@ async def give_back_to(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: 
         stop_listening()
 
 
-async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s: float) -> str:
+async def _not_ready(link: Link, clock: Clock, calls: str, autopilot: str, watch: _Watch, heard_s: float) -> str:
     """Wait for a vehicle at rest; returns what is in the way, empty if nothing is.
 
     Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
@@ -128,7 +158,7 @@ async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s
         patience_s = max(heard_s if watch.heartbeat is None else ARMED_S, least_s)
         if clock.now_s() >= began_s + patience_s:
             break
-        link.send(SendParamRequest(one.name))
+        link.send(SendParamRequest(calls))
         watch.came.clear()
         try:
             async with asyncio.timeout(CALL_S / clock.speedup):
@@ -139,8 +169,8 @@ async def _not_ready(link: Link, clock: Clock, one: Kept, watch: _Watch, heard_s
         return "does not answer"
     if watch.heartbeat.armed:
         return "is armed"
-    if watch.heartbeat.autopilot != dialect_for(one.autopilot).number:
-        return f"is another vehicle now: its autopilot is {watch.heartbeat.autopilot}, expected {one.autopilot}"
+    if watch.heartbeat.autopilot != dialect_for(autopilot).number:
+        return f"is another vehicle now: its autopilot is {watch.heartbeat.autopilot}, expected {autopilot}"
     return ""
 
 

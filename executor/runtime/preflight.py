@@ -22,12 +22,14 @@ from executor.core.messages import (
 from executor.core.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafes, prearm
 from executor.core.preflight.checks import Facts
+from executor.core.preflight.fences import Lists
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
 from executor.runtime import procedures, streams
 from executor.runtime.parameters import read_parameters
-from missions import Dialect, EncodedMission
+from missions import Dialect, EncodedMission, MissionItem, MissionKind
+from missions.fences import numbered
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -261,3 +263,43 @@ async def load_mission(
         done = await procedures.put_on_board(link, clock, dialect, mission.items, tell=told)
     if not done.accepted:
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
+
+
+async def read_lists(link: Link, clock: Clock) -> Lists:
+    """Read what a vehicle carries beside its mission."""
+    return Lists(
+        await read_one(link, clock, MissionKind.FENCE),
+        await read_one(link, clock, MissionKind.RALLY),
+    )
+
+
+async def read_one(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
+    """Read a vehicle's fence, or its rally points; None if it does not let them be read."""
+    return await procedures.read_list(link, clock, kind)
+
+
+async def put_back(
+    link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
+) -> str:
+    """Give a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
+    if kind is MissionKind.FENCE:
+        done = await procedures.put_fence(link, clock, dialect, numbered(items))
+    else:
+        done = await procedures.put_on_board(link, clock, dialect, numbered(items), kind=kind)
+    return "" if done.accepted else done.reason
+
+
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: Lists) -> None:
+    """Put a fence and rally points on board; None of either leaves what is there.
+
+    Raises:
+        VehicleRefused: what is on board is not what was sent.
+    """
+    if wanted.fence is not None:
+        done = await procedures.put_fence(link, clock, dialect, wanted.fence)
+        if not done.accepted:
+            raise VehicleRefused(f"{name}: the fence is not on board: {done.reason}")
+    if wanted.rally is not None:
+        done = await procedures.put_on_board(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
+        if not done.accepted:
+            raise VehicleRefused(f"{name}: the rally points are not on board: {done.reason}")

@@ -18,7 +18,8 @@ from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, Tim
 from executor.protocols.params import Parameter
 from executor.protocols.upload import UploadDialogue
 from executor.runtime.dialogue import converse
-from missions import Dialect, MissionItem, StartStep, differences
+from missions import Dialect, MissionItem, MissionKind, StartStep, differences
+from missions.fences import place_differences
 
 M = TypeVar("M", bound=Machine)
 
@@ -42,6 +43,10 @@ MODE_TIMEOUT_S = 5.0
 PATIENCE_REAL_S = 3.0
 """Faster than real time a busy computer may be why nobody answers, so nothing is given up sooner than this. Measured:
 three PX4 at four times real time left every question of a second unanswered, on two busy cores."""
+FENCE_DROPPED = "geofence invalid"
+"""PX4: "Geofence invalid, doesn't contain Home position", "... current vehicle position"."""
+DROPPED_S = 1.5
+"""It came half a second after the acknowledgement (measured)."""
 ARM_PATIENCE_S = 30.0
 ARM_AGAIN_S = 2.0
 
@@ -95,16 +100,18 @@ async def put_on_board(
     items: tuple[MissionItem, ...],
     wanted: Callable[[bool], bool] = lambda _: True,
     tell: Callable[[str], None] = lambda _: None,
+    kind: MissionKind = MissionKind.MISSION,
 ) -> Done:
-    """Upload a mission and read it back until both are the same, with patience but not for ever.
+    """Upload a mission, a fence or rally points, and read it back until both are the same, but not for ever.
 
     Args:
         link: To the vehicle.
         clock: The flight's.
         dialect: The vehicle's.
-        items: The mission.
+        items: All of it; none clears a fence or rally points.
         wanted: Asked before it is begun again, with whether a part of it may be on board.
         tell: Told once that the vehicle is busy, and for how long that is borne.
+        kind: Which of the vehicle's lists.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     busy, broken_off = 0, False
@@ -119,24 +126,29 @@ async def put_on_board(
             await asyncio.sleep((_freed_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
         if attempt and not wanted(mixed):
             return Done(accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION)
-        upload = await upload_once(link, clock, dialect, items)
+        upload = await upload_once(link, clock, dialect, items, kind)
         if upload.begun:
-            mixed = not dialect.upload_is_atomic
+            # Both autopilots take fences and rally points as a whole.
+            mixed = kind is MissionKind.MISSION and not dialect.upload_is_atomic
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.begun or not isinstance(upload.outcome, Rejected)
         broken_off = _broken_off(upload, broken=broken_off)
         if not isinstance(upload.outcome, Accepted):
             reason, code = reason_of(upload.outcome), code_of(upload.outcome)
             busy = _told_busy(upload, code, busy, dialect, tell)
-            if not upload.begun or upload.furthest < len(items) - 1:
+            if (items and not upload.begun) or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
-        download = await converse(DownloadDialogue(), link, clock)
+        download = await converse(DownloadDialogue(kind), link, clock)
         if not isinstance(download.outcome, Accepted):
             reason, code = reason_of(download.outcome), code_of(download.outcome)
             broken_off |= isinstance(download.outcome, TimedOut)
             continue
-        different = differences(items, download.items, dialect)
+        different = (
+            differences(items, download.items, dialect)
+            if kind is MissionKind.MISSION
+            else place_differences(items, download.items)
+        )
         if not different:
             return Done(accepted=True)
         reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
@@ -177,14 +189,61 @@ def _freed_s(dialect: Dialect) -> float:
 
 async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | None:
     """Read the mission on board; None if it does not let it be read."""
-    download = await converse(DownloadDialogue(), link, clock)
+    return await read_list(link, clock, MissionKind.MISSION)
+
+
+async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
+    """Read one of a vehicle's lists; None if it does not let it be read."""
+    download = await converse(DownloadDialogue(kind), link, clock)
     return download.items if isinstance(download.outcome, Accepted) else None
 
 
-async def upload_once(link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...]) -> UploadDialogue:
-    """Upload a mission once."""
+async def put_fence(
+    link: Link,
+    clock: Clock,
+    dialect: Dialect,
+    items: tuple[MissionItem, ...],
+    wanted: Callable[[bool], bool] = lambda _: True,
+) -> Done:
+    """Upload a fence and read it back; a vehicle that drops it says so in a text alone, and a moment later.
+
+    Args:
+        link: To the vehicle.
+        clock: The flight's.
+        dialect: The vehicle's.
+        items: The fence.
+        wanted: Asked before it is begun, and begun again.
+    """
+    dropped: list[str] = []
+
+    def note(message: Message) -> None:
+        if isinstance(message, StatusText) and FENCE_DROPPED in message.text.lower():
+            dropped.append(message.text)
+
+    if not wanted(False):
+        return Done(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
+    stop_listening = link.listen(note)
+    try:
+        done = await put_on_board(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
+        if done.accepted and items and dialect.geofence.checked_on_load:
+            await asyncio.sleep(DROPPED_S / clock.speedup)
+    finally:
+        stop_listening()
+    if done.accepted and dropped:
+        return Done(accepted=False, reason=f"dropped: {dropped[-1]}", code=Ending.FENCE_DROPPED)
+    return done
+
+
+async def upload_once(
+    link: Link,
+    clock: Clock,
+    dialect: Dialect,
+    items: tuple[MissionItem, ...],
+    kind: MissionKind = MissionKind.MISSION,
+) -> UploadDialogue:
+    """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await converse(UploadDialogue(items, silence_s, dialect.upload_warnings), link, clock)
+    return await converse(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
 
 
 async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:

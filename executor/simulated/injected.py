@@ -17,6 +17,7 @@ KINDS = {
     "reboot": "interruption",
     "refuse-upload": "interruption",
     "half-upload": "interruption",
+    "fence": "fence",
 }
 """What a fault that the simulator injects should be declared as."""
 

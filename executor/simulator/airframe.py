@@ -196,15 +196,15 @@ class Airframe:
             yield Wait(self._manners.spool_s)
         yield replace(self._manners.climb, place=self._climbed_to, speed_m_s=climb_m_s, slow_m_s=slow_m_s)
 
-    def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land) -> Iterator[Goal]:
-        """Yield the way home: climb if need be, straight to the pad, linger, land."""
+    def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land, to: Place = PAD) -> Iterator[Goal]:
+        """Yield the way home: climb if need be, straight to the pad or a rally point, linger, land."""
         self.climbing_out = False
         here = stopping_place(self.body, self._manners.limits)
         if not self.body.on_ground:
             above = Place(here.east_m, here.north_m, max(here.up_m, up_m))
             if above.up_m > here.up_m + AIRBORNE_M:
                 yield Climb(above, self._manners.limits.climb_m_s)
-            over = Place(0.0, 0.0, above.up_m)
+            over = Place(to.east_m, to.north_m, above.up_m)
             yield Leg(above, over, self.reached_m_s(speed_m_s), accept_m=0.0)
             yield Hover(over, linger_s)
         yield land

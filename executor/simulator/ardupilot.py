@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import IntEnum
 from typing import ClassVar
@@ -11,6 +12,7 @@ from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import MavCommand, MissionState, Result, Severity
+from executor.simulator.fence import Shape, distance_outside_m, is_inside, shapes_of, way_home_ends
 from executor.simulator.guidance import Sink, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_ardupilot import ArduPilotMission, home_goals, land_goal
@@ -34,6 +36,9 @@ SENSORS_IDLE = (0x5371FC2F, 0x53619C2F, 0x57719C2F)
 SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
 """From the recorded flights: (present, enabled, healthy)."""
 BATTERY_BIT = 0x02000000
+FENCE_BIT = 0x00100000
+GIVES_UP_M = 100.0
+"""AC_FENCE_GIVE_UP_DISTANCE."""
 EKF_READY, EKF_BOOT = 831, 1024
 """Flags of EKF_STATUS_REPORT: as recorded in flight, and 'uninitialised'."""
 LOW, CRITICAL = 1, 2
@@ -83,6 +88,9 @@ class ArduPilot(Autopilot):
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice)
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
+        self._shapes: tuple[Shape, ...] = ()
+        self._outside = False
+        """Whether it is outside its fence by its own place; a breach may also be injected."""
         self._battery_level = 0
         self._low_since_s: dict[int, float] = {}
         self._gauge_offset_pct = 0.0
@@ -151,7 +159,9 @@ class ArduPilot(Autopilot):
                 self.begin_mission()
                 self.mission.enter()
             case Mode.RTL:
-                pilot.fly(home_goals(self.frame, self.params))
+                far_m = 1000.0 * self.params["RALLY_LIMIT_KM"] or math.inf
+                to = way_home_ends(self.store.rally, self.home, self.frame.body.place, far_m)
+                pilot.fly(home_goals(self.frame, self.params, to))
             case Mode.LAND:
                 pilot.fly([land_goal(stopping_place(self.frame.body, LIMITS), self.params)])
             case Mode.GUIDED | Mode.BRAKE:
@@ -220,7 +230,7 @@ class ArduPilot(Autopilot):
 
     def _on_disarmed(self) -> None:
         self.voice.say(Severity.INFO, "Disarming motors")
-        self._breached = False
+        self._breached = self._outside = False
         self.mission.disarmed()
 
     def _sticks_moved(self) -> None:
@@ -260,6 +270,8 @@ class ArduPilot(Autopilot):
         return self.frame.armed and self.mode == Mode.AUTO
 
     def _on_store(self, step: StoreStep) -> None:
+        if step.fenced:
+            self._shapes = shapes_of(self.store.fence, self.home)
         if step.truncated:
             self.mission.truncated()
         if step.stored is not None:
@@ -277,6 +289,7 @@ class ArduPilot(Autopilot):
         if self.frame.armed:
             self._watch_gcs()
             self._watch_battery()
+            self._watch_fence()
 
     def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
         return sender.sysid == self.params["MAV_GCS_SYSID"]
@@ -286,6 +299,38 @@ class ArduPilot(Autopilot):
             # It stays in the mode that the failsafe chose.
             self._gcs_failsafe = False
             self.voice.say(Severity.WARNING, "GCS Failsafe Cleared")
+
+    def _watch_fence(self) -> None:
+        """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
+        if not self.params["FENCE_ENABLE"] or self.frame.body.on_ground:
+            return
+        place, kinds, was_outside = self.frame.body.place, int(self.params["FENCE_TYPE"]), self._outside
+        found = [
+            name
+            for bit, name, out in (
+                (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
+                (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
+                (4, "Polygon", not is_inside(self._shapes, place)),
+            )
+            if kinds & bit and out
+        ]
+        self._outside = bool(found)
+        if was_outside and not found:
+            self._breached = False
+            self.voice.say(Severity.NOTICE, "Fence breach cleared")
+        if was_outside or not found:
+            return
+        self.frame.happened("failsafe fence")
+        self._breached, self._breaches = True, self._breaches + 1
+        self.voice.say(Severity.NOTICE, f"{' and '.join(found)} fence breached")
+        self.streams.soon("FENCE_STATUS", self.now_s)
+        self.streams.soon("SYS_STATUS", self.now_s)
+        action = int(self.params["FENCE_ACTION"])
+        if action == 0:
+            return
+        self.voice.say(Severity.INFO, "Manual recovery started")
+        far = distance_outside_m(self._shapes, place) > GIVES_UP_M
+        self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
 
     def _watch_gcs(self) -> None:
         action, silence_s = int(self.params["FS_GCS_ENABLE"]), self.gcs_silence_s
@@ -354,6 +399,9 @@ class ArduPilot(Autopilot):
         if not self.ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS_ARMED if self.frame.armed else SENSORS_IDLE
+        if self.params["FENCE_ENABLE"]:
+            enabled |= FENCE_BIT
+            healthy = healthy & ~FENCE_BIT if self._outside else healthy | FENCE_BIT
         return present, enabled, healthy & ~BATTERY_BIT if self._battery_level else healthy
 
     def _build_own(self, name: str) -> Outbound | None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from executor.simulator.airframe import Airframe
 from executor.simulator.curves import Curve, LegLimits, Strand, Vector, overlap_s, turn_s
 from executor.simulator.enums import MissionState, Severity
+from executor.simulator.fence import way_home_ends
 from executor.simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
 from executor.simulator.messages import out
 from executor.simulator.mission_store import has_place
@@ -248,7 +249,9 @@ class ArduPilotMission:
                 yield Leg(here, over, self.speed_m_s, accept_m=0.0)
                 yield land_goal(over, self._params)
             case _:
-                yield from home_goals(frame, self._params)
+                far_m = 1000.0 * self._params["RALLY_LIMIT_KM"] or math.inf
+                to = way_home_ends(self._store.rally, self._home, frame.body.place, far_m)
+                yield from home_goals(frame, self._params, to)
 
     def _waypoint(self, item: MissionItem, seq: int, *, restarted: bool) -> list[Goal]:
         frame = self._frame
@@ -362,14 +365,14 @@ def _way(origin: Place, target: Place) -> Vector:
     return Vector(target.east_m - origin.east_m, target.north_m - origin.north_m, target.up_m - origin.up_m)
 
 
-def home_goals(frame: Airframe, params: ParamTable) -> Iterator[Goal]:
+def home_goals(frame: Airframe, params: ParamTable, to: Place) -> Iterator[Goal]:
     """Yield RTL: not lower than RTL_ALT or the cone over the pad, at RTL_SPEED or WPNAV_SPEED, a pause over the pad."""
     here = frame.body.place
     speed_m_s = (params["RTL_SPEED"] or params["WPNAV_SPEED"]) * CM
-    pad = here if frame.body.on_ground else Place(0.0, 0.0, 0.0)
+    pad = here if frame.body.on_ground else to
     up_m = params["RTL_ALT"] * CM
     if params["RTL_CONE_SLOPE"] > 0:
         up_m = min(up_m, max(math.hypot(here.east_m, here.north_m) * params["RTL_CONE_SLOPE"], CONE_LEAST_M))
     yield from frame.go_home(
-        up_m, speed_m_s=speed_m_s, linger_s=params["RTL_LOIT_TIME"] * 1e-3, land=land_goal(pad, params)
+        up_m, speed_m_s=speed_m_s, linger_s=params["RTL_LOIT_TIME"] * 1e-3, land=land_goal(pad, params), to=to
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import Enum
 
 from executor.simulator.airframe import Airframe
@@ -44,6 +44,8 @@ class Px4Mission:
 
     def __init__(self, frame: Airframe, store: Px4Store, home: Home, params: ParamTable, voice: Voice) -> None:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
+        self.left_fence_at: Callable[[], int | None] = lambda: None
+        """The first item that lies outside the fence; None if none does."""
         self.index = 0
         self.asked_m_s = params["MPC_XY_CRUISE"]
         self.running = False
@@ -92,7 +94,8 @@ class Px4Mission:
     def feasible(self) -> bool:
         """Whether there is a mission that a multicopter can fly."""
         items = self._store.items
-        return bool(items) and all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in items)
+        flyable = all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in items)
+        return bool(items) and flyable and self.left_fence_at() is None
 
     @property
     def speed_m_s(self) -> float:
@@ -159,6 +162,10 @@ class Px4Mission:
         if not self.feasible:
             return self.give_up()
         return self._start(self.index)
+
+    def fence_changed(self) -> MissionEnd | None:
+        """Hold the mission against a fence that was put on board."""
+        return self.give_up() if self.running and not self.feasible else None
 
     def cleared(self) -> MissionEnd | None:
         """React to the list having been emptied; in flight that is a hold."""

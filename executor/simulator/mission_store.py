@@ -45,6 +45,8 @@ class StoreStep:
     """PX4: the whole list has just been replaced."""
     current: int | None = None
     """PX4: the item that the new list flags as the one to fly."""
+    fenced: bool = False
+    """The fence on board has just been replaced."""
 
 
 @dataclass(slots=True)
@@ -59,7 +61,9 @@ class Transfer:
     """When the vehicle last asked."""
     next: int = 0
     items: list[MissionItem] = field(default_factory=list)
-    """PX4's second buffer."""
+    """PX4's second buffer, and both autopilots' for what is no mission."""
+    kind: int = MISSION_TYPE_MISSION
+    """MAV_MISSION_TYPE."""
 
 
 class MissionStore(Protocol):
@@ -73,6 +77,16 @@ class MissionStore(Protocol):
     @property
     def mission_id(self) -> int:
         """The mission's identity, 0 where the dialect has none."""
+        ...
+
+    @property
+    def fence(self) -> tuple[MissionItem, ...]:
+        """The fence on board."""
+        ...
+
+    @property
+    def rally(self) -> tuple[MissionItem, ...]:
+        """The rally points on board."""
         ...
 
     fault: UploadFault
@@ -116,22 +130,22 @@ def ack(partner: Peer, result: MissionResult, mission_type: int = MISSION_TYPE_M
     )  # fmt: skip
 
 
-def count_message(partner: Peer, count: int, opaque_id: int = 0) -> Outbound:
+def count_message(partner: Peer, count: int, opaque_id: int = 0, mission_type: int = MISSION_TYPE_MISSION) -> Outbound:
     """Return a MISSION_COUNT."""
     return out(
         "MISSION_COUNT", target_system=partner.sysid, target_component=partner.compid, count=count,
-        mission_type=MISSION_TYPE_MISSION, opaque_id=opaque_id,
+        mission_type=mission_type, opaque_id=opaque_id,
     )  # fmt: skip
 
 
-def request_message(name: str, partner: Peer, seq: int) -> Outbound:
+def request_message(name: str, partner: Peer, seq: int, mission_type: int = MISSION_TYPE_MISSION) -> Outbound:
     """Return a MISSION_REQUEST or MISSION_REQUEST_INT."""
-    return out(
-        name, target_system=partner.sysid, target_component=partner.compid, seq=seq, mission_type=MISSION_TYPE_MISSION
-    )
+    return out(name, target_system=partner.sysid, target_component=partner.compid, seq=seq, mission_type=mission_type)
 
 
-def item_message(partner: Peer, item: MissionItem, *, integer: bool) -> Outbound:
+def item_message(
+    partner: Peer, item: MissionItem, *, integer: bool, mission_type: int = MISSION_TYPE_MISSION
+) -> Outbound:
     """Return a MISSION_ITEM_INT, or the older MISSION_ITEM in degrees."""
     placed = item.frame != Frame.MISSION
     x: int | float = item.x
@@ -143,5 +157,5 @@ def item_message(partner: Peer, item: MissionItem, *, integer: bool) -> Outbound
         target_system=partner.sysid, target_component=partner.compid, seq=item.seq, frame=item.frame,
         command=item.command, current=int(item.current), autocontinue=int(item.autocontinue), param1=item.param1,
         param2=item.param2, param3=item.param3, param4=item.param4, x=x, y=y, z=item.z,
-        mission_type=MISSION_TYPE_MISSION,
+        mission_type=mission_type,
     )  # fmt: skip

@@ -60,6 +60,7 @@ ARDUPILOT: Mapping[str, Param] = {
     "BATT_CRT_VOLT": Param(0), "BATT_CRT_MAH": Param(0), "BATT_LOW_TIMER": _i8(10), "BATT_FS_LOW_ACT": _i8(0),
     "BATT_FS_CRT_ACT": _i8(0), "BATT_ARM_VOLT": Param(0), "BATT_ARM_MAH": _i32(0), "FENCE_ENABLE": _i8(0),
     "FENCE_AUTOENABLE": _i8(0), "FENCE_TYPE": _i8(7), "FENCE_ALT_MAX": Param(100), "FENCE_RADIUS": Param(300),
+    "FENCE_ACTION": _i8(1), "RALLY_LIMIT_KM": Param(0.3),
 }  # fmt: skip
 # PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
 PX4: Mapping[str, Param] = {

@@ -72,6 +72,11 @@ class Home:
             (lon_e7 * 1e-7 - self.lon_deg) * self._east_m_deg, (lat_e7 * 1e-7 - self.lat_deg) * self._north_m_deg, up_m
         )
 
+    def east_north_m(self, lat_e7: int, lon_e7: int) -> tuple[float, float]:
+        """Return east and north of 1e-7 degrees."""
+        place = self.place(lat_e7, lon_e7, 0.0)
+        return place.east_m, place.north_m
+
     def lat_lon_e7(self, east_m: float, north_m: float) -> tuple[int, int]:
         """Return latitude and longitude of a local place in 1e-7 degrees."""
         return (

@@ -11,13 +11,15 @@ from executor.simulator.airframe import Manners
 from executor.simulator.autopilot import Autopilot
 from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState, MavCommand, Result, Severity
+from executor.simulator.fence import Shape, is_inside, shapes_of, way_home_ends
 from executor.simulator.gliding import HEIGHT_M, JERK, UP
 from executor.simulator.guidance import Climb, Goal, Hover, stopping_place
 from executor.simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from executor.simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
-from executor.simulator.mission_store import StoreStep
+from executor.simulator.mission_store import StoreStep, has_place
 from executor.simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, custom_mode
 from executor.simulator.physics import Home, Limits, Place
+from executor.simulator.route import place_of
 from executor.simulator.store_px4 import Px4Store
 
 MAV_AUTOPILOT_PX4 = 12
@@ -80,6 +82,10 @@ class Px4(Autopilot):
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
         self._landed_state = LandedState.ON_GROUND
+        self._shapes: tuple[Shape, ...] = ()
+        self._outside = False
+        """Whether it is outside its fence."""
+        self.mission.left_fence_at = self._left_fence_at
 
     def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
@@ -186,9 +192,11 @@ class Px4(Autopilot):
         alt_m = self.home.alt_m + up_m
         self.voice.say(Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)")
         speed_m_s = min(max(self.params["MPC_XY_CRUISE"], 0.1), self.params["MPC_XY_VEL_MAX"])
-        pad = body.place if body.on_ground else Place(0.0, 0.0, 0.0)
+        to = way_home_ends(self._store.rally, self.home, body.place)
+        pad = body.place if body.on_ground else to
         linger_s = max(self.params["RTL_LAND_DELAY"], 0.0)
-        yield from self.frame.go_home(up_m, speed_m_s=speed_m_s, linger_s=linger_s, land=land_goal(pad, self.params))
+        land = land_goal(pad, self.params)
+        yield from self.frame.go_home(up_m, speed_m_s=speed_m_s, linger_s=linger_s, land=land, to=to)
 
     def _return_height_m(self) -> float:
         """Return the least height of the way home: RTL_RETURN_ALT, less inside the cone over the pad."""
@@ -278,6 +286,14 @@ class Px4(Autopilot):
         return False
 
     def _on_store(self, step: StoreStep) -> None:
+        if step.fenced:
+            self._load_fence()
+        if step.fenced or step.swapped:
+            left = self._left_fence_at()
+            if left is not None:
+                self.voice.say(Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
+        if step.fenced:
+            self._end_mission(self.mission.fence_changed())
         if step.swapped:
             self._end_mission(self.mission.swapped(step.current, self.now_s))
         if step.cleared:
@@ -301,6 +317,7 @@ class Px4(Autopilot):
         self._narrate()
         self._watch_link()
         self._watch_battery()
+        self._watch_fence()
         if self._action_due is not None and self.now_s >= self._action_due[0]:
             self._switch(self._action_due[1])
             self._action_due = None
@@ -331,6 +348,56 @@ class Px4(Autopilot):
             self._link_lost = False
             self.voice.speak_up()
             self.voice.say(Severity.INFO, "GCS connection regained")
+
+    def _load_fence(self) -> None:
+        """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
+        self._shapes = ()
+        flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
+        for shape in shapes_of(self._store.fence, self.home):
+            if not is_inside([shape], Place(0.0, 0.0, 0.0)):
+                self.voice.say(Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
+            elif flies and not is_inside([shape], self.frame.body.place):
+                self.voice.say(Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position")
+            else:
+                self._shapes = (*self._shapes, shape)
+
+    def _left_fence_at(self) -> int | None:
+        """Return the first item of the mission that its check against the fence refuses."""
+        if int(self.params["GF_ACTION"]) == 0:
+            return None
+        here = self.frame.body.place
+        for item in self._store.items:
+            if has_place(item) and self._breach(place_of(item, self.home, here)):
+                return item.seq
+        return None
+
+    def _breach(self, place: Place) -> str:
+        """Return what PX4 says of a place outside its fence; nothing inside."""
+        most_m, far_m = self.params["GF_MAX_VER_DIST"], self.params["GF_MAX_HOR_DIST"]
+        if far_m > 0 and math.hypot(place.east_m, place.north_m) >= far_m:
+            return "Geofence: exceeding maximum distance to Home"
+        if most_m > 0 and place.up_m >= most_m:
+            return "Geofence: exceeding maximum altitude above Home"
+        return "" if is_inside(self._shapes, place) else "Geofence: approaching or outside geofence"
+
+    def _watch_fence(self) -> None:
+        """Act once at a breach: it holds first, as at any failsafe (measured)."""
+        action = int(self.params["GF_ACTION"])
+        if action == 0 or not self.frame.armed or self.frame.body.on_ground:
+            self._outside = False
+            return
+        was_outside, said = self._outside, self._breach(self.frame.body.place)
+        self._outside = bool(said)
+        if was_outside or not said:
+            return
+        self.frame.happened("failsafe fence")
+        self.voice.say(Severity.CRITICAL, said)
+        if action == 2:
+            self._failsafe = True
+            self.voice.say(Severity.CRITICAL, "Failsafe activated")
+            self._switch(Mode.LOITER)
+        elif action in {3, 5}:
+            self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
 
     def _watch_link(self) -> None:
         """Notice the ground station's silence; what it sets off is not undone when the station comes back."""

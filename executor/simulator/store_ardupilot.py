@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.simulator.enums import MissionResult, Severity
+from executor.simulator.lists_ardupilot import FENCE, RALLY, ArduPilotList
 from executor.simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
@@ -57,12 +58,23 @@ class ArduPilotStore:
         self._count = 1
         self._upload: Transfer | None = None
         self._advised: set[str] = set()
+        self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
         self.fault = UploadFault.NONE
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
         """The mission, home included."""
         return tuple(self._memory[: self._count])
+
+    @property
+    def fence(self) -> tuple[MissionItem, ...]:
+        """The fence on board."""
+        return self._lists[FENCE].items
+
+    @property
+    def rally(self) -> tuple[MissionItem, ...]:
+        """The rally points on board."""
+        return self._lists[RALLY].items
 
     def at(self, seq: int) -> MissionItem | None:
         """Return the item at an index of the mission, or None."""
@@ -82,6 +94,10 @@ class ArduPilotStore:
         if isinstance(message, MissionAckReceived):
             # The end of a download; it needs no state here. As a cancellation of an upload it is not understood.
             return StoreStep()
+        if message.mission_type in self._lists:
+            beside = self._lists[message.mission_type]
+            beside.fault = self.fault
+            return beside.handle(message, sender, now_s)
         if message.mission_type != MISSION_TYPE_MISSION:
             return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
         if self._upload is not None and self._upload.partner != sender:
@@ -90,6 +106,15 @@ class ArduPilotStore:
 
     def tick(self, now_s: float) -> StoreStep:
         """Ask again after a second, give up after eight or what the simulation demands."""
+        steps = [self._ticked(now_s), *(one.tick(now_s) for one in self._lists.values())]
+        said = [step for step in steps if step.send or step.texts]
+        if not said:
+            return StoreStep()
+        return StoreStep(
+            tuple(one for step in said for one in step.send), tuple(one for step in said for one in step.texts)
+        )
+
+    def _ticked(self, now_s: float) -> StoreStep:
         upload = self._upload
         if upload is None:
             return StoreStep()
@@ -106,6 +131,8 @@ class ArduPilotStore:
     def forget_transfers(self) -> None:
         """Drop what is under way."""
         self._upload = None
+        for one in self._lists.values():
+            one.forget_transfers()
 
     def _obey(self, message: _Order, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
         match message:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from executor.simulator.enums import MissionResult, Severity
@@ -33,7 +33,7 @@ from executor.simulator.mission_store import (
     request_message,
     to_item,
 )
-from missions.items import Command, Frame, MissionItem
+from missions.items import Command, Frame, MissionItem, Place
 
 CAPACITY = 500
 ASK_AGAIN_S = 0.25
@@ -43,6 +43,12 @@ NAV_VTOL_TAKEOFF, NAV_VTOL_LAND = 84, 85
 BUSY = "WPM: REJ. CMD: Busy"
 COMMANDS = frozenset({*Command, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND})
 FRAMES = frozenset(Frame)
+FENCE, RALLY = 1, 2
+MOST = {MISSION_TYPE_MISSION: CAPACITY, FENCE: 64, RALLY: 32}
+"""Items, by MAV_MISSION_TYPE (dataman)."""
+_KNOWN: Mapping[int, Collection[int]] = {
+    MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*Place} - {Place.RALLY_POINT}), RALLY: {Place.RALLY_POINT},
+}  # fmt: skip
 TIMEOUT_TEXT = (Severity.WARNING, "Operation timeout")
 
 
@@ -67,13 +73,15 @@ class Px4Store:
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self._items: tuple[MissionItem, ...] = ()
         self._mission_id = 0
+        self._beside: dict[int, tuple[MissionItem, ...]] = {FENCE: (), RALLY: ()}
+        """The fence and the rally points."""
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
         self._partner: Peer | None = None
         """Of the last transfer, whether it is over or not."""
         self._integer = True
         """Whether it asks for items with MISSION_REQUEST_INT."""
-        self._last_count = 0
+        self._last_count, self._last_kind = 0, MISSION_TYPE_MISSION
         """Length of the last transfer, whose final ACK may have been lost."""
         self.fault = UploadFault.NONE
 
@@ -81,6 +89,16 @@ class Px4Store:
     def items(self) -> tuple[MissionItem, ...]:
         """The mission."""
         return self._items
+
+    @property
+    def fence(self) -> tuple[MissionItem, ...]:
+        """The fence on board."""
+        return self._beside[FENCE]
+
+    @property
+    def rally(self) -> tuple[MissionItem, ...]:
+        """The rally points on board."""
+        return self._beside[RALLY]
 
     @property
     def mission_id(self) -> int:
@@ -96,7 +114,7 @@ class Px4Store:
         """Follow the protocol; this dialect may be cleared in flight, ``locked`` or not."""
         if isinstance(message, MissionAckReceived):
             return self._end(message, sender)
-        if message.mission_type != MISSION_TYPE_MISSION:
+        if message.mission_type not in MOST:
             return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
         match message:
             case MissionCount():
@@ -104,11 +122,11 @@ class Px4Store:
             case ItemReceived():
                 return self._store(message, sender, now_s)
             case MissionRequestList():
-                return self._list(sender, now_s)
+                return self._list(sender, now_s, message.mission_type)
             case MissionRequest():
                 return self._read(message, sender, now_s)
             case MissionClearAll():
-                return self._clear(sender)
+                return self._clear(sender, message.mission_type)
 
     def tick(self, now_s: float) -> StoreStep:
         """Ask again after 250 ms, give up after 5 s, or what the simulation demands, with a text and without an ACK."""
@@ -129,14 +147,21 @@ class Px4Store:
         """Drop what is under way."""
         self._upload = self._download = None
 
-    def _clear(self, sender: Peer) -> StoreStep:
+    def _clear(self, sender: Peer, kind: int) -> StoreStep:
         if self.busy:
             return _complain("WPM: IGN CLEAR CMD: Busy")
+        return self._emptied(sender, kind)
+
+    def _emptied(self, sender: Peer, kind: int) -> StoreStep:
+        accepted = (ack(sender, MissionResult.ACCEPTED, kind),)
+        if kind != MISSION_TYPE_MISSION:
+            self._beside[kind] = ()
+            return StoreStep(accepted, fenced=kind == FENCE)
         self._replace(())
-        return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
+        return StoreStep(accepted, cleared=True)
 
     def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
-        refused = StoreStep((ack(sender, MissionResult.ERROR),))
+        refused = StoreStep((ack(sender, MissionResult.ERROR, message.mission_type),))
         if self.fault is UploadFault.REFUSE:
             return refused
         if self._download is not None:
@@ -147,12 +172,11 @@ class Px4Store:
             return refused if sender != self._upload.partner else replace(refused, texts=_critical(BUSY))
         self._partner = sender
         self._upload = None
-        if message.count > CAPACITY:
-            return StoreStep((ack(sender, MissionResult.NO_SPACE),))
+        if message.count > MOST[message.mission_type]:
+            return StoreStep((ack(sender, MissionResult.NO_SPACE, message.mission_type),))
         if message.count == 0:
-            self._replace(())
-            return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
-        self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s)
+            return self._emptied(sender, message.mission_type)
+        self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s, kind=message.mission_type)
         return StoreStep((self._ask(self._upload, now_s),))
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
@@ -164,16 +188,19 @@ class Px4Store:
         if upload is None:
             return self._late_item(message, sender)
         upload.heard_s = now_s
-        if message.seq != upload.next:
+        if message.seq != upload.next or message.mission_type != upload.kind:
             return StoreStep()
         refusal = None
         if message.frame not in FRAMES:
             refusal = MissionResult.UNSUPPORTED_FRAME
-        elif message.command not in COMMANDS:
+        elif message.command not in _KNOWN[upload.kind]:
             refusal = MissionResult.UNSUPPORTED
         if refusal is not None:
             self._upload = None
-            return StoreStep((ack(sender, refusal),), _critical("IGN MISSION_ITEM: Invalid item"))
+            return StoreStep((ack(sender, refusal, upload.kind),), _critical("IGN MISSION_ITEM: Invalid item"))
+        if message.command in {Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX} and message.params[0] < 3:
+            self._upload = None  # too few corners
+            return StoreStep((ack(sender, MissionResult.ERROR, upload.kind),))
         upload.items.append(to_item(message))
         upload.next += 1
         if upload.next == upload.count:
@@ -183,17 +210,22 @@ class Px4Store:
         return StoreStep((self._ask(upload, now_s),))
 
     def _late_item(self, message: ItemReceived, sender: Peer) -> StoreStep:
-        refused = StoreStep((ack(sender, MissionResult.ERROR),))
+        refused = StoreStep((ack(sender, MissionResult.ERROR, message.mission_type),))
         if self._download is not None:
             return replace(refused, texts=_critical("IGN MISSION_ITEM: Busy"))
-        if message.seq == self._last_count - 1:
+        if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
+            if message.mission_type != MISSION_TYPE_MISSION:
+                return StoreStep((ack(sender, MissionResult.ACCEPTED, message.mission_type),))
             # The final ACK was lost: it is said again.
             return StoreStep((ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
         return replace(refused, texts=_critical("IGN MISSION_ITEM: No transfer"))
 
     def _finish(self, upload: Transfer) -> StoreStep:
         self._upload = None
-        self._last_count = upload.count
+        self._last_count, self._last_kind = upload.count, upload.kind
+        if upload.kind != MISSION_TYPE_MISSION:
+            self._beside[upload.kind] = tuple(upload.items)
+            return StoreStep((ack(upload.partner, MissionResult.ACCEPTED, upload.kind),), fenced=upload.kind == FENCE)
         crc = mission_checksum(upload.items)
         reply = ack(upload.partner, MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self._mission_id:
@@ -215,14 +247,19 @@ class Px4Store:
             self._upload = None
         return StoreStep()
 
-    def _list(self, sender: Peer, now_s: float) -> StoreStep:
+    def _list(self, sender: Peer, now_s: float, kind: int) -> StoreStep:
         others = self._download is not None and self._download.partner != sender
         if self._upload is not None or others:
             # A text to everybody, and no ACK.
             return StoreStep(texts=((Severity.INFO, "Mission download request ignored, already active"),))
         self._partner = sender
-        self._download = Transfer(sender, len(self._items), heard_s=now_s, asked_s=now_s)
-        return StoreStep((count_message(sender, len(self._items), opaque_id=self._mission_id),))
+        items = self._of(kind)
+        self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
+        opaque_id = self._mission_id if kind == MISSION_TYPE_MISSION else mission_checksum(items)
+        return StoreStep((count_message(sender, len(items), opaque_id, kind),))
+
+    def _of(self, kind: int) -> tuple[MissionItem, ...]:
+        return self._items if kind == MISSION_TYPE_MISSION else self._beside[kind]
 
     def _read(self, message: MissionRequest, sender: Peer, now_s: float) -> StoreStep:
         self._integer = message.integer
@@ -235,13 +272,13 @@ class Px4Store:
             return StoreStep()
         download.heard_s = now_s
         expected = message.seq in {download.next, download.next - 1} and message.seq < download.count
-        if not expected:
+        if not expected or message.mission_type != download.kind:
             self._download = None
-            refusal = (ack(sender, MissionResult.ERROR),)
+            refusal = (ack(sender, MissionResult.ERROR, message.mission_type),)
             return StoreStep(refusal, _critical("WPM: REJ. CMD: Req. WP was unexpected"))
         download.next = message.seq + 1
-        item = _in_flavour(self._items[message.seq], integer=message.integer)
-        return StoreStep((item_message(sender, item, integer=message.integer),))
+        item = _in_flavour(self._of(download.kind)[message.seq], integer=message.integer)
+        return StoreStep((item_message(sender, item, integer=message.integer, mission_type=download.kind),))
 
     def _stalled(self, upload: Transfer) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""
@@ -250,7 +287,7 @@ class Px4Store:
     def _ask(self, upload: Transfer, now_s: float) -> Outbound:
         upload.asked_s = now_s
         name = "MISSION_REQUEST_INT" if self._integer else "MISSION_REQUEST"
-        return request_message(name, upload.partner, upload.next)
+        return request_message(name, upload.partner, upload.next, upload.kind)
 
 
 def _in_flavour(item: MissionItem, *, integer: bool) -> MissionItem:

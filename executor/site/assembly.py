@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.resting import PackFacts
-from executor.core.context import Context, FlyAgain, VehicleSetup, draws_pct_s
+from executor.core.context import Context, Fencing, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.learning import UNKNOWN, Known
 from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
@@ -50,6 +50,8 @@ STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
 UPLOAD_ALLOWANCE_S = 1.0
 """Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
+FENCE_ALLOWANCE_S = 3.0
+"""What a wider fence before a new mission takes more, in the vehicles' time."""
 SEEN_S = 2.0
 """A vehicle is this much farther than its last reports say."""
 DEFAULT_NETWORK = "default"
@@ -253,7 +255,8 @@ def answer_s(site: Site) -> float:
 
 def horizon_s(site: Site) -> float:
     """Return how far ahead of a re-plan's begin missions stay as they are, in the vehicles' time."""
-    return SEEN_S + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
+    fence_s = FENCE_ALLOWANCE_S if site.fence is not None and site.fence.enabled else 0.0
+    return SEEN_S + fence_s + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
 
 
 def stall_s(speedup: float) -> float:
@@ -286,6 +289,14 @@ def routes_of(ground: Ground, task: Task, plan: Plan) -> Mapping[str, tuple[int,
 def paths_of(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Mapping[str, FlightPath]:
     """Return the flight path of every vehicle that has something to do."""
     return {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
+
+
+def fencing_of(site: Site) -> Fencing | None:
+    """Return what a site says of fences; None if it says nothing."""
+    table = site.fence
+    if table is None:
+        return None
+    return Fencing(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
 
 
 def context_of(
@@ -341,4 +352,5 @@ def context_of(
         infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
         horizon_s=horizon_s(site),
+        fencing=fencing_of(site),
     )

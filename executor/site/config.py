@@ -19,6 +19,7 @@ from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
 from executor.site.tables.aircraft import EnergyTable, VehicleTable
 from executor.site.tables.areas import AreaTable, PlaceTable
+from executor.site.tables.fence import FenceTable
 from executor.site.tables.fields import SiteTable
 from executor.site.tables.flight import FaultsTable, FlightTable
 from executor.site.tables.ground import DepotTable, InspectionTable, NetworkTable
@@ -42,6 +43,7 @@ class Site(SiteTable):
     vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
     flight: FlightTable = FlightTable()
     faults: FaultsTable = FaultsTable()
+    fence: FenceTable | None = None
     signing: SigningTable | None = None
     link: LinkTable = LinkTable()
     mqtt: MqttTable | None = None

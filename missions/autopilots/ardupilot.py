@@ -74,6 +74,13 @@ ARDUPILOT_FENCE = Geofence(
     kinds=("FENCE_TYPE", 1 << 0, 1 << 1),
     height="FENCE_ALT_MAX",
     radius="FENCE_RADIUS",
+    action="FENCE_ACTION",
+    # fence.cpp: more than 100 m outside it lands whatever the action is (measured)
+    actions=((1, "RTL"), (2, "land"), (3, "SmartRTL or RTL"), (4, "brake"), (5, "SmartRTL or land")),
+    named=(("warn", 0), ("hold", 4), ("return", 1), ("land", 2)),
+    polygons=1 << 2,
+    enable="FENCE_ENABLE",
+    checked_on_load=False,
 )
 
 ARDUPILOT = Dialect(

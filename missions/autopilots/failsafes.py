@@ -76,7 +76,7 @@ class BatteryFailsafe:
 
 @dataclass(frozen=True, slots=True)
 class Geofence:
-    """The cylinder about home that a vehicle keeps to by itself; polygons are not parameters."""
+    """What a vehicle keeps to by itself: a cylinder about home, by parameters, and polygons by the mission protocol."""
 
     enabled_by: tuple[str, ...]
     """The fence stands if any of these parameters is not 0."""
@@ -86,3 +86,14 @@ class Geofence:
     """Parameter: metres over home; 0 is no limit."""
     radius: str
     """Parameter: metres from home; 0 is no limit."""
+    action: str
+    """Parameter that chooses what the vehicle does at a breach; 0 is nothing on both autopilots."""
+    actions: Words
+    named: tuple[tuple[str, int], ...]
+    """The values of ``action`` for what site files call warn, hold, return and land."""
+    polygons: int
+    """The bit of ``kinds`` for polygons and circles that were put on board; 0 if they need none."""
+    enable: str | None
+    """Parameter that switches the fence on with 1; None if ``action`` does."""
+    checked_on_load: bool
+    """Whether a fence that does not hold its home and the vehicle is dropped, with a text and no refusal."""

@@ -62,7 +62,18 @@ PX4_BATTERY = BatteryFailsafe(
     ),
     capacity=None,
 )
-PX4_FENCE = Geofence(enabled_by=("GF_ACTION",), kinds=None, height="GF_MAX_VER_DIST", radius="GF_MAX_HOR_DIST")
+PX4_FENCE = Geofence(
+    enabled_by=("GF_ACTION",),
+    kinds=None,
+    height="GF_MAX_VER_DIST",
+    radius="GF_MAX_HOR_DIST",
+    action="GF_ACTION",
+    actions=((1, "warning"), (2, "hold"), (3, "RTL"), (4, "flight termination"), (5, "land")),
+    named=(("warn", 1), ("hold", 2), ("return", 3), ("land", 5)),
+    polygons=0,
+    enable=None,
+    checked_on_load=True,  # geofence.cpp, measured: ACK 0, then "Geofence invalid, doesn't contain ..."
+)
 
 STOP_RADIUS_M = 3.0
 """Of a waypoint with a hold. Farther from a leg's line than this it flies back to the line first (FlightTaskAuto.cpp):

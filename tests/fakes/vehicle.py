@@ -29,7 +29,7 @@ from executor.core.messages import (
     SendParamSet,
 )
 from executor.protocols import orders
-from missions import Command, Dialect, Frame, MissionItem, ModeNumber
+from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber
 
 ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
 HEARTBEAT_S = 1.0
@@ -114,6 +114,9 @@ class FakeMissions:
         if self.dialect.upload_is_atomic:
             if now_s < self._reading_until_s or (self._upload is not None and self._upload.items):
                 return [MissionAck(ERROR)]  # "Busy"; the transfer goes on
+            if count == 0:
+                self.items = []
+                return [MissionAck(ACCEPTED)]
         else:
             del self.items[count:]  # in place: what is longer than the new list is gone at once
         self._upload = _Transfer(count, now_s, now_s)
@@ -171,6 +174,12 @@ class FakeMissions:
         return [MissionRequest(len(upload.items))]
 
 
+def _of(kind: MissionKind, message: Message) -> Message:
+    """Return what is said of a mission as it is said of another list."""
+    assert isinstance(message, MissionAck | MissionCount | MissionItemReceived | MissionRequest)
+    return replace(message, kind=kind)
+
+
 class FakeAutopilot:
     """A vehicle that answers what is said to it, and sends its heartbeat."""
 
@@ -180,6 +189,11 @@ class FakeAutopilot:
         """Stand on the ground, disarmed."""
         self.dialect = dialect
         self.missions = FakeMissions(dialect, items)
+        # Both autopilots take these as a whole (measured).
+        self.beside = {
+            kind: FakeMissions(replace(dialect, upload_is_atomic=True))
+            for kind in (MissionKind.FENCE, MissionKind.RALLY)
+        }
         self.parameters = dict(parameters or {})
         self.stubborn: set[str] = set()
         """Parameters that stay as they are."""
@@ -197,11 +211,14 @@ class FakeAutopilot:
     @property
     def wake_s(self) -> float:
         """The next heartbeat, or what the mission protocol waits for."""
-        return min(self._beat_s, self.missions.wake_s if self.missions.wake_s is not None else self._beat_s)
+        lists = (self.missions, *self.beside.values())
+        return min(self._beat_s, *(one.wake_s for one in lists if one.wake_s is not None), self._beat_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Send what is due."""
         said = self.missions.tick(now_s)
+        for kind, one in self.beside.items():
+            said += [_of(kind, message) for message in one.tick(now_s)]
         if now_s >= self._beat_s:
             self._beat_s = now_s + HEARTBEAT_S
             said.append(self.heartbeat())
@@ -224,7 +241,10 @@ class FakeAutopilot:
                     self.parameters[name] = value
                 return self._value(name, kind)
             case _:
-                return self.missions.hear(message, now_s)
+                which = getattr(message, "kind", None)
+                if not isinstance(which, MissionKind) or which not in self.beside:
+                    return self.missions.hear(message, now_s)
+                return [_of(which, answer) for answer in self.beside[which].hear(message, now_s)]
 
     def _value(self, name: str, kind: int) -> list[Message]:
         return [ParamValue(name, self.parameters[name], kind)] if name in self.parameters else []

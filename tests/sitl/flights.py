@@ -54,6 +54,8 @@ class Story:
     """Whom it happens to."""
     faults: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """The site file's table of that name."""
+    fence: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    """The site file's table of that name."""
     relayed: tuple[str, ...] = ()
     """Whose link goes through a relay."""
     signed: bool = False
@@ -72,7 +74,9 @@ class Story:
     pack_ah: float | None = None
     """What ArduPilot's packs really hold."""
     loses: str = ""
-    """Who falls silent for good as soon as uav2 inspects its second segment."""
+    """Who falls silent for good."""
+    loses_at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
+    """When that is, by uav2."""
 
 
 class WatchfulConsole:
@@ -105,7 +109,7 @@ class WatchfulConsole:
         story, vehicle = self._story, state.vehicles[VICTIM]
         if not self.shown or self.shown[-1][1] != vehicle.stage.value:
             self.shown.append((now_s, vehicle.stage.value))
-        if story.loses and not self._lost and in_its_second_segment(vehicle, state):
+        if story.loses and not self._lost and story.loses_at(vehicle, state):
             self._lost = True
             self.running[story.loses].suspend()
         if self.struck_s is None:
@@ -211,6 +215,7 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
                 **story.flight,
             },
             "faults": dict(story.faults),
+            **({"fence": dict(story.fence)} if story.fence else {}),
             "web": {"port": story.page},
             "vehicle": [
                 {

@@ -100,19 +100,20 @@ class OtherLink:
             time.sleep(0.05)
         raise TimeoutError(f"system {sysid} does not sign over port {self._port}")
 
-    def mission(self, sysid: int) -> list[mav.MAVLink_mission_item_int_message]:
-        """Return the mission that a vehicle carries."""
-        count = self.ask(mav.MAVLink_mission_request_list_message(sysid, 1), "MISSION_COUNT").count
+    def mission(self, sysid: int, kind: int = 0) -> list[mav.MAVLink_mission_item_int_message]:
+        """Return the mission, the fence (1) or the rally points (2) that a vehicle carries."""
+        count = self.ask(mav.MAVLink_mission_request_list_message(sysid, 1, kind), "MISSION_COUNT").count
         items = [
-            self.ask(mav.MAVLink_mission_request_int_message(sysid, 1, seq), "MISSION_ITEM_INT") for seq in range(count)
+            self.ask(mav.MAVLink_mission_request_int_message(sysid, 1, seq, kind), "MISSION_ITEM_INT")
+            for seq in range(count)
         ]
-        self.say(mav.MAVLink_mission_ack_message(sysid, 1, mav.MAV_MISSION_ACCEPTED))
+        self.say(mav.MAVLink_mission_ack_message(sysid, 1, mav.MAV_MISSION_ACCEPTED, kind))
         return items
 
-    def upload(self, sysid: int, items: Sequence[mav.MAVLink_mission_item_int_message]) -> None:
-        """Put a mission on board, as another ground station does."""
+    def upload(self, sysid: int, items: Sequence[mav.MAVLink_mission_item_int_message], kind: int = 0) -> None:
+        """Put a mission, a fence (1) or rally points (2) on board, as another ground station does."""
         answers = ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK")
-        answer = self.ask(mav.MAVLink_mission_count_message(sysid, 1, len(items)), *answers)
+        answer = self.ask(mav.MAVLink_mission_count_message(sysid, 1, len(items), kind), *answers)
         while answer.get_type() != "MISSION_ACK":
             answer = self.ask(items[answer.seq], *answers)
         assert answer.type == mav.MAV_MISSION_ACCEPTED, f"system {sysid} refuses the mission: {answer.type}"

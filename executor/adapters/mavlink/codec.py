@@ -59,9 +59,10 @@ from executor.core.messages import (
     Wind,
 )
 from executor.core.recording import MODE_COMMANDS
-from missions import MissionItem
+from missions import MissionItem, MissionKind
 
-MISSION_TYPE_MISSION = 0
+_KINDS = {int(kind): kind for kind in MissionKind}
+"""MAV_MISSION_TYPE of the lists that are followed here."""
 PREARM_CHECK = 0x10000000
 NO_SATELLITES = 255
 """Of satellites_visible: nobody knows."""
@@ -364,7 +365,8 @@ def _system_status(frame: Any) -> SystemStatus:  # noqa: ANN401
 
 
 def _item(frame: Any) -> MissionItemReceived | None:  # noqa: ANN401
-    if frame.mission_type != MISSION_TYPE_MISSION:
+    kind = _KINDS.get(frame.mission_type)
+    if kind is None:
         return None
     return MissionItemReceived(
         MissionItem(
@@ -380,15 +382,15 @@ def _item(frame: Any) -> MissionItemReceived | None:  # noqa: ANN401
             z=frame.z,
             current=bool(frame.current),
             autocontinue=bool(frame.autocontinue),
-        )
+        ),
+        kind,
     )
 
 
-def _of_mission(build: Callable[[int], Message], field: str) -> Any:  # noqa: ANN401
+def _of_mission(build: Callable[[int, MissionKind], Message], field: str) -> Any:  # noqa: ANN401
     def read(frame: Any) -> Message | None:  # noqa: ANN401
-        if frame.mission_type != MISSION_TYPE_MISSION:
-            return None
-        return build(getattr(frame, field))
+        kind = _KINDS.get(frame.mission_type)
+        return None if kind is None else build(getattr(frame, field), kind)
 
     return read
 
@@ -440,19 +442,19 @@ def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | Non
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
-        case SendMissionCount(count):
-            return mav.MAVLink_mission_count_message(sysid, compid, count, MISSION_TYPE_MISSION)
-        case SendMissionItem(item):
+        case SendMissionCount(count, kind):
+            return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
+        case SendMissionItem(item, kind):
             return mav.MAVLink_mission_item_int_message(
                 sysid, compid, item.seq, item.frame, item.command, int(item.current), int(item.autocontinue),
-                item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, MISSION_TYPE_MISSION,
+                item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, kind,
             )  # fmt: skip
-        case SendMissionRequestList():
-            return mav.MAVLink_mission_request_list_message(sysid, compid, MISSION_TYPE_MISSION)
-        case SendMissionRequest(seq):
-            return mav.MAVLink_mission_request_int_message(sysid, compid, seq, MISSION_TYPE_MISSION)
-        case SendMissionAck(result):
-            return mav.MAVLink_mission_ack_message(sysid, compid, result, MISSION_TYPE_MISSION)
+        case SendMissionRequestList(kind):
+            return mav.MAVLink_mission_request_list_message(sysid, compid, kind)
+        case SendMissionRequest(seq, kind):
+            return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
+        case SendMissionAck(result, kind):
+            return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
         case SendCommand(command, params, confirmation):
             return mav.MAVLink_command_long_message(sysid, compid, command, confirmation, *params)
         case SendParamRequest(name):

@@ -118,7 +118,7 @@ class FaultMessage(Payload):
     code: FaultCode
     """What was found."""
     kind: str
-    """link, battery, interruption, operator, or another of the core's words."""
+    """link, battery, interruption, fence, operator, or another of the core's words."""
     reason: str
     detected_s: float
     """By the flight's clock."""

@@ -26,13 +26,18 @@ from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Event
+from executor.core.fencing import first_fences
 from executor.core.parts import OnBoard
-from executor.core.ports import EventSink
+from executor.core.ports import EventSink, OpenLink
 from executor.core.preflight.checks import Check, Severity
 from executor.core.state import FleetState
+from executor.flight.fencing import wanted
 from executor.flight.flight_order import Order
+from executor.flight.parameter_changes import read_changes
 from executor.flight.preparing import examined, interviews, load_all
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.parameters import set_changes
+from executor.runtime.preflight import load_lists
 from executor.simulated.fleet import fleet_of
 from executor.simulated.injected import happening_of
 from executor.simulator.config import SimVehicle
@@ -41,6 +46,7 @@ from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.assembly import Ground
 from missions import PlanFile, dialect_for
+from missions.fences import Fence
 
 LIMIT_S = 3 * 3600.0
 """A flight that takes longer than this is left: no pack lasts as long."""
@@ -194,6 +200,17 @@ class _Sky:
         self._truths: list[Truth] = []
         self._said: list[tuple[float, Say]] = []
 
+    async def _fence(
+        self, context: Context, links: Mapping[str, OpenLink], clock: SystemClock, first: Mapping[str, Fence]
+    ) -> None:
+        """Put the fences on board, with the parameters that they need."""
+        if not first:
+            return
+        changes = await read_changes(context, links, clock)
+        for name, lists in wanted(context, first).items():
+            await set_changes(links[name], clock, changes.of(name))
+            await load_lists(name, links[name], clock, context.vehicles[name].dialect, lists)
+
     async def fly(self, limit_s: float) -> VirtualFlight:
         """Fly from the first heartbeat to the end."""
         loop = asyncio.get_running_loop()
@@ -212,13 +229,16 @@ class _Sky:
             stops = [check for check in found if check.severity is Severity.STOP]
             if stops:
                 raise BenchError(f"a flight in virtual time: {stops[0].subject}: {stops[0].text}")
+            first = first_fences(context, boards)
+            await self._fence(context, links, clock, first)
             await load_all(context, links, clock, boards, console)
             launched_s = clock.now_s()
             observer = Observer(
                 lambda line, at_s: self._said.append((at_s, line)),
                 lambda event, state, now_s: self._onlookers.applied(context, event, state, now_s),
             )
-            flight = Flight(context, fleet.initial(boards), links, clock, self._sink, self._solver, observer)
+            state = fleet.initial(boards, fences=first)
+            flight = Flight(context, state, links, clock, self._sink, self._solver, observer)
             ended = await _to_the_end(flight, launched_s + limit_s)
             ended_s = clock.now_s()
             await asyncio.sleep(STANDS_S)

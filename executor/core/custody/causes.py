@@ -13,7 +13,9 @@ from dataclasses import replace
 
 from executor.core.context import Scene
 from executor.core.custody.actors import changed_by
+from executor.core.fencing import off_its_fence
 from executor.core.messages import CRITICAL, Actor, Heartbeat
+from executor.core.own_words import FENCE_BREACH
 from executor.core.parts import Cause
 from executor.core.places import over_its_pad
 from executor.core.state import Absence
@@ -30,7 +32,8 @@ FOLLOWED_LATE_S = 120.0
 OVERTAKEN_S = 3.0
 """A start that was withdrawn is seen to have been followed within two heartbeats, and some of their way."""
 _ACTS = re.compile(
-    r"^(?!.*cleared).*(failsafe|fence|critical|emergency|terminat|crash|parachute|motor|thrust|no valid mission)",
+    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
+    r"no valid mission)",
     re.IGNORECASE,
 )
 """Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
@@ -243,6 +246,7 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
         said
         or beat.system_status >= CRITICAL
         or vehicle.sensors.fence_breached
+        or bool(off_its_fence(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or _unseen(vehicle)
         or missed_us(context, absences, vehicle, now_s)

@@ -270,7 +270,7 @@ _DOWN_REASONS = frozenset({"off-pad", "falling", "terminated", "crash"})
 
 def _group(point: Watchpoint) -> str:
     """Return of what the first reason stands: a battery, a mission that was left, a fall."""
-    if point.kind is not FaultKind.INTERRUPTION:
+    if point.kind not in {FaultKind.INTERRUPTION, FaultKind.FENCE}:
         return str(point.kind.value)
     return "down" if point.name in _DOWN_REASONS else "left"
 

@@ -10,9 +10,10 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.custody.actors import changed_by, settled
+from executor.core.custody.actors import GEOFENCE_SENSOR, changed_by, settled
 from executor.core.faults import batteries, streams
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint, said_failed
+from executor.core.fencing import off_its_fence
 from executor.core.messages import Actor
 from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
@@ -104,6 +105,8 @@ def left_mission(view: View) -> Finding:
     state = view.state
     if state.telemetry.heartbeat is None:
         return STALE
+    if fence_breached(view).verdict is Verdict.FAIL:
+        return OK  # that is said by its own name
     dialect = view.setup.dialect
     if view.setup.planned:
         if not state.armed or state.custody.cause is not Cause.FAILSAFE:
@@ -130,6 +133,26 @@ def _left_unplanned(view: View, mode: int) -> Finding:
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and settled(state, view.now_s):
         return Finding(Verdict.FAIL, f"went to mode {name}, and nothing says who chose it")
     return OK
+
+
+FENCE_SEEN_S = 1.5
+"""Until then a HEARTBEAT shows what it does about it by itself, which is left to it."""
+
+
+def fence_breached(view: View) -> Finding:
+    """It is outside its fence, by its autopilot's word, or by its position where its fence is known here."""
+    state, sensors = view.state, view.state.sensors
+    if not state.armed:
+        return OK
+    said = said_failed(view, "fence")
+    # Who did not plan the flight does not know whether the fence is well otherwise.
+    bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
+    told = sensors.fence_breached or bit
+    off = off_its_fence(state, view.now_s, view.context.limits.link_stale_s)
+    if said is None and not told and not off:
+        return OK
+    parts = ("its fence is breached", off, "" if said is None else f"it says: {said}")
+    return Finding(Verdict.FAIL, "; ".join(part for part in parts if part))
 
 
 UNNAMED_S = 1.0
@@ -260,6 +283,7 @@ TABLE: tuple[Watchpoint, ...] = (
     ),
     Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION, FaultCode.ITEM_LOST),
     Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION, FaultCode.POSITION_JUMP),
+    Watchpoint("fence", FaultKind.FENCE, fence_breached, FENCE_SEEN_S, _ON_MISSION, FaultCode.FENCE_BREACHED),
     Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION, FaultCode.MODE_CHANGED),
     Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION, FaultCode.STALL),
 )

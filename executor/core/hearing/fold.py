@@ -36,6 +36,7 @@ from executor.core.messages import (
     VehicleSetting,
     Wind,
 )
+from executor.core.own_words import FENCE_BREACH
 from executor.core.parts import Assignment, Fix, LinkState, MotionState
 from executor.core.vehicle import Stage, VehicleState, before_of
 from missions import Phase
@@ -43,7 +44,8 @@ from missions.autopilots.modes import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
 
 _ALARM = re.compile(
-    r"failsafe|fence|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|low battery|"
+    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
+    r"low battery|"
     r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )

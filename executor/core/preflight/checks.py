@@ -223,13 +223,15 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
         high_m = max(high_m, point.alt_rel_m)
         away_m = max(away_m, math.dist(setup.pad_m, context.frame.to_local_m(point.lat_deg, point.lon_deg)))
     rule, found = setup.dialect.geofence, []
+    # What its owner has set is no limit to be lifted for a fence of ours.
+    stops = context.fencing is not None and context.fencing.enabled
     for limit_m, needed_m, name, what in (
         (cylinder.height_m, high_m, rule.height, "high"),
         (cylinder.radius_m, away_m, rule.radius, "away from home"),
     ):
         if limit_m is not None and needed_m > limit_m:
             text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
-            found.append(Check(Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
+            found.append(Check(Severity.STOP if stops else Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
     return found or [
         Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence", CheckCode.GEOFENCE)
     ]

@@ -10,6 +10,7 @@ from executor.core.battery import account
 from executor.core.commands import Command, Compose, Level, Say, Solve, Survivor, Upload
 from executor.core.context import Context, FlyAgain
 from executor.core.events import MissionsWanted, NewRoute, SolveEnded
+from executor.core.fencing import wider_fence
 from executor.core.homing.homeward import comes_down
 from executor.core.replan.wording import flown_past, found_words, listed, short_words, unasked
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
@@ -366,7 +367,7 @@ def _compose(context: Context, state: FleetState, plan: Replan, now_s: float) ->
             continue
         mission = _new_mission(context, vehicle, offer, route.visits)
         plan = replace(plan, missions=MappingProxyType({**plan.missions, route.vehicle: mission}))
-        commands.append(Upload(route.vehicle, plan.solve.revision, mission.path, offer.airborne))
+        commands.append(Upload(route.vehicle, plan.solve.revision, mission.path, offer.airborne, mission.fence))
         ways += (len(route.visits) + 1) * len(context.vehicles)
     plan = replace(plan, unmade=tuple(unmade))
     if unmade:
@@ -436,11 +437,13 @@ def _new_mission(context: Context, vehicle: VehicleState, offer: Survivor, visit
     In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
     """
     if not offer.airborne or vehicle.assignment.board is None:
-        return NewMission(flight_path(context.setup, vehicle.name, visits), visits, fresh=True)
+        path = flight_path(context.setup, vehicle.name, visits)
+        return NewMission(path, visits, True, wider_fence(context, vehicle.name, vehicle.assignment.fence, path))
     kept = {waypoint.visit for waypoint in vehicle.assignment.board.path.waypoints[: offer.kept]}
     stay = tuple(visit for index, visit in enumerate(vehicle.assignment.board.visits) if index in kept)
     path = continue_path(context.setup, vehicle.assignment.board.path, offer.kept, visits)
-    return NewMission(path, (*stay, *visits), fresh=False)
+    fence = wider_fence(context, vehicle.name, vehicle.assignment.fence, path)
+    return NewMission(path, (*stay, *visits), False, fence)
 
 
 def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:

@@ -191,7 +191,9 @@ def _half_uploaded(
     board = vehicle.assignment.board
     said: tuple[Command, ...] = ()
     if new is not None and new.whole:
-        ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason=""),)
+        # Its fence went on board before it.
+        fenced = mission.fence is not None
+        ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason="", fenced=fenced),)
         if not mission.fresh:
             board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
             state, said = caught_up(context, state, vehicle, board, found.seq)
@@ -219,7 +221,8 @@ def _half_uploaded(
     vehicle = state.vehicles[found.vehicle]
     state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
-    again = Upload(found.vehicle, revision, mission.path, airborne=not mission.fresh)
+    # Whether its wider fence is on board nobody knows: the same goes there again, and then the mission.
+    again = Upload(found.vehicle, revision, mission.path, not mission.fresh, mission.fence)
     return state, _Taken(said, again=(Say(Level.WARNING, text), again))
 
 

@@ -47,11 +47,15 @@ def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
 
 
+MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
+"""Of a vehicle that came to its pad by its own failsafe, and by the crew's word alone."""
+
+
 def _is_well(vehicle: VehicleState) -> bool:
     """Return whether it is sound; one that its failsafe brought to its pad may be offered."""
     if vehicle.fault is None:
         return True
-    return vehicle.stage is Stage.LANDED and vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION}
+    return vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN
 
 
 def open_segments(context: Context, state: FleetState) -> frozenset[int]:
@@ -136,7 +140,7 @@ def _others_will(context: Context, state: FleetState, now_s: float) -> bool:
 def _lands_soon(state: FleetState) -> bool:
     return any(
         not vehicle.orders.excluded
-        and (vehicle.fault is None or vehicle.fault.kind in {FaultKind.LINK, FaultKind.INTERRUPTION})
+        and (vehicle.fault is None or vehicle.fault.kind in MAY_FLY_AGAIN)
         and (
             vehicle.stage is Stage.RETURNING
             or (

@@ -12,7 +12,7 @@ from executor.protocols import orders, upload
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import DownloadDialogue
 from executor.protocols.params import Parameter
-from missions import ARDUPILOT, encode
+from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
 
@@ -37,6 +37,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "items": (),
                 "silence_s": 8.0,
                 "warnings": frozenset({13}),
+                "kind": MissionKind.MISSION,
                 "outcome": None,
                 "deadline_s": 0.0,
                 "counts_sent": 0,
@@ -46,7 +47,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "heard_s": 0.0,
                 "refusal": None,
             },
-            {"outcome": None, "deadline_s": 0.0, "count": None, "items": (), "tries": 0, "refusal": None},
+            {
+                "kind": MissionKind.MISSION,
+                "outcome": None,
+                "deadline_s": 0.0,
+                "count": None,
+                "items": (),
+                "tries": 0,
+                "refusal": None,
+            },
             {"command": ARM, "what": "arm", "outcome": None, "deadline_s": 0.0, "tries": 0, "refusal": ""},
             {"name": "RTL_ALT", "wanted": None, "outcome": None, "deadline_s": 0.0, "tries": 0, "value": None},
         ],

@@ -195,8 +195,8 @@ def test_too_many_items_are_refused_with_a_text() -> None:
     assert "Only 650 items are supported" in op.texts()
 
 
-def test_fences_are_unsupported() -> None:
-    assert acks(operator().send(MissionCount(3, 1))) == [3]
+def test_a_list_that_is_not_known_is_unsupported() -> None:
+    assert acks(operator().send(MissionCount(3, 3))) == [3]
 
 
 def test_the_older_item_message_is_sent_to_those_who_ask_for_it() -> None:

@@ -53,7 +53,7 @@ from executor.core.messages import (
 )
 from executor.simulator.messages import out
 from executor.simulator.wire import Codec as SimCodec
-from missions import MissionItem
+from missions import MissionItem, MissionKind
 
 ARDUPILOT, PX4 = 3, 12
 UNUSED = 65535
@@ -415,18 +415,35 @@ def test_a_version_that_is_not_filled_in_is_unknown() -> None:
     assert version(0) is None
 
 
-@pytest.mark.parametrize(
-    "fence",
-    [
-        mav.MAVLink_mission_request_int_message(255, 190, 0, 1),
-        mav.MAVLink_mission_ack_message(255, 190, 0, 1),
-        mav.MAVLink_mission_count_message(255, 190, 4, 2),
-        mav.MAVLink_mission_item_int_message(255, 190, 0, 0, 5001, 0, 1, 0, 0, 0, 0, 1, 1, 0, 1),
-    ],
-    ids=lambda message: str(message.get_type()),
-)
-def test_fences_and_rally_points_are_no_missions(fence: Any) -> None:
-    assert heard(fence) == [None]
+@pytest.mark.parametrize("kind", list(MissionKind))
+def test_which_of_a_vehicles_lists_is_meant(kind: MissionKind) -> None:
+    item = MissionItem(0, 0, 5001, x=1, y=1)
+    said = [
+        mav.MAVLink_mission_request_int_message(255, 190, 3, kind),
+        mav.MAVLink_mission_request_message(255, 190, 3, kind),
+        mav.MAVLink_mission_ack_message(255, 190, 0, kind),
+        mav.MAVLink_mission_count_message(255, 190, 4, kind),
+        mav.MAVLink_mission_item_int_message(255, 190, 0, 0, 5001, 0, 1, 0, 0, 0, 0, 1, 1, 0, kind),
+    ]
+    assert [one for frame in said for one in heard(frame)] == [
+        MissionRequest(3, kind), MissionRequest(3, kind), MissionAck(0, kind), MissionCount(4, kind),
+        MissionItemReceived(item, kind),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [3, 255])
+def test_a_list_that_is_not_known_says_nothing(kind: int) -> None:
+    assert heard(mav.MAVLink_mission_count_message(255, 190, 4, kind)) == [None]
+
+
+@pytest.mark.parametrize("kind", list(MissionKind))
+def test_what_is_sent_says_which_list_is_meant(kind: MissionKind) -> None:
+    sent: list[Outgoing] = [
+        SendMissionCount(2, kind), SendMissionItem(MissionItem(0, 0, 5001), kind), SendMissionRequestList(kind),
+        SendMissionRequest(1, kind), SendMissionAck(0, kind),
+    ]  # fmt: skip
+    frames = [mav.MAVLink(None).decode(bytearray(Codec().encode(one, 1, 1))) for one in sent]
+    assert [frame.mission_type for frame in frames] == [kind] * len(sent)
 
 
 @pytest.mark.parametrize(

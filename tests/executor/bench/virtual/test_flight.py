@@ -11,6 +11,7 @@ from executor.bench.errors import BenchError
 from executor.bench.virtual.flight import VirtualFlight, fly_virtual
 from executor.core.events import Event, Heard, LaunchOrdered
 from executor.simulator.errors import FaultSpecError
+from executor.site.tables.fence import FenceTable
 from tests.executor.bench.virtual.short_line import shared, short_ground
 
 
@@ -90,3 +91,15 @@ def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
     ground = short_ground(tmp_path, 1, "ardupilot")
     with pytest.raises(BenchError, match=r"uav1: .*expected at least the reserve of 15 %"):
         fly_virtual(ground, shared(ground), craft=lambda craft: replace(craft, charge_pct=16.0))
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_fence_is_flown_with_and_widened_for_a_replan(tmp_path: Path, autopilot: str) -> None:
+    ground = short_ground(tmp_path, 2, autopilot)
+    site = ground.site.model_copy(update={"fence": FenceTable(enabled=True, action="return")})
+    ground = replace(ground, site=site)
+    flight = fly_virtual(ground, shared(ground), faults=("uav2:crash@40s",), seed=1)
+    assert flight.report.finished
+    assert [fault.kind.value for fault in flight.report.faults] == ["interruption"]
+    assert any("and a wider fence before it" in line.text for _, line in flight.said)
+    assert not any("fence" in truth.what for truth in flight.truths), "nobody left its fence"

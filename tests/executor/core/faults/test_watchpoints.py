@@ -155,6 +155,11 @@ ROWS = [
     ),
     Row("position", flying(jump=(120.0, NOW_S)), "its position jumped by 120 m"),
     Row(
+        "fence",
+        flying(**says("Polygon fence breached")),
+        "its fence is breached; it says: Polygon fence breached",
+    ),
+    Row(
         "mode",
         flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=Cause.FAILSAFE),
         "RTL by its own failsafe",
@@ -215,6 +220,7 @@ def off_pad(state: VehicleState) -> Finding:
 WAITS_S = {
     "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
     "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 15.0, "reserve": 5.0, "mode": 1.0,
+    "fence": 1.5,
 }  # fmt: skip
 
 

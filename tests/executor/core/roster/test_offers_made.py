@@ -73,7 +73,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "with which faults one is ready that has landed",
         lambda: [kind for kind in FaultKind if idle(replace(STANDS, fault=Fault(kind, "", 5.0, FaultCode.STALL)))],
-        [FaultKind.LINK, FaultKind.INTERRUPTION],
+        [FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE],
     ),
     (
         "with which faults one is ready that has not flown",

@@ -164,7 +164,8 @@ def test_a_fence_breach_that_is_only_a_notice_explains_a_return() -> None:
     flight.happen(Heard("uav2", StatusText(5, "Circle fence breached")))
     flight.crafts["uav2"].mode = 6
     flight.run(lambda: flight.vehicle("uav2").fault is not None)
-    assert "RTL by its own failsafe; it says: Circle fence breached" in flight.said(Level.FAULT)[0]
+    assert "fence, its fence is breached; it says: Circle fence breached" in flight.said(Level.FAULT)[0]
+    assert flight.sent_home() == []
     assert "uav2 says: Circle fence breached" in flight.said(Level.WARNING)
 
 

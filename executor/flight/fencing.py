@@ -1,0 +1,270 @@
+"""Fences and rally points of a flight: read, kept on record, put on board, and given back."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executor.adapters.run_directory import RunDirectory
+from executor.core.commands import Level, Upload
+from executor.core.context import Context
+from executor.core.fencing import fence_list, rally_list
+from executor.core.parts import OnBoard
+from executor.core.ports import Clock, OpenLink
+from executor.core.preflight import fences
+from executor.core.preflight.checks import Check, Facts
+from executor.core.preflight.fences import Lists
+from executor.errors import LogError, PreflightFailed
+from executor.flight.flight_order import Console
+from executor.flight.kept_lists import KeptList, ListStage, planned, read_lists, write_lists
+from executor.flight.parameter_changes import AT_ONCE, Links
+from executor.runtime import parameters, preflight
+from executor.runtime.parameters import HEARD_S
+from missions import MissionKind, dialect_for
+from missions.fences import Fence, place_differences
+
+
+async def read_all(context: Context, links: Links, clock: Clock) -> dict[str, Lists]:
+    """Read what everybody carries beside its mission; nothing where the site says nothing of fences."""
+    if context.fencing is None:
+        return {}
+    turn = asyncio.Semaphore(AT_ONCE)
+
+    async def one(name: str) -> Lists:
+        async with turn:
+            return await preflight.read_lists(links[name], clock)
+
+    found = await asyncio.gather(*(one(name) for name in context.vehicles))
+    return dict(zip(context.vehicles, found, strict=True))
+
+
+def checks(
+    context: Context,
+    facts: Mapping[str, Facts],
+    boards: Mapping[str, OnBoard | None],
+    found: Mapping[str, Lists],
+    run: Path | None = None,
+) -> list[Check]:
+    """Hold what is on board against the flight.
+
+    Args:
+        context: Of the flight.
+        facts: What every vehicle said.
+        boards: The first missions.
+        found: What every vehicle carries beside.
+        run: A directory with the record of an earlier attempt.
+
+    Raises:
+        LogError: that record cannot be read.
+    """
+    kept = [] if run is None else [one for one in read_lists(run) if one.open]
+
+    def ours(name: str, kind: MissionKind, items: fences.Items | None) -> fences.Items | None:
+        known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
+        return items if known is not None and items is not None and known.ours(items) else None
+
+    told: list[Check] = []
+    for name, lists in found.items():
+        known = Lists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
+        board = boards[name]
+        told += fences.on_board_checks(context, facts[name], None if board is None else board.path, lists, known)
+    return told
+
+
+def wanted(context: Context, first: Mapping[str, Fence]) -> dict[str, Lists]:
+    """Return what is put on board, by vehicle; nothing where the site wants none."""
+    return {name: Lists(fence_list(context, fence), rally_list(context, name)) for name, fence in first.items()}
+
+
+def lines(context: Context, first: Mapping[str, Fence], found: Mapping[str, Lists]) -> list[str]:
+    """Return what is replaced on board, for the crew to confirm."""
+    told = []
+    for name, lists in wanted(context, first).items():
+        had = found.get(name, Lists())
+        fence = f"fence of {len(lists.fence or ())} corners (had {len(had.fence or ()) or 'none'})"
+        rally = "" if lists.rally is None else f", its pad as rally point (had {len(had.rally or ()) or 'none'})"
+        told.append(f"{name}: {fence}{rally}")
+    return told
+
+
+async def put_all(
+    run: Path,
+    context: Context,
+    links: Links,
+    clock: Clock,
+    first: Mapping[str, Fence],
+    found: Mapping[str, Lists],
+    console: Console,
+) -> None:
+    """Put everybody's fence and rally points on board; what was there is on record, and on its disk, before.
+
+    Raises:
+        PreflightFailed: the record cannot be written; nothing was sent.
+        VehicleRefused: a vehicle did not take them.
+        LogError: there is a record of an earlier attempt, and it cannot be read.
+    """
+    lists = wanted(context, first)
+    if not lists:
+        return
+    before = read_lists(run)
+    made = [
+        one
+        for name, new in lists.items()
+        for one in planned(before, name, (context.vehicles[name].sysid, context.vehicles[name].dialect.name),
+                           found[name], new)
+    ]  # fmt: skip
+    keys = {(one.vehicle, one.kind) for one in made}
+    record = _Record(run, console, [*(one for one in before if (one.vehicle, one.kind) not in keys), *made])
+    try:
+        write_lists(run, record.kept)
+    except OSError as error:
+        text = f"{RunDirectory(run).fences}: cannot be written: {error.strerror}; no fence was put on board"
+        raise PreflightFailed(text) from error
+    turn = asyncio.Semaphore(AT_ONCE)
+
+    async def one(name: str, new: Lists) -> None:
+        async with turn:
+            await preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
+        record.stage(name, ListStage.SET)
+        rally = "" if new.rally is None else ", and its pad as rally point"
+        console.say(
+            Level.INFO, f"{name}: fence of {len(new.fence or ())} corners on board{rally}, verified by read-back"
+        )
+
+    tasks = [asyncio.ensure_future(one(name, new)) for name, new in lists.items()]
+    try:
+        await asyncio.gather(*tasks)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def noted(run: Path, context: Context, command: Upload) -> None:
+    """Put a wider fence on record that is about to go on board in flight.
+
+    Raises:
+        OSError: it cannot be written.
+        LogError: the record cannot be read.
+    """
+    if command.fence is None:
+        return
+    items = fence_list(context, command.fence)
+    kept = [
+        replace(one, new=(*one.new, items), stage=ListStage.PLANNED)
+        if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in one.new
+        else one
+        for one in read_lists(run)
+    ]
+    write_lists(run, kept)
+
+
+async def give_back(
+    run: Path, links: Links, clock: Clock, console: Console, heard_s: float = HEARD_S
+) -> tuple[KeptList, ...]:
+    """Give back what was replaced to every vehicle that answers and is not armed; say of each what became of it.
+
+    Args:
+        run: Where the record is.
+        links: To the vehicles.
+        clock: The flight's.
+        console: Where it is said.
+        heard_s: How long a vehicle is waited for, in its time.
+
+    Returns:
+        The whole record as it is now; empty if nothing was ever replaced, or the record cannot be read.
+    """
+    try:
+        record = _Record(run, console, list(read_lists(run)))
+    except LogError as error:
+        console.say(Level.WARNING, str(error))
+        return ()
+    waiting: dict[str, list[KeptList]] = {one.vehicle: [] for one in record.kept if one.open}
+    for one in record.kept:
+        if one.open:
+            waiting[one.vehicle].append(one)
+    turn = asyncio.Semaphore(AT_ONCE)
+
+    async def of(name: str, kept: Sequence[KeptList]) -> None:
+        problems = {one.kind: "is not in the site file" for one in kept}
+        if name in links:
+            async with turn:
+                problems = await _given_back(links[name], clock, kept, record, heard_s)
+        _tell(run, console, name, kept, problems)
+
+    async with asyncio.TaskGroup() as tasks:
+        for name, kept in waiting.items():
+            tasks.create_task(of(name, kept))
+    return tuple(record.kept)
+
+
+def _tell(
+    run: Path, console: Console, name: str, kept: Sequence[KeptList], problems: Mapping[MissionKind, str]
+) -> None:
+    """Say of one vehicle what it has again, and what stays."""
+    back = [one.what for one in kept if one.kind not in problems]
+    if back:
+        console.say(Level.INFO, f"{name}: {' and '.join(back)} restored")
+    for one in kept:
+        if one.kind in problems:
+            console.say(Level.WARNING, f"{name}: {one.what} not restored: {problems[one.kind]}")
+    if problems:
+        console.say(Level.WARNING, f"{name}: to restore: faultline restore {run}")
+
+
+async def _given_back(
+    link: OpenLink, clock: Clock, kept: Sequence[KeptList], record: _Record, heard_s: float
+) -> dict[MissionKind, str]:
+    """Give one vehicle its lists back; returns why it does not have one of them."""
+    problems: dict[MissionKind, str] = {}
+    async with parameters.at_rest(link, clock, kept[0].autopilot, heard_s) as rest:
+        for one in kept:
+            problem = rest.problem or ("" if rest.rests() else "was armed meanwhile")
+            stage = None
+            if not problem:
+                stage, problem = await _one_given_back(link, clock, one)
+            if stage is not None:
+                record.one(one, stage)
+            if problem:
+                problems[one.kind] = problem
+    return problems
+
+
+async def _one_given_back(link: OpenLink, clock: Clock, one: KeptList) -> tuple[ListStage | None, str]:
+    """Give one list back; returns how far it has come, and why it is not back."""
+    found = await preflight.read_one(link, clock, one.kind)
+    if found is None:
+        return None, "cannot be read"
+    if not place_differences(one.old, found):
+        return ListStage.RESTORED, ""
+    if not one.ours(found):
+        return ListStage.LEFT, "another is on board, which somebody put there since: left as it is"
+    problem = await preflight.put_back(link, clock, dialect_for(one.autopilot), one.kind, one.old)
+    return (None, problem) if problem else (ListStage.RESTORED, "")
+
+
+@dataclass(slots=True)
+class _Record:
+    """What is on record, and where."""
+
+    run: Path
+    console: Console
+    kept: list[KeptList]
+
+    def stage(self, vehicle: str, stage: ListStage) -> None:
+        """Note how far a vehicle's lists have come."""
+        for one in [one for one in self.kept if one.vehicle == vehicle and one.open]:
+            self.one(one, stage)
+
+    def one(self, which: KeptList, stage: ListStage) -> None:
+        """Note how far one list has come; an older record gives it back as well, it only asks again."""
+        self.kept = [
+            replace(one, stage=stage) if (one.vehicle, one.kind) == (which.vehicle, which.kind) else one
+            for one in self.kept
+        ]
+        try:
+            write_lists(self.run, self.kept)
+        except OSError as error:
+            self.console.say(Level.WARNING, f"{RunDirectory(self.run).fences}: cannot be written: {error.strerror}")

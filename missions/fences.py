@@ -1,0 +1,259 @@
+"""The fence of one vehicle: the ground within which its plan and its own way home lie, and how it goes over the wire.
+
+A fence is convex. So the straight way home from anywhere inside is inside, whatever made the vehicle return, and a
+fence that covers two missions is the hull of both. Every simplification only makes it larger.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from missions.geo import LocalFrame
+from missions.items import Frame, MissionItem, Place
+
+Corner = tuple[float, float]
+"""Local east and north, metres."""
+
+MOST_CORNERS = 24
+"""ArduPilot took 70 items in all (measured), and smaller boards less."""
+MOST_ITEMS = 70
+ROUND = 8
+"""Corners by which the margin about a point is drawn: around the circle, never inside it."""
+COVERED_M = 0.05
+"""A centimetre is lost where degrees are counted in ten-millionths."""
+READ_BACK_E7 = 100
+"""A metre: PX4 tells two lists apart by degrees in float32, and keeps the one that it has where they are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """Where one vehicle may fly."""
+
+    corners_m: tuple[Corner, ...]
+    """Of a convex polygon, counter-clockwise."""
+    top_m: float
+    """Over its own home."""
+
+    def outside_m(self, place_m: Corner) -> float:
+        """Return how far outside a place is; 0 inside."""
+        if _inside(self.corners_m, place_m, 0.0):
+            return 0.0
+        return min(_distance_m(place_m, one, other) for one, other in _edges(self.corners_m))
+
+    def covers(self, other: Fence) -> bool:
+        """Return whether whoever keeps inside the other one keeps inside this one."""
+        inside = all(_inside(self.corners_m, corner, COVERED_M) for corner in other.corners_m)
+        return inside and other.top_m <= self.top_m + COVERED_M
+
+    def with_(self, other: Fence) -> Fence:
+        """Return the least fence of its kind that covers both."""
+        corners = fewer(hull((*self.corners_m, *other.corners_m)))
+        return Fence(corners, max(self.top_m, other.top_m))
+
+
+def fence_around(places_m: Iterable[Corner], margin_m: float, top_m: float) -> Fence:
+    """Return the fence of a vehicle that flies straight from place to place, and straight home from anywhere.
+
+    Args:
+        places_m: Every place of its missions, its pad among them.
+        margin_m: How far from its ways the fence is at least.
+        top_m: Its height over the vehicle's home.
+    """
+    reach_m = margin_m / math.cos(math.pi / ROUND)
+    turns = [2.0 * math.pi * (number + 0.5) / ROUND for number in range(ROUND)]
+    around = [
+        (east_m + reach_m * math.cos(turn), north_m + reach_m * math.sin(turn))
+        for east_m, north_m in hull(tuple(places_m))
+        for turn in turns
+    ]
+    corners = fewer(hull(around))
+    return Fence(corners, top_m)
+
+
+def hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
+    """Return the convex hull, counter-clockwise and without corners on a straight edge, to a millimetre.
+
+    >>> hull([(0.0, 0.0), (2.0, 0.0), (1.0, 0.1), (2.0, 2.0), (0.0, 2.0)])
+    ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
+    """
+    ordered = sorted({(round(east_m, 3), round(north_m, 3)) for east_m, north_m in places_m})
+    if len(ordered) < 3:
+        return tuple(ordered)
+    return (*_chain(ordered), *_chain(ordered[::-1]))
+
+
+def fewer(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner, ...]:
+    """Return a convex polygon around another one, with few corners: edges are left out, and their neighbours go on."""
+    corners = list(corners_m)
+    while len(corners) > max(most, 4):
+        ways = [way for index in range(len(corners)) if (way := _without_edge(corners, index)) is not None]
+        if not ways:
+            break
+        _, index, corner = min(ways)
+        after = (index + 1) % len(corners)
+        corners[index] = corner
+        del corners[after]
+    return tuple(corners)
+
+
+def fence_items(fence: Fence, frame: LocalFrame) -> tuple[MissionItem, ...]:
+    """Return a fence as it goes on board."""
+    placed = [_e7(frame, corner) for corner in fence.corners_m]
+    return tuple(
+        MissionItem(seq, Frame.GLOBAL, Place.INCLUSION_VERTEX, float(len(placed)), x=x, y=y)
+        for seq, (x, y) in enumerate(placed)
+    )
+
+
+def rally_items(places_m: Iterable[Corner], frame: LocalFrame) -> tuple[MissionItem, ...]:
+    """Return rally points on the level of the vehicle's home, as they go on board."""
+    return tuple(
+        MissionItem(seq, Frame.GLOBAL_RELATIVE_ALT, Place.RALLY_POINT, x=x, y=y)
+        for seq, place in enumerate(places_m)
+        for x, y in (_e7(frame, place),)
+    )
+
+
+def place_differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem]) -> tuple[str, ...]:
+    """Return in words how a fence, or rally points, on board differ from what was sent; empty if they mean the same.
+
+    Frames are not compared: ArduPilot answers 0, PX4 the number that counts in integers. Nor are flags, which mean
+    nothing here.
+    """
+    if len(sent) != len(read_back):
+        return (f"{len(sent)} items sent, {len(read_back)} read back",)
+    return tuple(
+        f"item {ours.seq}: {key} sent {was:g}, read back {now:g}"
+        for ours, theirs in zip(sent, read_back, strict=True)
+        for key, was, now, least in (
+            ("command", ours.command, theirs.command, 0.0),
+            ("param1", ours.param1, theirs.param1, 0.01),
+            ("x", ours.x, theirs.x, READ_BACK_E7),
+            ("y", ours.y, theirs.y, READ_BACK_E7),
+            # ArduPilot keeps the heights of rally points in whole metres.
+            ("z", ours.z, theirs.z, 1.01 if ours.command == Place.RALLY_POINT else math.inf),
+        )
+        if abs(was - now) > least
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """One shape of a fence that somebody put on board."""
+
+    keeps_out: bool
+    corners_m: tuple[Corner, ...]
+    """Of a polygon; the middle of a circle."""
+    radius_m: float | None = None
+    """Of a circle."""
+
+    def allows(self, place_m: Corner) -> bool:
+        """Return whether a vehicle may be there, as far as this shape goes."""
+        if self.radius_m is None:
+            inside = _within(self.corners_m, place_m)
+        else:
+            inside = math.dist(self.corners_m[0], place_m) <= self.radius_m
+        return inside is not self.keeps_out
+
+
+def outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[Outline, ...]:
+    """Return the shapes of a fence on board; what is none of them, such as a return point, is left out."""
+    shapes, index = list[Outline](), 0
+    while index < len(items):
+        item, size = items[index], 1
+        keeps_out = item.command in {Place.EXCLUSION_VERTEX, Place.EXCLUSION_CIRCLE}
+        if item.command in {Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX}:
+            size = max(1, int(item.param1))
+            ring = items[index : index + size]
+            shapes.append(Outline(keeps_out, tuple(_local(frame, one) for one in ring)))
+        elif item.command in {Place.INCLUSION_CIRCLE, Place.EXCLUSION_CIRCLE}:
+            shapes.append(Outline(keeps_out, (_local(frame, item),), item.param1))
+        index += size
+    return tuple(shapes)
+
+
+def first_outside(shapes: Sequence[Outline], way_m: Sequence[Corner], step_m: float = 2.0) -> Corner | None:
+    """Return the first place on a way, straight from place to place, where a fence on board is left; None if none is.
+
+    Both autopilots want a vehicle inside every inclusion and outside every exclusion.
+    """
+    for one, other in itertools.pairwise(way_m):
+        steps = max(1, math.ceil(math.dist(one, other) / step_m))
+        for step in range(steps + 1):
+            share = step / steps
+            place = (one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1]))
+            if not all(shape.allows(place) for shape in shapes):
+                return place
+    return None
+
+
+def numbered(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
+    """Return items that were read from a vehicle as they are sent back to it."""
+    return tuple(replace(item, seq=seq, current=False) for seq, item in enumerate(items))
+
+
+def _chain(ordered: Sequence[Corner]) -> list[Corner]:
+    chain: list[Corner] = []
+    for corner in ordered:
+        while len(chain) >= 2 and _turn(chain[-2], chain[-1], corner) <= 1e-9:
+            chain.pop()
+        chain.append(corner)
+    return chain[:-1]
+
+
+def _turn(a: Corner, b: Corner, c: Corner) -> float:
+    """Return twice the area of a triangle; above 0 where it turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _edges(corners: Sequence[Corner]) -> Iterable[tuple[Corner, Corner]]:
+    return zip(corners, (*corners[1:], corners[0]), strict=True)
+
+
+def _inside(corners: Sequence[Corner], place: Corner, slack_m: float) -> bool:
+    return all(_turn(one, other, place) >= -slack_m * math.dist(one, other) for one, other in _edges(corners))
+
+
+def _within(corners: Sequence[Corner], place: Corner) -> bool:
+    """Return whether a place is in any polygon, by the edges that a line to the east crosses."""
+    inside = False
+    for (east_a, north_a), (east_b, north_b) in _edges(corners):
+        if (north_a > place[1]) is not (north_b > place[1]):
+            crosses = east_a + (place[1] - north_a) / (north_b - north_a) * (east_b - east_a)
+            inside ^= place[0] < crosses
+    return inside
+
+
+def _distance_m(place: Corner, one: Corner, other: Corner) -> float:
+    along = (other[0] - one[0], other[1] - one[1])
+    length = along[0] ** 2 + along[1] ** 2
+    share = ((place[0] - one[0]) * along[0] + (place[1] - one[1]) * along[1]) / length if length else 0.0
+    share = min(1.0, max(0.0, share))
+    return math.dist(place, (one[0] + share * along[0], one[1] + share * along[1]))
+
+
+def _without_edge(corners: Sequence[Corner], index: int) -> tuple[float, int, Corner] | None:
+    """Return what leaving the edge from a corner on out adds in area, and the corner that takes the place of both."""
+    count = len(corners)
+    before, one = corners[index - 1], corners[index]
+    other, after = corners[(index + 1) % count], corners[(index + 2) % count]
+    ahead = (one[0] - before[0], one[1] - before[1])
+    onward = (after[0] - other[0], after[1] - other[1])
+    turn = ahead[0] * onward[1] - ahead[1] * onward[0]
+    if turn <= 1e-9:
+        return None  # its neighbours meet on the other side, or nowhere
+    share = ((after[0] - before[0]) * onward[1] - (after[1] - before[1]) * onward[0]) / turn
+    corner = (before[0] + share * ahead[0], before[1] + share * ahead[1])
+    return abs(_turn(one, corner, other)), index, corner
+
+
+def _e7(frame: LocalFrame, corner: Corner) -> tuple[int, int]:
+    lat_deg, lon_deg = frame.to_wgs84_deg(*corner)
+    return round(lat_deg * 1e7), round(lon_deg * 1e7)
+
+
+def _local(frame: LocalFrame, item: MissionItem) -> Corner:
+    return frame.to_local_m(item.x / 1e7, item.y / 1e7)
