@@ -191,8 +191,8 @@ def lowest_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float
 def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[OverGround, OverGround] | None:
     """Return the least and the largest height of a fleet's flights over the ground; None if nobody flies.
 
-    The ground is the raster's, else that of the nearest place of a line or of the nearest pad, or the depot's everywhere
-    on a flat site.
+    The ground is the raster's, else that of the nearest place of a line or of the nearest pad, or the depot's
+    everywhere on a flat site.
     Take-off and landing count with the height that they end or begin at.
     """
     found: list[OverGround] = []

@@ -79,9 +79,7 @@ def _coned(grid: Grid, slope: float, better: Callable[..., FloatArray]) -> Grid:
     return Grid(grid.low_m, grid.step_m, heights_m)
 
 
-def _stepped(
-    heights_m: FloatArray, east: int, north: int, drop_m: float, better: Callable[..., FloatArray]
-) -> None:
+def _stepped(heights_m: FloatArray, east: int, north: int, drop_m: float, better: Callable[..., FloatArray]) -> None:
     here_e, there_e = _shifted(heights_m.shape[0], east)
     here_n, there_n = _shifted(heights_m.shape[1], north)
     here, there = heights_m[here_e, here_n], heights_m[there_e, there_n]
@@ -110,10 +108,14 @@ def hull_m(places_m: FloatArray) -> FloatArray:
 def _chain(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
     chain: list[tuple[float, ...]] = []
     for point in points:
-        while len(chain) > 1 and (
-            (chain[-1][0] - chain[-2][0]) * (point[1] - chain[-2][1])
-            - (chain[-1][1] - chain[-2][1]) * (point[0] - chain[-2][0])
-        ) <= 0:
+        while (
+            len(chain) > 1
+            and (
+                (chain[-1][0] - chain[-2][0]) * (point[1] - chain[-2][1])
+                - (chain[-1][1] - chain[-2][1]) * (point[0] - chain[-2][0])
+            )
+            <= 0
+        ):
             chain.pop()
         chain.append(point)
     return chain

@@ -92,7 +92,11 @@ def _settled(
     stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
     roof = known.roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
     surface = Surface(surface.points_m, surface.heights_m, slope, floor, roof)
-    places = along(tracks_m, pylon_m[ends], max(CHECK_STEP_M, float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum()) / MAX_CHECKS))
+    places = along(
+        tracks_m,
+        pylon_m[ends],
+        max(CHECK_STEP_M, float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum()) / MAX_CHECKS),
+    )
     error_m = float(np.abs(surface.at_m(places[:, :2]) - places[:, 2]).max())
     steepest = max(slope, floor.slope, roof.slope)
     tolerance_m = max(FOLLOW_OVER_M, error_m)

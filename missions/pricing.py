@@ -7,8 +7,8 @@ move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
 what a move takes is the same in each. A transit is priced as it leads around others' pads, and where a raster knows
-the ground as it rises and falls with it, else as one straight leg; where only the lines' heights are known the flight is
-a little longer, which `estimate` of the path knows.
+the ground as it rises and falls with it, else as one straight leg; where only the lines' heights are known the flight
+is a little longer, which `estimate` of the path knows.
 """
 
 from __future__ import annotations

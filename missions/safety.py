@@ -14,6 +14,7 @@ from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
 from missions.overland import Wishes, fit_over
+from missions.relief import Relief, relief_of
 from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
 from missions.terrain import Known, Terrain, known_ground
 from missions.waypoints import FlightPath
@@ -65,10 +66,12 @@ class Layers:
     """Of the lowest layer, over the depot's ground."""
     track_heights_m: FloatArray
     """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
+    relief: Relief | None = None
+    """The surface as flights are priced by it, where a raster knows the ground."""
     known: Known | None = None
     """The ground between the lines and the pads, where a raster knows it."""
     raised_m: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without a raster."""
+    """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without one."""
 
     def offset_m(self, vehicle: str) -> float:
         """Return how far above the lowest layer a vehicle flies.
@@ -179,6 +182,7 @@ def _layers_over(
         reference=HeightReference.PYLON_TOPS,
         surface=found.fit.surface,
         track_heights_m=found.pylon_m[indices],
+        relief=relief_of(found.fit.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0)),
         known=known,
         raised_m=found.pylon_m - asked_m,
     )

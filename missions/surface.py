@@ -67,7 +67,8 @@ class Surface:
     def follow_m(self, start_m: FloatArray, goal_m: FloatArray, tolerance_m: float) -> FloatArray:
         """Return (w, 3) places between two (3,) places so that straight legs through them keep near the surface.
 
-        Near means ``tolerance_m`` at points every ``CHECK_STEP_M``, or ``CHECK_OVER_M`` over a floor; the two ends are taken as they are.
+        Near means ``tolerance_m`` at points every ``CHECK_STEP_M``, or ``CHECK_OVER_M`` over a floor; the two ends are
+        taken as they are.
         """
         length_m = math.hypot(*(goal_m[:2] - start_m[:2]))
         steps = max(1, math.ceil(length_m / (CHECK_STEP_M if self.floor is None else CHECK_OVER_M)))
