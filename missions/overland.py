@@ -10,12 +10,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from missions.geo import FloatArray
 from missions.grids import Grid
 from missions.network import Network
 from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, Fit, Surface, along, candidates
 from missions.terrain import Known
+
+Indices = npt.NDArray[np.intp]
 
 FOLLOW_OVER_M = 2.0
 """Legs over uneven ground keep this near to the surface: nearer ones need more waypoints than autopilots hold."""
@@ -76,7 +79,7 @@ def fit_over(known: Known, wishes: Wishes, network: Network, tracks_m: FloatArra
 
 
 def _settled(
-    known: Known, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: FloatArray, slope: float,
+    known: Known, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices, slope: float,
     error_m: float,
 ) -> Overland:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
@@ -113,7 +116,7 @@ def _spacing_m(layer_m: float, slope: float, off_m: float) -> float:
     return layer_m * math.hypot(1.0, slope) + 2.0 * off_m
 
 
-def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: FloatArray) -> FloatArray:
+def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: Indices) -> FloatArray:
     """Return (p,) how much higher pylons must be passed so that no inspection is below the floor."""
     lifts_m = np.zeros(len(pylon_m))
     # The ends first: a slope beside the line's end then lifts that end alone.

@@ -105,6 +105,10 @@ def plan(
     picture: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Draw each vehicle's flight from the side, over the ground of [terrain]."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget; exit 1 if segments are left over.
@@ -116,8 +120,13 @@ def plan(
         wanted = replace(wanted, params=SearchParams.load(search))
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
+    can_be_drawn("--profile", profile)
+    if profile is not None and front:
+        raise SiteError("--profile: expected none beside --front, which makes several plans")
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
+    if profile is not None and ground.terrain is None:
+        raise SiteError(f"--profile: expected the ground of a raster, but {site} has no [terrain]")
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
@@ -131,6 +140,15 @@ def plan(
         from executor.analysis.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture))
+    if profile is not None:
+        from executor.analysis.pictures import draw_profile
+        from executor.analysis.profile import profiles
+
+        setup = assembly.setup_of(ground)
+        flown = profiles(
+            setup, assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan)).values()
+        )
+        writable(profile, lambda: draw_profile(flown, profile))
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         known = "" if learned is None else f" --learned {learned}"
@@ -271,12 +289,24 @@ def export(
     autopilot: Annotated[
         AutopilotName, typer.Option(help="Autopilot that the mission items are for.")
     ] = FIRST_AUTOPILOT,
+    site: Annotated[
+        Path | None,
+        typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
+    ] = None,
 ) -> None:
     """Write a file per vehicle for other ground stations."""
     content = read_plan(plan)
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
-    setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    terrain = None
+    if content.terrain is not None:
+        if site is None:
+            raise SiteError(f"{plan}: terrain: expected --site with the site file that the plan was made of")
+        ground = assembly.ground_of(read_site(site), site.parent)
+        planning.fits(content, ground, str(plan))
+        terrain = ground.terrain
+    names = [vehicle.name for vehicle in content.vehicles]
+    setup = flight_setup(content.network(), names, content.inspection, terrain=terrain)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
     for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
         raise SiteError(f"{plan}: heights: {line}")
