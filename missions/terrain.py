@@ -137,7 +137,13 @@ def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, netw
     start = (float(low_m[0]), float(low_m[1]))
     highest = Grid(start, step_m, _nodes(cells_high, np.maximum, UNKNOWN_M))
     lowest = Grid(start, step_m, _nodes(cells_low, np.minimum, -UNKNOWN_M))
-    return Known(corners, highest, lowest, _spot(highest, int(highest.heights_m.argmax())), _spot(lowest, int(lowest.heights_m.argmin())))
+    return Known(
+        corners,
+        highest,
+        lowest,
+        _spot(highest, int(highest.heights_m.argmax())),
+        _spot(lowest, int(lowest.heights_m.argmin())),
+    )
 
 
 def unknown_ground(elevation: Elevation, place_m: FloatArray, frame: LocalFrame, network: Network) -> ElevationError:

@@ -306,7 +306,8 @@ def _cells_at(
     x, y = (np.asarray(value) for value in to_raster.transform(places_deg[:, 1], places_deg[:, 0]))
     if level.is_geographic:
         # Around the antimeridian both ways of counting degrees are in use.
-        middle, _ = dataset.transform * (dataset.width / 2, dataset.height / 2)
+        there = dataset.transform
+        middle = there.a * dataset.width / 2 + there.b * dataset.height / 2 + there.c
         x = x + 360.0 * np.round((middle - x) / 360.0)
     back = ~dataset.transform
     columns = back.a * x + back.b * y + back.c - 0.5
