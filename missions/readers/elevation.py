@@ -289,9 +289,7 @@ def _tile(
     cell_m = _cell_m(at, step_m)
     if not math.isfinite(cell_m) or cell_m <= 0:
         raise ElevationError(f"{path}: crs: expected cells that have places around the network, found none")
-    few = max(
-        1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), math.floor(LEAST_CELL_M / cell_m + 1e-6)
-    )
+    few = max(1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), round(LEAST_CELL_M / cell_m))
     mean_m, most_m = _heights(path, dataset, window, few, unit_m)
     lattice = (at - np.array([window.row_off, window.col_off]) + 0.5) / few - 0.5
     return Tile(mean_m, most_m, (float(low_m[0]), float(low_m[1])), step_m, lattice, cell_m * few)
