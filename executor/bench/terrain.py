@@ -35,6 +35,7 @@ DEGREES = 1.0 / 3600.0
 STRIP = 512
 LINES = 40
 SPAN_M = 150.0
+VEHICLES = 100
 SITE, RASTER, NETWORK = "site.toml", "Copernicus_DSM_COG_10_bench.tif", "lines.geojson"
 
 
@@ -97,8 +98,8 @@ def page(content: dict[str, object], steps: list[Step]) -> str:
     return markdown_page(
         "Large rasters and networks",
         machine_line(made) if isinstance(made, dict) else "",
-        f"`faultline bench terrain`: {content['spans']} spans of {SPAN_M:g} m in {LINES} lines, poles' heights from a "
-        f"raster of {content['cells']} cells of one second of arc (GeoTIFF in tiles, {content['raster_mb']} MB on the "
+        f"`faultline bench terrain`: {content['spans']} spans of {SPAN_M:g} m in {LINES} lines, {VEHICLES} vehicles, poles' heights "
+        f"from a raster of {content['cells']} cells of one second of arc (GeoTIFF in tiles, {content['raster_mb']} MB on the "
         "disk). Each step is a process of its own and begins with the files; processor time has the start of the "
         "interpreter in it, and memory is the largest that was resident, libraries included.",
         markdown_table(("step", "s", "processor, s", "peak MB", "what came of it"), rows),
@@ -194,6 +195,6 @@ def _site() -> dict[str, object]:
         "energy": {"capacity_ah": 400.0},
         "vehicle": [
             {"name": f"uav{n}", "connection": f"udpin://127.0.0.1:{14550 + n}", "sysid": n, "autopilot": "px4"}
-            for n in range(1, 5)
+            for n in range(1, VEHICLES + 1)
         ],
     }
