@@ -3,6 +3,7 @@
 MissionsError
 ├── NetworkError       a network file that cannot be used: names the file, the place in it and what was expected
 ├── AreaError          an area that cannot be used: names the file, the feature and what was expected
+├── ElevationError     a raster of heights that cannot be used: names the file, the place in it and what was expected
 ├── PlanFileError      a plan file that cannot be used
 ├── MissionFileError   a QGroundControl file that cannot be used
 ├── SafetyError        no heights or pads can keep this fleet apart over this network
@@ -20,6 +21,10 @@ class NetworkError(MissionsError):
 
 class AreaError(MissionsError):
     """The area cannot be used."""
+
+
+class ElevationError(MissionsError):
+    """The heights of the ground cannot be used."""
 
 
 class PlanFileError(MissionsError):

@@ -103,6 +103,24 @@ class Solved:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanTerrain:
+    """The ground that a plan was made over; its heights are not part of the file."""
+
+    source: Text
+    """The raster, for people."""
+    digest: Text
+    """Of what was read of it: the same ground has the same."""
+    vertical: Text
+    """What its heights were counted from."""
+    uncertainty_m: Figure
+    """Nine of ten heights are nearer than this to the truth."""
+    margin_m: Figure
+    """That every leg keeps over the ground beside that."""
+    line_margin_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """That every leg keeps over the tops of lines; without it a share of the inspection height."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlanFile:
     """A plan file's content."""
 
@@ -130,6 +148,8 @@ class PlanFile:
     """What was asked for as well, and no flight can inspect, by the network's numbers."""
     unreachable_names: tuple[str, ...] = ()
     """What their network's file calls them."""
+    terrain: PlanTerrain | None = None
+    """The ground, where a raster knows it."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
 

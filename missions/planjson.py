@@ -20,10 +20,12 @@ from missions.areas import Area, AreaKind, KeptOut, Unreachable
 from missions.errors import PlanFileError, SafetyError
 from missions.files import printable, read_text, write_whole
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
+from missions.grids import Grid
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
+from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, PlanTerrain, Solved, Window
 from missions.pricing import Base, FlightModel, Pricing
+from missions.relief import Relief
 from missions.setup import MOST, Inspection
 from missions.validation import Figure, Flag, Id, Pair, Place, Text, first_reason, is_none
 from planner import (
@@ -213,6 +215,24 @@ def _is_empty(value: tuple[object, ...]) -> bool:
     return not value
 
 
+class ReliefPart(_Part):
+    """How high the lowest layer is over the depot's ground, on a regular grid; transits rise and fall with it."""
+
+    east_m: Figure
+    """Of the first node, over the ground from the depot."""
+    north_m: Figure
+    step_m: Above0
+    """Between nodes."""
+    heights_m: Annotated[tuple[Annotated[tuple[Figure, ...], Field(min_length=2)], ...], Field(min_length=2)]
+    """For each easting from west to east, those from south to north."""
+
+    @model_validator(mode="after")
+    def _rectangular(self) -> ReliefPart:
+        if len({len(column) for column in self.heights_m}) != 1:
+            raise ValueError("heights_m: expected as many heights for each easting")
+        return self
+
+
 class ModelPart(_Part):
     """From which the times and energies of this file follow."""
 
@@ -231,6 +251,8 @@ class ModelPart(_Part):
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
     areas: Annotated[tuple[AreaPart, ...], Field(exclude_if=_is_empty)] = ()
     """That ways lead around."""
+    relief: Annotated[ReliefPart | None, Field(exclude_if=is_none)] = None
+    """Where a raster knows the ground; without it ways rise and fall evenly."""
 
 
 class PlanDocument(_Part):
@@ -260,6 +282,8 @@ class PlanDocument(_Part):
     """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
     unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=_is_empty)] = ()
     """What was asked for and is not planned, because it lies in an area or behind one."""
+    terrain: Annotated[PlanTerrain | None, Field(exclude_if=is_none)] = None
+    """The ground that it was made over, where a raster knows it."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -367,6 +391,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             {"segment": one.segment, "name": name, "why": one.why}
             for one, name in zip(content.unreachable, content.unreachable_names, strict=True)
         ],
+        "terrain": content.terrain,
         "segments": content.segments,
     }
     try:
@@ -418,6 +443,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         fly_again=document.fly_again,
         unreachable=tuple(Unreachable(one.segment, printable(one.why)) for one in document.unreachable),
         unreachable_names=tuple(printable(one.name) for one in document.unreachable),
+        terrain=document.terrain,
         source=source,
     )  # fmt: skip
 
@@ -445,13 +471,19 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
             }
             for one in pricing.kept_out
         ],
+        "relief": pricing.relief and _relief(pricing.relief.grid),
     }
+
+
+def _relief(grid: Grid) -> dict[str, object]:
+    east_m, north_m = grid.low_m
+    return {"east_m": east_m, "north_m": north_m, "step_m": grid.step_m, "heights_m": grid.heights_m.tolist()}
 
 
 def _pricing(document: PlanDocument) -> Pricing | None:
     if document.model is None:
         return None
-    travel, model = document.travel, document.model
+    travel, model, relief = document.travel, document.model, document.model.relief
     power = SteadyWind(**dict(model.power))
     named = {vehicle.name: own for vehicle, own in zip(document.vehicles, model.vehicles, strict=True)}
     return Pricing(
@@ -465,6 +497,9 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.column_m,
         model.answer_s,
         tuple(map(_kept_out, model.areas)),
+        None
+        if relief is None
+        else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
     )
 
 

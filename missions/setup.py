@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
 from missions.network import Network
-from missions.pads import PAD_SPACING_M, Pad, column_radius_m, place_pads
+from missions.pads import Pad, column_radius_m, place_pads
 from missions.pricing import Base
-from missions.safety import Layers, plan_layers, tracks_m
+from missions.safety import Layers, Over, plan_layers, tracks_m
+from missions.terrain import DETOUR_M, Terrain
 from missions.ways import graph_of, obstacle_of
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
@@ -77,6 +78,8 @@ class FlightSetup:
     """Segments that no flight can inspect for them."""
     alternates: tuple[NamedPlace, ...] = ()
     """Where a vehicle may come down that does not come home."""
+    terrain: Terrain | None = None
+    """The ground, where a raster knows it."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.
@@ -181,9 +184,9 @@ def flight_setup(
     inspection: Inspection,
     *,
     pads: Sequence[Pad] | None = None,
-    pad_spacing_m: float = PAD_SPACING_M,
     stated: Sequence[Pad] = (),
     areas: Sequence[Area] = (),
+    terrain: Terrain | None = None,
 ) -> FlightSetup:
     """Choose layers, and pads unless they are given, for a fleet over a network.
 
@@ -192,11 +195,12 @@ def flight_setup(
         vehicles: Names, from the lowest layer to the highest.
         inspection: Heights, speeds and distances.
         pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
-        pad_spacing_m: The least distance of two chosen pads.
         stated: Pads of some vehicles that are not to be chosen.
         areas: That no pad is chosen in; `reach.within_areas` makes flights keep out of them.
+        terrain: The ground, where a raster knows it; all pylons' heights must then be known.
 
     Raises:
+        ElevationError: a part of the ground between lines and pads is not known.
         NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
         SafetyError: there is no room for the pads, or the heights are below the depot's ground.
     """
@@ -208,6 +212,9 @@ def flight_setup(
         height_m=inspection.height_m,
         layer_m=inspection.layer_m,
         standoff_m=inspection.standoff_m,
+        over=None
+        if terrain is None
+        else Over(terrain, inspection.ceiling_m, _turned_at_m(pads or stated, areas, tracks)),
     )
     if pads is None:
         pads = place_pads(
@@ -215,8 +222,25 @@ def flight_setup(
             tracks,
             layer_m=inspection.layer_m,
             alt_m=network.frame.alt_m,
-            pad_spacing_m=pad_spacing_m,
             stated=stated,
             areas=areas,
         )
-    return FlightSetup(network, inspection, layers, tuple(pads), tracks)
+        if terrain is not None:
+            pads = _on_ground(pads, terrain)
+    return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain=terrain)
+
+
+def _turned_at_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArray) -> FloatArray:
+    """Return (m, 2) where ways begin, end or turn beside the lines; corners of areas that are far away are none."""
+    low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
+    corners_m = np.array([corner for area in areas for ring in area.rings_m for corner in ring], dtype=np.float64)
+    corners_m = corners_m.reshape(-1, 2)
+    near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
+    stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
+    return np.concatenate((stands_m, near_m))
+
+
+def _on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
+    """Return pads at the height of the raster's ground, which is known there: known_ground has looked."""
+    ground_m = terrain.elevation.at_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
+    return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))

@@ -196,11 +196,12 @@ class LargeSearch:
         vehicles: list[int] = []
         segments: list[int] = []
         for segment in near.tolist():
-            full = len(segments) >= self._params.region and len(vehicles) > 1
-            if full or len(vehicles) >= self._params.region_routes:
+            full = len(segments) >= self._params.region
+            if (full and len(vehicles) > 1) or len(vehicles) >= self._params.region_routes:
                 break
             vehicle = int(self._route_of[segment])
-            if vehicle < 0 and not claimed[segment]:
+            # A second route may be far away: what is open up to there would be nearly the whole network.
+            if vehicle < 0 and not claimed[segment] and not full:
                 segments.append(segment)
             elif vehicle >= 0 and not taken[vehicle] and vehicle not in vehicles:
                 vehicles.append(vehicle)

@@ -22,6 +22,7 @@ class Extra(Enum):
     MQTT = "mqtt"
     DASK = "dask"
     GEO = "geo"
+    TERRAIN = "terrain"
 
 
 MODULES: Mapping[Extra, tuple[str, ...]] = {
@@ -32,6 +33,7 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.MQTT: ("aiomqtt",),
     Extra.DASK: ("distributed",),
     Extra.GEO: ("openpyxl", "shapefile"),
+    Extra.TERRAIN: ("rasterio",),
 }
 """What is imported of each."""
 INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp"}

@@ -67,6 +67,7 @@ from missions import (
     read_plan,
     write_plan,
 )
+from missions.terrain import Terrain
 from planner import Cost, ReplanWindow, SearchParams, repairs_at, replan_window
 
 if TYPE_CHECKING:
@@ -107,6 +108,10 @@ def plan(
     picture: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Draw each vehicle's flight from the side, over the ground of [terrain]."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget; exit 1 if segments are left over.
@@ -118,8 +123,11 @@ def plan(
         wanted = replace(wanted, params=SearchParams.load(search))
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
+    can_be_drawn("--profile", profile)
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
+    if profile is not None and (front or ground.terrain is None):
+        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
@@ -133,12 +141,24 @@ def plan(
         from executor.analysis.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture))
+    if profile is not None:
+        _draw_profile(ground, content, profile)
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         known = "" if learned is None else f" --learned {learned}"
         print(f"flown as it is by: faultline fly {site} --plan {output}{known}")
     if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
+
+
+def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> None:
+    from executor.analysis.pictures import draw_profile
+    from executor.analysis.profile import profiles
+
+    setup = assembly.setup_of(ground)
+    paths = assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan))
+    flown = profiles(setup, paths.values())
+    writable(path, lambda: draw_profile(flown, path))
 
 
 def _plan_front(
@@ -273,12 +293,16 @@ def export(
     autopilot: Annotated[
         AutopilotName, typer.Option(help="Autopilot that the mission items are for.")
     ] = FIRST_AUTOPILOT,
+    site: Annotated[
+        Path | None,
+        typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
+    ] = None,
 ) -> None:
     """Write a file per vehicle for other ground stations."""
     content = read_plan(plan)
     if content.inspection is None:
         raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
-    setup = _setup_of(content, content.inspection)
+    setup = _setup_of(content, content.inspection, _terrain_of(plan, content, site))
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
     for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
         raise SiteError(f"{plan}: heights: {line}")
@@ -298,12 +322,23 @@ def export(
         print(path)
 
 
-def _setup_of(content: PlanFile, inspection: Inspection) -> FlightSetup:
+def _terrain_of(plan: Path, content: PlanFile, site: Path | None) -> Terrain | None:
+    """Return the ground that a plan was made over; it is not in the plan itself."""
+    if content.terrain is None:
+        return None
+    if site is None:
+        raise SiteError(f"{plan}: terrain: expected --site with the site file that the plan was made of")
+    ground = assembly.ground_of(read_site(site), site.parent)
+    planning.fits(content, ground, str(plan))
+    return ground.terrain
+
+
+def _setup_of(content: PlanFile, inspection: Inspection, terrain: Terrain | None) -> FlightSetup:
     """Return heights, pads and areas as a plan file has them."""
     names, network = [vehicle.name for vehicle in content.vehicles], content.network()
+    setup = flight_setup(network, names, inspection, areas=content.areas, terrain=terrain)
     if not content.areas:
-        return flight_setup(network, names, inspection)
-    setup = flight_setup(network, names, inspection, areas=content.areas)
+        return setup
     kept_out = () if content.pricing is None else content.pricing.kept_out
     return replace(setup, areas=content.areas, kept_out=kept_out)
 

@@ -21,6 +21,7 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site
 from missions import PlanFile, write_plan
+from missions.readers.kept_elevation import write_kept
 
 
 class Teller(Protocol):
@@ -95,6 +96,11 @@ def keep(order: Order) -> None:
     if order.site.signing is not None and order.site.signing.key_file is not None:
         # The key stays where it is: a run directory is copied and handed on.
         content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    if order.ground.terrain is not None:
+        # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
+        kept = RunDirectory(order.run).terrain
+        write_kept(kept, order.ground.terrain.elevation)
+        content["terrain"] = {**content["terrain"], "files": kept.name}
     keep_site(order.run, content, files)
     if order.ground.learned:
         document_of(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)

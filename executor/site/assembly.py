@@ -43,7 +43,11 @@ from missions import (
 )
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
+from missions.planfile import PlanTerrain
+from missions.poles import on_ground, with_structures
 from missions.reach import within_areas
+from missions.readers.elevation import Reading, read_elevation
+from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -69,6 +73,8 @@ class Ground:
     travel: Travel
     setup: FlightSetup
     """Heights, and pads that are chosen around the depot."""
+    terrain: Terrain | None = None
+    """The ground between the lines, where a raster knows it."""
     worth_a_look: tuple[str, ...] = ()
     """What was mended or found of the network's file and its heights, in words."""
     learned: Mapping[str, Known] = field(default_factory=dict)
@@ -89,15 +95,49 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
         learned: What is known of vehicles from flights before, by their name.
 
     Raises:
-        MissionsError: the network cannot be used, or its heights cannot be flown by.
+        MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
-    network = with_heights(understood.network, flat=site.inspection.heights == "flat")
-    worth_a_look = (*remark_lines(understood.found), *implausible(network, tallest_m=site.network.tallest_m))
-    ground = ground_over(site, network, worth_a_look, base)
+    network = with_structures(understood.network, site.network.pylon_height_m)
+    found: tuple[str, ...] = ()
+    terrain = terrain_of(site, base, network)
+    if terrain is not None:
+        # A height of 0 that nobody said is what a file without a height of its depot is read with.
+        depot_known = network.frame.alt_m != 0.0 or (site.depot is not None and site.depot.alt_m is not None)
+        network, found = on_ground(network, terrain.elevation, depot_known=depot_known)
+        found = (*terrain.elevation.remarks, *found)
+    network = with_heights(network, flat=site.inspection.heights == "flat")
+    worth_a_look = (*remark_lines(understood.found), *found, *implausible(network, tallest_m=site.network.tallest_m))
+    ground = ground_over(site, network, worth_a_look, base, terrain)
     return replace(ground, learned=dict(learned))
+
+
+def terrain_of(site: Site, base: Path, network: Network) -> Terrain | None:
+    """Read the ground around a network; None where the site names no raster.
+
+    Raises:
+        MissionsError: a raster cannot be used, or knows nothing of the ground there.
+    """
+    table = site.terrain
+    if table is None:
+        return None
+    files = (table.files,) if isinstance(table.files, str) else table.files
+    box_m = reading_box_m(network, DETOUR_M) if site.area else reading_box_m(network)
+    reading = Reading(network.frame, *box_m, table.vertical, table.uncertainty_m)
+    return Terrain(read_elevation([base / file for file in files], reading), table.margin_m, table.line_margin_m)
+
+
+def plan_terrain(ground: Ground) -> PlanTerrain | None:
+    """Return what plan files say of the ground that they were made over."""
+    terrain = ground.terrain
+    if terrain is None:
+        return None
+    known = terrain.elevation
+    return PlanTerrain(
+        known.source, known.digest, known.vertical, known.uncertainty_m, terrain.margin_m, terrain.line_margin_m
+    )
 
 
 def wanted_of(site: Site) -> Selection:
@@ -119,8 +159,12 @@ def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
 
 
 def ground_over(
-    site: Site, network: Network, worth_a_look: tuple[str, ...] = (), base: Path = Path()
-) -> Ground:  # fmt: skip
+    site: Site,
+    network: Network,
+    worth_a_look: tuple[str, ...] = (),
+    base: Path = Path(),
+    terrain: Terrain | None = None,
+) -> Ground:
     """Return what is known before any vehicle answers, over a network whose heights are known.
 
     Raises:
@@ -133,10 +177,10 @@ def ground_over(
     inspection = inspection_of(site, network)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = areas_of(site, base, network), places_of(site, network.frame)
-    setup = flight_setup(network, names, inspection, stated=stated, areas=found.areas)
+    setup = flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
     if found.areas or alternates:
         setup = within_areas(setup, found.areas, alternates)
-    return Ground(site, network, inspection, drone, travel, setup, (*worth_a_look, *found.remarks))
+    return Ground(site, network, inspection, drone, travel, setup, terrain, (*worth_a_look, *found.remarks))
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -244,7 +288,7 @@ def pricing_of(
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
     return Pricing(
         setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site),
-        setup.kept_out,
+        setup.kept_out, setup.layers.relief,
     )  # fmt: skip
 
 

@@ -153,9 +153,9 @@ def first_plan(
         plan, seconds, window = result.plan, result.seconds, None
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     content = make_plan_file(
-        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
-    )
-    return replace(content, fly_again=landed_fly_again(ground))
+        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection,
+    )  # fmt: skip
+    return replace(content, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground))
 
 
 def landed_fly_again(ground: Ground) -> bool:
@@ -185,7 +185,8 @@ def front_plans(
         )
         for entry in found
     )  # fmt: skip
-    return tuple(replace(content, fly_again=landed_fly_again(ground)) for content in contents)
+    terrain = assembly.plan_terrain(ground)
+    return tuple(replace(content, fly_again=landed_fly_again(ground), terrain=terrain) for content in contents)
 
 
 def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
@@ -265,8 +266,10 @@ def changes(plan: PlanFile, ground: Ground) -> list[str]:
     task = assembly.task_of(ground, [segment.id for segment in plan.segments])
     nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
     inspection = None if plan.inspection is None else ground.inspection
-    now = make_plan_file(ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection)
-    return list(_differing(_asked(plan), _asked(now)))
+    now = make_plan_file(
+        ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection,
+    )  # fmt: skip
+    return list(_differing(_asked(plan), _asked(replace(now, terrain=assembly.plan_terrain(ground)))))
 
 
 def _asked(plan: PlanFile) -> dict[str, object]:
@@ -279,7 +282,7 @@ def _asked(plan: PlanFile) -> dict[str, object]:
     # Whether a height limit is in anybody's way is a matter of layers.
     areas = [area for area in plan.areas if area.kind is not AreaKind.HEIGHT_LIMIT]
     return {
-        **{key: document.get(key) for key in ("depot", "travel", "inspection")},
+        **{key: document.get(key) for key in ("depot", "travel", "inspection", "terrain")},
         "model": model,
         "areas": len(areas),
         "area": [_outlined(area) for area in areas],
@@ -377,6 +380,6 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     reduced = Task(left.instance, left.open_segments, pricing)
     solved = Solved(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
     content = make_plan_file(
-        plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
-    )
-    return WhatIf(left, replace(content, fly_again=plan.fly_again), result.feasible)
+        plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection,
+    )  # fmt: skip
+    return WhatIf(left, replace(content, fly_again=plan.fly_again, terrain=plan.terrain), result.feasible)

@@ -22,6 +22,7 @@ from planner import (
     solve,
 )
 from planner.large import LargeSearch
+from planner.params import DEFAULT_PARAMS
 from planner.parts import curve_order, part_of, split
 from planner.stop import Stopwatch
 from planner.synthetic import SPAN_M, generated_network
@@ -121,3 +122,15 @@ def test_regions_find_what_the_whole_search_does_on_a_small_instance(cost: Cost)
     result = search.run(Iterations(12_000))
     assert result.feasible
     assert result.evaluation.value <= 1.05 * whole.evaluation.value
+
+
+def test_a_region_has_no_more_open_segments_than_a_region_has() -> None:
+    # One route far from a second: what is open between them is nearly the whole network, whose moves no memory holds.
+    instance = network(900, 3000.0, 3000.0)
+    first, last = 0, 2 * (instance.segments - 1)
+    wish = Plan((Route(0, (first,)), Route(1, (last,))), tuple(range(1, instance.segments - 1)))
+    search = LargeSearch(instance, cost=Cost.MINSUM, seed=0, initial=wish, all_vehicles=False, watch=Stopwatch())
+    nobody, nothing = np.zeros(2, dtype=np.bool_), np.zeros(instance.segments, dtype=np.bool_)
+    region = search._region(0, nobody, nothing, longest=False)
+    assert region.vehicles == (0, 1)
+    assert len(region.segments) <= DEFAULT_PARAMS.large.region + 2
