@@ -83,6 +83,8 @@ class VehicleRecord:
     battery: FloatArray
     """(m, 2) float64: seconds, and percent that remain."""
     fault: FaultRecord | None
+    sea_m: FloatArray
+    """(n,) float64: height of each of the track's places above mean sea level, as the vehicle said it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,8 @@ class FlightRecord:
     """The first plan first."""
     decisions: tuple[Decision, ...]
     duration_s: float
+    launched_unix_s: float
+    """Seconds since 1970 at the launch; later times are the flight's, which in a simulation may pass faster."""
 
     @property
     def lost(self) -> tuple[tuple[VehicleRecord, FaultRecord], ...]:

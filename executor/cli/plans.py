@@ -1,4 +1,4 @@
-"""The commands about plans: plan, check, replan, export."""
+"""The commands about plans: plan, check, window, replan."""
 
 from __future__ import annotations
 
@@ -14,13 +14,10 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
-    FIRST_AUTOPILOT,
     MOST_SECONDS,
     AfterOption,
-    AutopilotName,
     CostOption,
     EverybodyOption,
-    FormatName,
     JsonOption,
     LearnedOption,
     PlanArgument,
@@ -44,7 +41,6 @@ from executor.cli.planning import (
     wanted_of,
     writable,
 )
-from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
 from executor.flight import next_sortie
 from executor.site import assembly, planning
@@ -55,13 +51,7 @@ from executor.site.planning import DEFAULT, Wanted
 from missions import (
     PlanFile,
     check_plan,
-    dialect_for,
-    encode,
-    flight_path,
-    flight_setup,
     plan_document,
-    qgc_plan,
-    qgc_waypoints,
     read_plan,
     write_plan,
 )
@@ -258,42 +248,6 @@ def replan(
     _print_plan(result.plan, as_json=as_json)
     if not result.feasible:
         raise typer.Exit(1)
-
-
-def export(
-    plan: PlanArgument,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for the files, one per vehicle.")
-    ],
-    to: Annotated[
-        FormatName, typer.Option("--format", help="qgc: QGroundControl .plan; waypoints: Mission Planner .waypoints.")
-    ] = FormatName.QGC,
-    autopilot: Annotated[
-        AutopilotName, typer.Option(help="Autopilot that the mission items are for.")
-    ] = FIRST_AUTOPILOT,
-) -> None:
-    """Write a file per vehicle for other ground stations."""
-    content = read_plan(plan)
-    if content.inspection is None:
-        raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
-    setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
-    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
-        raise SiteError(f"{plan}: heights: {line}")
-    dialect = dialect_for(autopilot.value)
-    write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
-    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
-    for route in content.plan.routes:
-        name = content.vehicles[route.vehicle].name
-        if not route.visits:
-            continue
-        items = encode(flight_path(setup, name, route.visits), dialect).items
-        pad = setup.pad_of(name)
-        home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
-        path = output / f"{name}.{suffix}"
-        text = write(items, dialect, home)
-        writable(path, partial(path.write_text, text, encoding="utf-8"))
-        print(path)
 
 
 def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> None:
