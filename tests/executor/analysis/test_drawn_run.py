@@ -17,6 +17,7 @@ from executor.errors import LogError
 from missions.exports import Kind, geojson_text, gpx_text, kml_text
 from tests.executor.flights import LAUNCH_S, write_run
 from tests.missions.builders import FRAME
+from tests.missions.exports.kmlschema import kml_schema
 
 LAUNCHED = datetime.fromtimestamp(1.8e9 + LAUNCH_S, UTC)
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -56,6 +57,7 @@ def test_a_loss_is_a_point_with_its_time_and_reason(run: Path) -> None:
 
 def test_the_kml_has_tracks_with_a_time_for_every_place(run: Path) -> None:
     root = etree.fromstring(kml_text(drawn_run(run)).encode())
+    kml_schema().assertValid(root)
     tracks = {mark.findtext(f"{KML}name"): list(mark.iter(f"{GX}Track")) for mark in root.iter(f"{KML}Placemark")}
     [track] = tracks["uav1 flown"]
     times, places = track.findall(f"{KML}when"), track.findall(f"{GX}coord")
@@ -95,6 +97,7 @@ def test_a_gap_is_not_drawn_over(run: Path, tmp_path: Path) -> None:
     assert [len(piece.positions) for piece in way.pieces] == [61, 76]
     assert len(gpxpy.parse(gpx_text(drawn)).tracks[-3].segments) == 2
     root = etree.fromstring(kml_text(drawn).encode())
+    kml_schema().assertValid(root)
     assert len(root.findall(f".//{GX}MultiTrack/{GX}Track")) == 2
 
 

@@ -18,6 +18,7 @@ from missions.planfile import PlanFile
 from missions.setup import FlightSetup
 from planner import Cost, Plan, Route, Travel, Vehicle
 from tests.missions.builders import FRAME, network_of, paper_task
+from tests.missions.exports.kmlschema import kml_schema
 
 KML = "{http://www.opengis.net/kml/2.2}"
 GX = "{http://www.google.com/kml/ext/2.2}"
@@ -169,3 +170,11 @@ def test_the_programs_own_reader_finds_the_line_again(name: str, tmp_path: Path)
     }
     found = understand(path, chosen[name], depot=(FRAME.lat_deg, FRAME.lon_deg, FRAME.alt_m)).network
     assert sorted(round(length_m) for length_m in found.lengths_m.tolist()) == [100, 100, 120]
+
+
+@pytest.mark.parametrize("heights_m", [HEIGHTS_M, None], ids=["known heights", "flat"])
+def test_the_kml_is_valid_by_the_schemas_of_the_ogc_and_of_google(
+    heights_m: list[tuple[float, float]] | None,
+) -> None:
+    content, setup = planned(heights_m)
+    kml_schema().assertValid(etree.fromstring(kml_text(drawn_plan(content, setup, "plan")).encode()))
