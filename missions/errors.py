@@ -2,6 +2,7 @@
 
 MissionsError
 ├── NetworkError       a network file that cannot be used: names the file, the place in it and what was expected
+├── ElevationError     a raster of heights that cannot be used: names the file, the place in it and what was expected
 ├── PlanFileError      a plan file that cannot be used
 ├── MissionFileError   a QGroundControl file that cannot be used
 ├── SafetyError        no heights or pads can keep this fleet apart over this network
@@ -15,6 +16,10 @@ class MissionsError(Exception):
 
 class NetworkError(MissionsError):
     """The network cannot be used."""
+
+
+class ElevationError(MissionsError):
+    """The heights of the ground cannot be used."""
 
 
 class PlanFileError(MissionsError):

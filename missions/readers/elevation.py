@@ -1,0 +1,390 @@
+"""Rasters of heights: GeoTIFF and COG, SRTM .hgt, DTED and ASCII grids, by rasterio; only what lies around the flights.
+
+Heights come out above mean sea level. What they are counted from is the file's word, its product's, or the site's.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyproj
+from pyproj.exceptions import CRSError, ProjError
+
+from missions.elevation import Elevation, Heights, Tile, ordered
+from missions.errors import ElevationError
+from missions.files import printable
+from missions.geo import FloatArray, LocalFrame
+from missions.readers.geoids import above_sea_m
+from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept
+
+if TYPE_CHECKING:
+    import rasterio
+    from rasterio.windows import Window
+
+NEEDS = "needs the extra terrain: pip install rasterio"
+DRIVERS = ("GTiff", "SRTMHGT", "DTED", "AAIGrid")
+"""Formats that hold their own content: a raster that names others could fetch them from anywhere."""
+SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", KEPT_SUFFIX})
+"""What is read of a folder."""
+MOST_FILES = 500
+MOST_CELLS = 9_000_000
+"""Of one raster; more are combined, the highest of each few for all of them."""
+LEAST_CELL_M = 5.0
+"""Smaller cells are combined: nobody flies so near to the ground that more would matter."""
+STRIP_CELLS = 2_000_000
+LATTICE_M = 1000.0
+LATTICE_NODES = 400
+BEYOND_CELLS = 3
+"""Read beside the area, for the cells around its outermost places."""
+LOWEST_M, HIGHEST_M = -500.0, 9000.0
+"""No ground is beyond: the Dead Sea's shore and Mount Everest."""
+EGM2008, EGM96, ELLIPSOID = "egm2008", "egm96", "ellipsoid"
+VERTICALS = {EGM2008: "EGM2008", EGM96: "EGM96", ELLIPSOID: "the ellipsoid"}
+"""What heights may be counted from, by the site's word, and as it is printed."""
+CODES = {"EPSG:3855": EGM2008, "EPSG:5773": EGM96, "EPSG:5171": EGM96}
+BETWEEN_GEOIDS_M = 1.0
+"""EGM96, EGM2008 and the levelled heights of countries differ by less than this nearly everywhere."""
+UNITS_M = {"": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "ft": 0.3048, "foot": 0.3048,
+           "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """A raster that everybody has, known by its name."""
+
+    words: str
+    name: re.Pattern[str]
+    vertical: str
+    uncertainty_m: float
+    """Linear error at 90 %, by its specification."""
+
+
+PRODUCTS = (
+    # Copernicus DEM product handbook: absolute vertical accuracy < 4 m, 90 % linear error, of both resolutions.
+    Product("Copernicus GLO-30", re.compile(r"Copernicus_DSM_(COG_)?10_", re.IGNORECASE), EGM2008, 4.0),
+    Product("Copernicus GLO-90", re.compile(r"Copernicus_DSM_(COG_)?30_", re.IGNORECASE), EGM2008, 4.0),
+    # The mission's specification: 16 m absolute; what was measured is better, by continent 6 to 9 m.
+    Product("SRTM", re.compile(r"^[NS]\d{2}[EW]\d{3}.*\.hgt$|^srtm_", re.IGNORECASE), EGM96, 16.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How rasters are to be read."""
+
+    frame: LocalFrame
+    """Whose metres."""
+    low_m: tuple[float, float]
+    """South-western corner of the area."""
+    high_m: tuple[float, float]
+    vertical: str = "file"
+    """What heights are counted from, if the files do not say so, or say it wrongly."""
+    uncertainty_m: float | None = None
+    """Nine of ten heights are nearer than this to the truth; None: as the product says."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    tile: Tile | None
+    """None where the file knows nothing of the area."""
+    vertical: str
+    uncertainty_m: float
+    remarks: tuple[str, ...] = ()
+
+
+def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
+    """Read what rasters know of an area.
+
+    Args:
+        paths: Files, or folders of them.
+        reading: The area, and what the files do not say.
+
+    Raises:
+        ElevationError: one line that names the file, the place in it and what was expected.
+    """
+    files = _files(paths)
+    if len(files) == 1 and files[0].suffix == KEPT_SUFFIX:
+        return read_kept(files[0], reading.frame)
+    found = [_read(path, reading) for path in files]
+    inside = [one for one in found if one.tile is not None]
+    names = files[0].name if len(files) == 1 else f"{len(files)} rasters"
+    if not inside:
+        south, west = reading.frame.to_wgs84_deg(*reading.low_m)
+        north, east = reading.frame.to_wgs84_deg(*reading.high_m)
+        raise ElevationError(
+            f"{paths[0]}: area: expected heights between {south:.4f}, {west:.4f} and {north:.4f}, {east:.4f}, but "
+            f"{names if len(files) > 1 else 'the raster'} {'know' if len(files) > 1 else 'knows'} none of it"
+        )
+    return Elevation(
+        frame=LocalFrame(reading.frame.lat_deg, reading.frame.lon_deg),
+        tiles=ordered([one.tile for one in inside if one.tile is not None]),
+        source=names,
+        vertical=", ".join(dict.fromkeys(one.vertical for one in inside)),
+        uncertainty_m=max(one.uncertainty_m for one in inside),
+        remarks=tuple(dict.fromkeys(remark for one in inside for remark in one.remarks)),
+    )
+
+
+def _files(paths: Sequence[Path]) -> list[Path]:
+    files: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise ElevationError(f"{path}: file: expected a raster of heights, or a folder of them; there is none")
+        if path.is_dir():
+            own = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES and one.is_file())
+            if not own:
+                raise ElevationError(f"{path}: folder: expected rasters ({', '.join(sorted(SUFFIXES))}), found none")
+            files += own
+        elif not path.is_file():
+            raise ElevationError(f"{path}: file: expected a raster of heights: it is a device or a pipe")
+        else:
+            files.append(path)
+    if len(files) > MOST_FILES:
+        raise ElevationError(f"{paths[0]}: files: expected at most {MOST_FILES} rasters, found {len(files)}")
+    kept = [path for path in files if path.suffix == KEPT_SUFFIX]
+    if kept and len(files) > 1:
+        raise ElevationError(f"{kept[0]}: file: expected no other raster beside what a run has kept")
+    return files
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    try:
+        import rasterio
+        from rasterio.io import DatasetReader
+    except ImportError:
+        raise ElevationError(f"{path}: a raster {NEEDS}") from None
+    from rasterio.errors import RasterioError, RasterioIOError
+
+    # A small cache: blocks are read once, and in order. Nothing beside the file is looked for.
+    options = {"GDAL_CACHEMAX": 64, "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_NUM_THREADS": "1"}
+    try:
+        with rasterio.Env(**options), DatasetReader(str(path), driver=list(DRIVERS)) as dataset:
+            yield dataset
+    except RasterioIOError as error:
+        raise ElevationError(f"{path}: content: expected a whole raster of heights: {_said(error, path)}") from error
+    except (RasterioError, CRSError, ProjError, ValueError) as error:
+        raise ElevationError(f"{path}: content: expected a raster of heights: {_said(error, path)}") from error
+
+
+def _said(error: Exception, path: Path) -> str:
+    cause = error.__cause__ or error
+    text = printable(str(cause)).replace(str(path), path.name)
+    return text if len(text) <= 160 else f"{text[:160]}..."
+
+
+def _read(path: Path, reading: Reading) -> _Read:
+    if path.suffix == KEPT_SUFFIX:
+        raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
+    with _opened(path) as dataset:
+        _check_kind(path, dataset)
+        product = next((one for one in PRODUCTS if one.name.search(path.name)), None)
+        level, vertical_crs = _systems(path, dataset)
+        vertical, more_m = _vertical(path, vertical_crs, product, reading)
+        known_m = reading.uncertainty_m
+        if known_m is None and product is None:
+            names = " and ".join(("GLO-30", "SRTM"))
+            raise ElevationError(
+                f"{path}: uncertainty_m: expected the raster's own, in metres: only those of {names} are known"
+            )
+        uncertainty_m = more_m + (product.uncertainty_m if known_m is None and product is not None else known_m or 0.0)
+        unit_m = _unit_m(path, dataset, vertical_crs)
+        tile = _tile(path, dataset, level, reading, unit_m)
+        words = VERTICALS.get(vertical, vertical)
+        if tile is not None and vertical == ELLIPSOID:
+            tile, off_m = above_sea_m(path, tile, reading.frame)
+            uncertainty_m += off_m
+        remarks = []
+        if more_m:
+            remarks.append(
+                f"{words} and the vehicles' sea level (EGM96) are taken for one: {more_m:g} m more uncertain"
+            )
+        return _Read(tile, words, uncertainty_m, tuple(remarks))
+
+
+def _check_kind(path: Path, dataset: rasterio.DatasetReader) -> None:
+    if dataset.count != 1:
+        raise ElevationError(f"{path}: bands: expected one, of heights, found {dataset.count}: is it a picture?")
+    kind = np.dtype(dataset.dtypes[0])
+    if kind.kind not in "iuf" or kind.itemsize < 2:
+        raise ElevationError(
+            f"{path}: band 1: expected heights as whole numbers of 16 bits or more, or floats, got {kind}"
+        )
+    if dataset.crs is None:
+        raise ElevationError(f"{path}: crs: expected a coordinate reference system in the file, found none")
+    transform = dataset.transform
+    if not all(math.isfinite(value) for value in tuple(transform)[:6]) or abs(transform.determinant) < 1e-18:
+        raise ElevationError(f"{path}: transform: expected where its cells lie, found no usable one")
+    if transform.is_identity:
+        raise ElevationError(f"{path}: transform: expected where its cells lie, found none")
+
+
+def _systems(path: Path, dataset: rasterio.DatasetReader) -> tuple[pyproj.CRS, pyproj.CRS | None]:
+    """Return the reference systems of places and of heights; the latter where the file says one."""
+    system = pyproj.CRS.from_user_input(dataset.crs.to_wkt())
+    parts = system.sub_crs_list if system.is_compound else [system]
+    level = parts[0]
+    base = level.source_crs if level.is_bound else level
+    if base is None or not (base.is_projected or base.is_geographic):
+        raise ElevationError(f"{path}: crs: expected a map grid or degrees, got {printable(system.name)!r}")
+    if len(parts) > 1:
+        return level, parts[1]
+    return level, (level if len(level.axis_info) == 3 else None)
+
+
+def _vertical(path: Path, said: pyproj.CRS | None, product: Product | None, reading: Reading) -> tuple[str, float]:
+    """Return what heights are counted from, and what that adds to their uncertainty."""
+    if reading.vertical != "file":
+        vertical = reading.vertical
+    elif said is not None and not said.is_vertical:
+        vertical = ELLIPSOID  # three axes over one ellipsoid
+    elif said is not None:
+        code = said.to_authority(min_confidence=70)
+        vertical = CODES.get("" if code is None else ":".join(code), "")
+        if not vertical:
+            if "ellips" in said.name.lower():
+                vertical = ELLIPSOID
+            else:
+                return printable(said.name), BETWEEN_GEOIDS_M
+    elif product is not None:
+        vertical = product.vertical
+    else:
+        raise ElevationError(
+            f"{path}: vertical: expected what its heights are counted from, but the file does not say: "
+            f"[terrain] vertical says so, one of {', '.join(VERTICALS)}"
+        )
+    return vertical, 0.0 if vertical == EGM96 else BETWEEN_GEOIDS_M
+
+
+def _unit_m(path: Path, dataset: rasterio.DatasetReader, vertical: pyproj.CRS | None) -> float:
+    said = (dataset.units[0] or "").strip().lower()
+    if said not in UNITS_M:
+        raise ElevationError(f"{path}: band 1: expected heights in metres or feet, got {printable(said)!r}")
+    if said == "" and vertical is not None:
+        return float(vertical.axis_info[-1].unit_conversion_factor)
+    return UNITS_M[said]
+
+
+def _tile(
+    path: Path, dataset: rasterio.DatasetReader, level: pyproj.CRS, reading: Reading, unit_m: float
+) -> Tile | None:
+    """Return what a raster knows of an area; None if it is elsewhere."""
+    low_m, high_m = np.array(reading.low_m), np.array(reading.high_m)
+    step_m = max(LATTICE_M, float((high_m - low_m).max()) / LATTICE_NODES)
+    low_m = low_m - step_m
+    counts = np.ceil((high_m - low_m) / step_m).astype(int) + 2
+    nodes = np.stack(
+        np.meshgrid(*(low_m[axis] + step_m * np.arange(counts[axis]) for axis in (0, 1)), indexing="ij"), axis=-1
+    )
+    at = _cells_at(dataset, level, reading.frame, nodes.reshape(-1, 2)).reshape(nodes.shape)
+    window = _window(dataset, at)
+    if window is None:
+        return None
+    cell_m = _cell_m(at, step_m)
+    if not math.isfinite(cell_m) or cell_m <= 0:
+        raise ElevationError(f"{path}: crs: expected cells that have places around the network, found none")
+    few = max(
+        1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), math.floor(LEAST_CELL_M / cell_m + 1e-6)
+    )
+    mean_m, most_m = _heights(path, dataset, window, few, unit_m)
+    lattice = (at - np.array([window.row_off, window.col_off]) + 0.5) / few - 0.5
+    return Tile(mean_m, most_m, (float(low_m[0]), float(low_m[1])), step_m, lattice, cell_m * few)
+
+
+def _cells_at(
+    dataset: rasterio.DatasetReader, level: pyproj.CRS, frame: LocalFrame, places_m: FloatArray
+) -> FloatArray:
+    """Return (m, 2) rows and columns of places in a raster; whole numbers are the middles of cells."""
+    to_raster = pyproj.Transformer.from_crs("EPSG:4326", level.to_2d(), always_xy=True)
+    places_deg = frame.many_to_wgs84_deg(places_m)
+    x, y = (np.asarray(value) for value in to_raster.transform(places_deg[:, 1], places_deg[:, 0]))
+    if level.is_geographic:
+        # Around the antimeridian both ways of counting degrees are in use.
+        middle, _ = dataset.transform * (dataset.width / 2, dataset.height / 2)
+        x = x + 360.0 * np.round((middle - x) / 360.0)
+    back = ~dataset.transform
+    columns = back.a * x + back.b * y + back.c - 0.5
+    rows = back.d * x + back.e * y + back.f - 0.5
+    return np.column_stack((rows, columns)).astype(np.float64)
+
+
+def _window(dataset: rasterio.DatasetReader, at: FloatArray) -> Window | None:
+    from rasterio.windows import Window
+
+    inner = at[1:-1, 1:-1].reshape(-1, 2) if min(at.shape[:2]) > 2 else at.reshape(-1, 2)
+    if not np.isfinite(inner).all():
+        inner = at.reshape(-1, 2)
+        inner = inner[np.isfinite(inner).all(axis=1)]
+        if not len(inner):
+            return None
+    low = np.maximum(np.floor(inner.min(axis=0)).astype(int) - BEYOND_CELLS, 0)
+    high = np.minimum(np.ceil(inner.max(axis=0)).astype(int) + BEYOND_CELLS + 1, [dataset.height, dataset.width])
+    if (high <= low).any():
+        return None
+    return Window(int(low[1]), int(low[0]), int(high[1] - low[1]), int(high[0] - low[0]))
+
+
+def _cell_m(at: FloatArray, step_m: float) -> float:
+    """Return how large a cell is over the ground: the smaller of its sides, in the middle of the area."""
+    e, n = at.shape[0] // 2 - 1, at.shape[1] // 2 - 1
+    along_e, along_n = (at[e + 1, n] - at[e, n]) / step_m, (at[e, n + 1] - at[e, n]) / step_m
+    cells = np.array([along_e, along_n]).T  # row and column a metre east, a metre north
+    if not np.isfinite(cells).all() or abs(np.linalg.det(cells)) < 1e-15:
+        return math.nan
+    metres = np.linalg.inv(cells)
+    return float(np.hypot(*metres).min())
+
+
+def _heights(
+    path: Path, dataset: rasterio.DatasetReader, window: Window, few: int, unit_m: float
+) -> tuple[Heights, Heights]:
+    """Return the means and the highest of each few cells by as many; the same array where nothing is combined.
+
+    Where one of them is not known, none of them is.
+    """
+    from rasterio.windows import Window
+
+    rows, columns = math.ceil(window.height / few), math.ceil(window.width / few)
+    mean_m = np.empty((rows, columns), dtype=np.float32)
+    most_m = mean_m if few == 1 else np.empty((rows, columns), dtype=np.float32)
+    scale, offset = dataset.scales[0], dataset.offsets[0]
+    at_once = max(1, STRIP_CELLS // (window.width * few))
+    for first in range(0, rows, at_once):
+        last = min(rows, first + at_once)
+        top = first * few
+        part = Window(
+            window.col_off, window.row_off + top, window.width, min(window.height, last * few) - top
+        )  # fmt: skip
+        read = dataset.read(1, window=part, masked=True)
+        values = np.ma.getdata(read).astype(np.float32) * np.float32(scale * unit_m) + np.float32(offset * unit_m)
+        values[np.ma.getmaskarray(read) | ~np.isfinite(values)] = np.nan
+        _check_values(path, dataset, part, values)
+        # Tenths of a metre, upwards: far below what any raster is sure of, and small where it is kept.
+        values = np.ceil(values * np.float32(10.0)) / np.float32(10.0)
+        if few > 1:
+            height, width = (last - first) * few, columns * few
+            values = np.pad(values, ((0, height - values.shape[0]), (0, width - values.shape[1])), mode="edge")
+            blocks = values.reshape(last - first, few, columns, few)
+            most_m[first:last] = blocks.max(axis=(1, 3))
+            values = blocks.mean(axis=(1, 3))
+        mean_m[first:last] = values
+    return mean_m, most_m
+
+
+def _check_values(path: Path, dataset: rasterio.DatasetReader, part: Window, values: Heights) -> None:
+    wrong = (values < LOWEST_M) | (values > HIGHEST_M)
+    if not wrong.any():
+        return
+    row, column = (int(value) for value in np.argwhere(wrong)[0])
+    raise ElevationError(
+        f"{path}: row {part.row_off + row}, column {part.col_off + column}: expected metres above sea level from "
+        f"{LOWEST_M:g} to {HIGHEST_M:g}, got {values[row, column]:g}: is it a no-data value that the file does not "
+        f"declare (its own is {'none' if dataset.nodata is None else format(dataset.nodata, 'g')})?"
+    )
