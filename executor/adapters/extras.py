@@ -22,6 +22,7 @@ class Extra(Enum):
     MQTT = "mqtt"
     DASK = "dask"
     GEO = "geo"
+    MAPS = "maps"
 
 
 MODULES: Mapping[Extra, tuple[str, ...]] = {
@@ -32,9 +33,10 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.MQTT: ("aiomqtt",),
     Extra.DASK: ("distributed",),
     Extra.GEO: ("openpyxl", "shapefile"),
+    Extra.MAPS: ("rasterio", "PIL", "contourpy"),
 }
 """What is imported of each."""
-INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp"}
+INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp", "PIL": "pillow"}
 """The name that a module is installed by, where that is another one."""
 
 

@@ -45,7 +45,7 @@ from executor.cli.planning import can_be_written, ground_with, plan_and_tell, ro
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
-from executor.errors import PreflightFailed
+from executor.errors import LogError, PreflightFailed
 from executor.flight import fly as flying
 from executor.flight.broker import settings_of
 from executor.flight.flight_order import Order, keep
@@ -64,6 +64,8 @@ from executor.simulated.demo_site import (
 from executor.simulated.injected import happenings
 from executor.site import assembly
 from executor.site.config import check_site, read_site, signing_key
+from executor.site.ground_files import read_ground
+from executor.site.ground_view import GroundView
 from executor.site.planning import DEFAULT
 from missions import write_plan
 
@@ -334,5 +336,14 @@ def _show_flight(run: Path, report: FlightReport) -> None:
 def _draw_flight(run: Path, record: FlightRecord) -> None:
     from executor.analysis.pictures import draw_battery, draw_map
 
-    draw_map(record, RunDirectory(run).map)
+    draw_map(record, RunDirectory(run).map, _kept_ground(run))
     draw_battery(record, RunDirectory(run).battery)
+
+
+def _kept_ground(run: Path) -> GroundView | None:
+    """Return the ground below a flight's map; without it where what was kept of it is damaged."""
+    try:
+        return read_ground(run)
+    except LogError as error:
+        _told(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
+        return None

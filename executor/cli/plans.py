@@ -45,6 +45,7 @@ from executor.errors import SiteError
 from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
+from executor.site.ground_view import view_for
 from executor.site.heights import PlannedHeights, planned_heights
 from executor.site.plan_words import left_over_words, left_words, route_words, summary, window_words
 from executor.site.planning import DEFAULT, Wanted
@@ -108,6 +109,7 @@ def plan(
     can_be_drawn("--picture", picture)
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
+    below = None if picture is None else view_for(ground, site.parent)  # what cannot be drawn is said before the work
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
@@ -120,7 +122,7 @@ def plan(
     if picture is not None:
         from executor.analysis.pictures import draw_plan
 
-        writable(picture, lambda: draw_plan(content, picture))
+        writable(picture, lambda: draw_plan(content, picture, below))
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         known = "" if learned is None else f" --learned {learned}"

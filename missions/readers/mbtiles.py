@@ -16,8 +16,8 @@ import pyproj
 from missions.background import Pixels
 from missions.errors import BackgroundError
 from missions.files import printable
-from missions.readers.picture import Read, Wanted, from_degrees, plain
 from missions.readers.geopackage import opened
+from missions.readers.picture import Read, Wanted, from_degrees, plain
 
 HALF_M = math.pi * 6378137.0
 """Half of the world's width in the metres of web maps."""
