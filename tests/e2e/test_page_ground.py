@@ -156,6 +156,8 @@ async def test_nothing_on_the_map_lies_over_anything_else(layout: str) -> None:
                 for other in names[index + 1 :]:
                     a, b = boxes[one], boxes[other]
                     assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (one, other, boxes)
-            header = await page.locator("header").bounding_box()
-            assert header is not None
-            assert header["width"] <= LAYOUTS[layout][0]
+            for name in ("#planned", "#fleet", "#pointed"):
+                box = await page.locator(name).bounding_box()
+                assert box is not None
+                assert box["x"] + box["width"] <= LAYOUTS[layout][0], name
+            assert await page.evaluate("document.documentElement.scrollWidth") <= LAYOUTS[layout][0]

@@ -192,18 +192,18 @@ export class Chart {
     context.setLineDash(dash);
     context.beginPath();
     places.forEach((place, index) => context[index ? "lineTo" : "moveTo"](...this.pixels(place)));
-    if (this.ground.layer !== "plain") this.edge(width);
+    if (this.ground.layer !== "plain" && alpha > 0.4) this.edge(width, HUES.includes(colour));
     context.stroke();
     context.restore();
   }
 
   // An edge about the line that is about to be drawn: over the colours of the ground it needs one.
-  edge(width) {
+  edge(width, bright) {
     const context = this.context;
     context.save();
     context.setLineDash([]);
     context.globalAlpha *= 0.65;
-    context.strokeStyle = style("--map");
+    context.strokeStyle = style(bright ? "--edge" : "--map");
     context.lineWidth = width + 2.5;
     context.stroke();
     context.restore();
