@@ -5,6 +5,9 @@ the wires sag. Nothing comes nearer to it than ``BESIDE_M`` over the ground, or 
 over the tops, less a third for what the common surface gives way between lines of different heights.
 
 Legs and surface are held against it every ``STEP_M``, which has nothing to do with how they were found.
+
+Where a raster knows the ground, every leg is also held against the highest of the cells around each of its places, and
+so is the level way home from everywhere on it.
 """
 
 from __future__ import annotations
@@ -15,11 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missions import grids
 from missions.geo import FloatArray
 from missions.geometry import nearest_on
 from missions.network import Network
 from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
+from missions.terrain import place_words
 from missions.waypoints import FlightPath, Phase
 
 BESIDE_M = 10.0
@@ -34,6 +39,9 @@ MAX_POINTS = 20_000
 """Of one path or of the surface; longer ones are looked at in larger steps."""
 AT_ONCE = 200
 """Places in a row on a path that are held against the same few lines."""
+RETURNS = 400
+"""Places of a path that its own way home is looked at from."""
+RETURN_STEP_M = 5.0
 ROUNDING_M = 0.02
 """Items have heights in centimetres, and places to one."""
 
@@ -94,7 +102,7 @@ class _Walls:
 
 
 @dataclass(frozen=True, slots=True)
-class _Low:
+class Low:
     """A place that is too low: by how much, and over what."""
 
     short_m: float
@@ -103,6 +111,8 @@ class _Low:
 
 def margin_m(setup: FlightSetup) -> float:
     """Return how high every leg must at least be over the top of a line that it crosses or follows."""
+    if setup.terrain is not None and setup.terrain.line_margin_m is not None:
+        return setup.terrain.line_margin_m
     return MARGIN_SHARE * setup.inspection.height_m
 
 
@@ -122,13 +132,18 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
     for path in paths:
         lows = []
         for number, (leg, phase) in enumerate(_legs(setup, path)):
-            low = _lowest(walls, setup, _points(leg, STEP_M), on_pad=phase in {Phase.TAKEOFF, Phase.LAND})
+            points, on_pad = _points(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
+            lowest = (_lowest(walls, setup, points, on_pad=on_pad), None if on_pad else over_terrain(setup, points))
+            low = max((one for one in lowest if one is not None), key=lambda one: one.short_m, default=None)
             if low is not None:
                 lows.append((low.short_m, number, phase.value, low.words))
         if lows:
             _, number, phase_name, words = max(lows)
             others = f"; so do {len(lows) - 1} more of its legs" if len(lows) > 1 else ""
             found.append(f"{path.vehicle} on leg {number} ({phase_name}) comes {words}{others}")
+        low = _return_low(setup, path)
+        if low is not None:
+            found.append(f"{path.vehicle} on its own way home, level, comes {low.words}")
     return found
 
 
@@ -147,11 +162,14 @@ def check_everywhere(setup: FlightSetup) -> list[str]:
         low = _lowest(walls, setup, _points(leg, STEP_M))
         if low is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
+        ground = over_terrain(setup, _points(leg, STEP_M))
+        if ground is not None:
+            found.append(f"the inspection of {network.segment_name(number)} comes {ground.words}")
     for number, points in enumerate(_over_lines(setup)):
         low = _lowest(walls, setup, points)
         if low is not None:
             found.append(f"a transit over {network.segment_name(number)} could come {low.words}")
-    return found
+    return [*found, *check_area(setup)]
 
 
 def lowest_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float | None:
@@ -173,7 +191,8 @@ def lowest_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float
 def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[OverGround, OverGround] | None:
     """Return the least and the largest height of a fleet's flights over the ground; None if nobody flies.
 
-    The ground is that of the nearest place of a line or of the nearest pad, or the depot's everywhere on a flat site.
+    The ground is the raster's, else that of the nearest place of a line or of the nearest pad, or the depot's
+    everywhere on a flat site.
     Take-off and landing count with the height that they end or begin at.
     """
     found: list[OverGround] = []
@@ -201,6 +220,10 @@ def return_over_ground_m(setup: FlightSetup) -> OverGround:
     walls = _walls(network)
     if walls is None:
         return OverGround(up_m, highest, "")
+    if setup.layers.known is not None:
+        bottom = setup.layers.known.bottom
+        near = walls.nearest(np.array([bottom.place_m]))[0][0]
+        return OverGround(up_m - bottom.up_m, highest, network.segment_name(int(near.argmin())))
     lowest = int(walls.ground_m.min(axis=1).argmin())
     return OverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
 
@@ -209,6 +232,8 @@ def highest_return_m(setup: FlightSetup, vehicle: str) -> float:
     """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
     walls = _walls(setup.network)
     ground_m = 0.0 if walls is None else float(walls.ground_m.min())
+    if setup.layers.known is not None:
+        ground_m = setup.layers.known.bottom.up_m
     ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
     return ceiling_m + ground_m - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
 
@@ -234,6 +259,55 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
             f"{return_ceiling_m:g}: {remedies} inspection.return_ceiling_m needs a permit"
         )
     return found
+
+
+def over_terrain(setup: FlightSetup, points: FloatArray) -> Low | None:
+    """Return what is worst about (m, 3) places over ground that a raster knows; None if nothing is."""
+    if setup.terrain is None or not len(points):
+        return None
+    kept_m, elevation = setup.terrain.kept_m, setup.terrain.elevation
+    over_m = points[:, 2] + setup.frame.alt_m - elevation.highest_m(points[:, :2])
+    unknown = np.isnan(over_m)
+    if unknown.any():
+        where = place_words(points[int(unknown.argmax()), :2], setup.frame, setup.network)
+        return Low(math.inf, f"over ground that {elevation.source} does not know, {where}")
+    worst = int(over_m.argmin())
+    short_m = kept_m - float(over_m[worst])
+    if short_m <= ROUNDING_M:
+        return None
+    where = place_words(points[worst, :2], setup.frame, setup.network)
+    least_m = float(over_m[worst])
+    words = f"within {least_m:.1f} m of the ground" if least_m >= 0 else f"{-least_m:.1f} m below the ground"
+    return Low(short_m, f"{words} {where}, {kept_m:.0f} m over it expected")
+
+
+def check_area(setup: FlightSetup) -> list[str]:
+    """Return in words where the surface that all other legs follow comes too near to ground that a raster knows."""
+    if setup.terrain is None or setup.layers.known is None:
+        return []
+    corners_m, layers = setup.layers.known.corners_m, setup.layers
+    low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
+    step_m = max(SURFACE_STEP_M, math.sqrt(float((high_m - low_m).prod()) / MAX_POINTS))
+    axes = (np.arange(low_m[axis] + 0.5 * step_m, high_m[axis], step_m) for axis in (0, 1))
+    places_m = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    places_m = places_m[grids.inside(corners_m, places_m)]
+    low = over_terrain(setup, np.column_stack((places_m, layers.surface.at_m(places_m) - layers.tolerance_m)))
+    return [] if low is None else [f"a transit could come {low.words}"]
+
+
+def _return_low(setup: FlightSetup, path: FlightPath) -> Low | None:
+    """Return what is worst about a vehicle's own ways home, level, from the ends of its legs and between them."""
+    if setup.terrain is None or not path.waypoints:
+        return None
+    pad = setup.pad_of(path.vehicle)
+    up_m = setup.return_height_m(path.vehicle) + setup.frame.up_m(pad.alt_m)
+    from_m = _spread([leg for leg, _ in _legs(setup, path)])[:, :2]
+    home_m = np.array([pad.east_m, pad.north_m])
+    away_m = np.hypot(*(from_m - home_m).T)
+    # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
+    from_m = from_m[np.argsort(-away_m)][:: max(1, len(from_m) // RETURNS)]
+    ways = [_points(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
+    return over_terrain(setup, np.concatenate(ways))
 
 
 def _walls(network: Network) -> _Walls | None:
@@ -288,7 +362,7 @@ def _between(ends_m: FloatArray, share: FloatArray) -> FloatArray:
     return np.asarray(ends_m[:, 0] + share * (ends_m[:, 1] - ends_m[:, 0]), dtype=np.float64)
 
 
-def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False) -> _Low | None:
+def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False) -> Low | None:
     """Return what is worst about (m, 3) places; None if nothing is.
 
     Args:
@@ -310,7 +384,7 @@ def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bo
         where = f"within {over_m:.1f} m over the top of {name}"
         if over_m < 0:
             where = f"{-over_m:.1f} m below the top of {name}, {away_m[worst]:.0f} m beside it"
-        return _Low(float(short_m[worst]), f"{where}, {kept_m:.0f} m over it expected")
+        return Low(float(short_m[worst]), f"{where}, {kept_m:.0f} m over it expected")
     if on_pad:
         return None
     over_ground = points[:, 2, np.newaxis] - _between(close.ground_m, share)
@@ -320,7 +394,7 @@ def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bo
         return None
     over_m, name = float(over_ground[worst]), close.name(int(worst[1]))
     where = f"within {over_m:.1f} m of the ground" if over_m >= 0 else f"{-over_m:.1f} m below the ground"
-    return _Low(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
+    return Low(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
 
 
 def _over_ground(
@@ -345,6 +419,9 @@ def _over_ground(
         if not flat:
             on_pad = to_pads_m.min(axis=1) < away_m[every, index]
             ground_m = np.where(on_pad, pads[to_pads_m.argmin(axis=1), 2], ground_m)
+        if setup.terrain is not None:
+            known_m = setup.terrain.elevation.at_m(part[:, :2]) - setup.frame.alt_m
+            ground_m = np.where(np.isnan(known_m), ground_m, known_m)
         heights_m.append(part[:, 2] - ground_m)
         near.append(close.segments[index])
     return np.concatenate(heights_m), np.concatenate(near)

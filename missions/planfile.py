@@ -101,6 +101,24 @@ class Solved:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanTerrain:
+    """The ground that a plan was made over; its heights are not part of the file."""
+
+    source: Text
+    """The raster, for people."""
+    digest: Text
+    """Of what was read of it: the same ground has the same."""
+    vertical: Text
+    """What its heights were counted from."""
+    uncertainty_m: Figure
+    """Nine of ten heights are nearer than this to the truth."""
+    margin_m: Figure
+    """That every leg keeps over the ground beside that."""
+    line_margin_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """That every leg keeps over the tops of lines; without it a share of the inspection height."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlanFile:
     """A plan file's content."""
 
@@ -124,6 +142,8 @@ class PlanFile:
     """From which times and energies follow; without it from ``travel``, the paper's model."""
     fly_again: bool = True
     """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
+    terrain: PlanTerrain | None = None
+    """The ground, where a raster knows it."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
 

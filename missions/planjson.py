@@ -19,10 +19,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from missions.errors import PlanFileError
 from missions.files import printable, read_text, write_whole
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
+from missions.grids import Grid
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, Solved, Window
+from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, PlanTerrain, Solved, Window
 from missions.pricing import Base, FlightModel, Pricing
+from missions.relief import Relief
 from missions.setup import MOST, Inspection
 from missions.validation import Figure, Flag, Id, Pair, Place, Text, first_reason, is_none
 from planner import (
@@ -173,6 +175,24 @@ class VehicleModelPart(_Part):
     """What was learned of it in flight: factors on the times and energies of its legs."""
 
 
+class ReliefPart(_Part):
+    """How high the lowest layer is over the depot's ground, on a regular grid; transits rise and fall with it."""
+
+    east_m: Figure
+    """Of the first node, over the ground from the depot."""
+    north_m: Figure
+    step_m: Above0
+    """Between nodes."""
+    heights_m: Annotated[tuple[Annotated[tuple[Figure, ...], Field(min_length=2)], ...], Field(min_length=2)]
+    """For each easting from west to east, those from south to north."""
+
+    @model_validator(mode="after")
+    def _rectangular(self) -> ReliefPart:
+        if len({len(column) for column in self.heights_m}) != 1:
+            raise ValueError("heights_m: expected as many heights for each easting")
+        return self
+
+
 class ModelPart(_Part):
     """From which the times and energies of this file follow."""
 
@@ -189,6 +209,8 @@ class ModelPart(_Part):
     """Radius of these columns; 0 where every way is straight."""
     answer_s: Annotated[Figure, Field(ge=0)] = 0.0
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
+    relief: Annotated[ReliefPart | None, Field(exclude_if=is_none)] = None
+    """Where a raster knows the ground; without it ways rise and fall evenly."""
 
 
 class PlanDocument(_Part):
@@ -216,6 +238,8 @@ class PlanDocument(_Part):
     """Without it times and energies follow from `travel` and the straight lines between pylons, as the paper has it."""
     fly_again: Annotated[bool, Field(strict=True, exclude_if=bool)] = True
     """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
+    terrain: Annotated[PlanTerrain | None, Field(exclude_if=is_none)] = None
+    """The ground that it was made over, where a raster knows it."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -317,6 +341,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
         "model": content.pricing and _model(content.pricing, content.vehicles),
         "fly_again": content.fly_again,
+        "terrain": content.terrain,
         "segments": content.segments,
     }
     try:
@@ -366,6 +391,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         ),
         pricing=_pricing(document),
         fly_again=document.fly_again,
+        terrain=document.terrain,
         source=source,
     )  # fmt: skip
 
@@ -383,13 +409,19 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "pads": pricing.pads_m,
         "column_m": pricing.column_m,
         "answer_s": pricing.answer_s,
+        "relief": pricing.relief and _relief(pricing.relief.grid),
     }
+
+
+def _relief(grid: Grid) -> dict[str, object]:
+    east_m, north_m = grid.low_m
+    return {"east_m": east_m, "north_m": north_m, "step_m": grid.step_m, "heights_m": grid.heights_m.tolist()}
 
 
 def _pricing(document: PlanDocument) -> Pricing | None:
     if document.model is None:
         return None
-    travel, model = document.travel, document.model
+    travel, model, relief = document.travel, document.model, document.model.relief
     power = SteadyWind(**dict(model.power))
     named = {vehicle.name: own for vehicle, own in zip(document.vehicles, model.vehicles, strict=True)}
     return Pricing(
@@ -402,4 +434,5 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.pads,
         model.column_m,
         model.answer_s,
+        relief and Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
     )

@@ -6,14 +6,15 @@ transit to a segment's first pylon, which ends with a stop, and the inspection t
 move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each. A transit is priced as it leads around others' pads, else as one straight
-leg; where hills make the flight follow the ground it is a little longer, which `estimate` of the path knows.
+what a move takes is the same in each. A transit is priced as it leads around others' pads, and where a raster knows
+the ground as it rises and falls with it, else as one straight leg; where only the lines' heights are known the flight
+is a little longer, which `estimate` of the path knows.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -24,6 +25,7 @@ from missions.detours import Columns, IntArray, led_around
 from missions.geo import FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
+from missions.relief import FEW_PIECES, Relief, followed_where_uneven
 from missions.validation import Figure, Place
 from planner import CLIMB_SHARE_PER_M_S, Instance, Moves, MoveTables, SteadyWind, Vehicle, Visits
 
@@ -171,10 +173,11 @@ class Base:
 
 @dataclass(frozen=True, slots=True)
 class Flier:
-    """One vehicle's moves, around the columns above others' pads."""
+    """One vehicle's moves, around the columns above others' pads and over hills."""
 
     model: FlightModel
     columns: Columns = field(default_factory=Columns)
+    relief: Relief | None = None
 
     def moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
@@ -188,7 +191,7 @@ class Flier:
             )
             return self.model.moves_along(facing, ways_m, last)
 
-        return led_around(self.columns, from_m, first_m, straight, along)
+        return self._led(from_m, first_m, straight, along)
 
     def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
@@ -198,7 +201,22 @@ class Flier:
             facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
             return self.model.ways_home_along(facing, ways_m, base)
 
-        return led_around(self.columns, from_m, np.array(base.place_m), straight, along)
+        return self._led(from_m, np.array(base.place_m), straight, along)
+
+    def _led(
+        self, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
+        along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+        """Return seconds and energies of ways as they are flown; arguments as `led_around` has them."""
+        relief = self.relief
+        if relief is None:
+            return led_around(self.columns, from_m, to_m, straight, along)
+
+        def over(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+            return along(which, relief.followed(ways_m, FEW_PIECES))
+
+        level = followed_where_uneven(relief, from_m, to_m, straight, along)
+        return led_around(self.columns, from_m, to_m, level, over)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,6 +234,8 @@ class Pricing:
     """Radius of these columns; 0 where every way is straight."""
     answer_s: float = 0.0
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
+    relief: Relief | None = None
+    """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -225,8 +245,8 @@ class Pricing:
             around: Whether their ways lead around others' pads.
         """
         if not (around and self.column_m):
-            return [Flier(self.models[name]) for name in vehicles]
-        return [Flier(self.models[name], self._columns(name)) for name in vehicles]
+            return [Flier(self.models[name], relief=self.relief) for name in vehicles]
+        return [Flier(self.models[name], self._columns(name), self.relief) for name in vehicles]
 
     def _columns(self, vehicle: str) -> Columns:
         own_m = self.bases[vehicle].place_m[:2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -13,7 +13,10 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
+from missions.overland import Wishes, fit_over
+from missions.relief import Relief, relief_of
 from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
+from missions.terrain import Known, Terrain, known_ground
 from missions.waypoints import FlightPath
 
 FLAT_M = 1.0
@@ -22,6 +25,17 @@ WHOLE_METRE_M = 1.0
 """Some autopilots take the height of a return in whole metres only."""
 HEIGHT_KEEPING_M = 1.0
 """What autopilots are off their height in level flight: PX4 and ArduPilot simulations stay within 0.5 m each."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Over:
+    """What flights over ground that a raster knows are made by."""
+
+    terrain: Terrain
+    ceiling_m: float
+    """Over the ground."""
+    more_m: FloatArray
+    """(m, 2) float64: where legs begin, end or turn beside the lines: pads, and the corners of what is flown around."""
 
 
 class HeightReference(Enum):
@@ -52,6 +66,12 @@ class Layers:
     """Of the lowest layer, over the depot's ground."""
     track_heights_m: FloatArray
     """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
+    relief: Relief | None = None
+    """The surface as flights are priced by it, where a raster knows the ground."""
+    known: Known | None = None
+    """The ground between the lines and the pads, where a raster knows it."""
+    raised_m: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without one."""
 
     def offset_m(self, vehicle: str) -> float:
         """Return how far above the lowest layer a vehicle flies.
@@ -79,7 +99,10 @@ class Layers:
             SafetyError: the vehicle has no layer.
         """
         highest_m, offset_m = float(self.track_heights_m.max()), self.offset_m(vehicle)
-        if highest_m - float(self.track_heights_m.min()) <= FLAT_M:
+        if self.surface.floor is not None:
+            # Over every ridge between the lines and the pads, as all other flights are.
+            highest_m = max(highest_m, float(self.surface.floor.heights_m.max()))
+        elif highest_m - float(self.track_heights_m.min()) <= FLAT_M:
             return highest_m + offset_m
         above = len(self.vehicles) - 1 - self.vehicles.index(vehicle)
         step_m = self.layer_m + HEIGHT_KEEPING_M + WHOLE_METRE_M
@@ -99,7 +122,13 @@ def tracks_m(network: Network, standoff_m: float) -> FloatArray:
 
 
 def plan_layers(
-    network: Network, vehicles: Sequence[str], *, height_m: float, layer_m: float, standoff_m: float
+    network: Network,
+    vehicles: Sequence[str],
+    *,
+    height_m: float,
+    layer_m: float,
+    standoff_m: float,
+    over: Over | None = None,
 ) -> Layers:
     """Return the layers of a fleet over a network.
 
@@ -110,7 +139,13 @@ def plan_layers(
         height_m: The lowest layer's height over that reference.
         layer_m: The distance that any two vehicles must keep.
         standoff_m: Of the inspection legs from their lines.
+        over: The ground that a raster knows; without it only that of the pylons is.
+
+    Raises:
+        ElevationError: a part of the ground is not known.
     """
+    if over is not None:
+        return _layers_over(network, vehicles, over, height_m=height_m, layer_m=layer_m, standoff_m=standoff_m)
     known = network.has_heights
     pylon_m = _flight_heights_m(network, height_m) if known else np.full(len(network.pylons), height_m)
     indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
@@ -126,6 +161,30 @@ def plan_layers(
         reference=HeightReference.PYLON_TOPS if known else HeightReference.DEPOT_GROUND,
         surface=fitted.surface,
         track_heights_m=track_heights_m,
+    )
+
+
+def _layers_over(
+    network: Network, vehicles: Sequence[str], over: Over, *, height_m: float, layer_m: float, standoff_m: float
+) -> Layers:
+    """Return layers over ground that a raster knows."""
+    tracks, asked_m = tracks_m(network, standoff_m), _flight_heights_m(network, height_m)
+    places_m = np.concatenate((tracks.reshape(-1, 2), over.more_m))
+    known = known_ground(over.terrain, places_m, network.frame, network)
+    wishes = Wishes(over.terrain.kept_m, over.ceiling_m, layer_m, len(vehicles))
+    found = fit_over(known, wishes, network, tracks, asked_m)
+    indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
+    return Layers(
+        vehicles=tuple(vehicles),
+        layer_m=layer_m,
+        spacing_m=found.fit.spacing_m + HEIGHT_KEEPING_M,
+        tolerance_m=found.tolerance_m,
+        reference=HeightReference.PYLON_TOPS,
+        surface=found.fit.surface,
+        track_heights_m=found.pylon_m[indices],
+        relief=relief_of(found.fit.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0)),
+        known=known,
+        raised_m=found.pylon_m - asked_m,
     )
 
 

@@ -13,7 +13,8 @@ from missions.heights import with_heights
 from missions.network import Network
 from missions.pads import PAD_SPACING_M, Pad, place_pads
 from missions.pricing import Base
-from missions.safety import Layers, plan_layers, tracks_m
+from missions.safety import Layers, Over, plan_layers, tracks_m
+from missions.terrain import Terrain
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0
@@ -66,6 +67,8 @@ class FlightSetup:
     """In the order of the layers' vehicles."""
     tracks_m: FloatArray
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
+    terrain: Terrain | None = None
+    """The ground, where a raster knows it."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.
@@ -150,6 +153,8 @@ def flight_setup(
     *,
     pads: Sequence[Pad] | None = None,
     pad_spacing_m: float = PAD_SPACING_M,
+    terrain: Terrain | None = None,
+    corners_m: FloatArray | None = None,
 ) -> FlightSetup:
     """Choose layers, and pads unless they are given, for a fleet over a network.
 
@@ -159,19 +164,25 @@ def flight_setup(
         inspection: Heights, speeds and distances.
         pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
         pad_spacing_m: The least distance of two chosen pads.
+        terrain: The ground, where a raster knows it; all pylons' heights must then be known.
+        corners_m: (m, 2) where ways turn far beside the lines, so that the ground must be known there too.
 
     Raises:
+        ElevationError: a part of the ground between lines and pads is not known.
         NetworkError: the heights of some pylons are not known, and the ground is not claimed to be flat.
         SafetyError: there is no room for the pads, or the heights are below the depot's ground.
     """
     network = with_heights(network, flat=inspection.flat)
     tracks = tracks_m(network, inspection.standoff_m)
+    stands = np.array([(pad.east_m, pad.north_m) for pad in pads or ()], dtype=np.float64).reshape(-1, 2)
+    more_m = stands if corners_m is None else np.concatenate((stands, corners_m))
     layers = plan_layers(
         network,
         vehicles,
         height_m=inspection.height_m,
         layer_m=inspection.layer_m,
         standoff_m=inspection.standoff_m,
+        over=None if terrain is None else Over(terrain, inspection.ceiling_m, more_m),
     )
     if pads is None:
         pads = place_pads(
@@ -181,4 +192,4 @@ def flight_setup(
             alt_m=network.frame.alt_m,
             pad_spacing_m=pad_spacing_m,
         )
-    return FlightSetup(network, inspection, layers, tuple(pads), tracks)
+    return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain)

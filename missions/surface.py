@@ -3,23 +3,29 @@
 Between the lines it is the mean of the lowest and the highest function through the lines' heights whose slope nowhere
 exceeds a bound (the two Lipschitz extensions of McShane and Whitney). So the slope of the surface has a proven bound,
 it never leaves the range of the heights that it was made from, and on a lone line it is the line's height exactly.
+
+Over ground that a raster knows it also keeps above the floor of the flights and, where it can, below their roof
+(`terrain`), which are no steeper either: on the lines it is the lines' height all the same.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from missions.geo import FloatArray
+from missions.grids import Grid
 
 DATA_STEP_M = 20.0
 """Distance of the points along a line that carry the surface; coarser for very long networks."""
 MAX_DATA = 1500
 CHECK_STEP_M = 4.0
 """Distance of the points at which legs are held against the surface."""
+CHECK_OVER_M = 2.0
+"""The same over ground that a raster knows, where the surface is steeper."""
 MAX_CHECKS = 12_000
 FOLLOW_M = 0.5
 """Legs off the lines keep this near to the surface at the points that are checked."""
@@ -39,11 +45,20 @@ class Surface:
     """(n,) float64: their heights."""
     slope: float
     """It rises or falls by at most this many metres a metre."""
+    floor: Grid | None = None
+    """It is nowhere below; on the lines it is not above them."""
+    roof: Grid | None = None
+    """It is not above, but where lines and floor are."""
 
     def at_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights over (m, 2) places."""
         blocks = _distances_m(places_m, self.points_m)
-        return np.concatenate([_extended_m(block, self.heights_m, self.slope) for block in blocks])
+        pairs = [_extensions_m(block, self.heights_m, self.slope) for block in blocks]
+        least_m, most_m = (np.concatenate([pair[of] for pair in pairs]) for of in (0, 1))
+        middle_m = 0.5 * (most_m + least_m)
+        if self.roof is not None:
+            middle_m = np.maximum(least_m, np.minimum(middle_m, self.roof.at_m(places_m)))
+        return middle_m if self.floor is None else np.maximum(middle_m, self.floor.at_m(places_m))
 
     def height_m(self, east_m: float, north_m: float) -> float:
         """Return the height over one place."""
@@ -52,10 +67,11 @@ class Surface:
     def follow_m(self, start_m: FloatArray, goal_m: FloatArray, tolerance_m: float) -> FloatArray:
         """Return (w, 3) places between two (3,) places so that straight legs through them keep near the surface.
 
-        Near means ``tolerance_m`` at points every ``CHECK_STEP_M``; the two ends are taken as they are.
+        Near means ``tolerance_m`` at points every ``CHECK_STEP_M``, or ``CHECK_OVER_M`` over a floor; the two ends are
+        taken as they are.
         """
         length_m = math.hypot(*(goal_m[:2] - start_m[:2]))
-        steps = max(1, math.ceil(length_m / CHECK_STEP_M))
+        steps = max(1, math.ceil(length_m / (CHECK_STEP_M if self.floor is None else CHECK_OVER_M)))
         share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
         line = start_m + share * (goal_m - start_m)
         line[1:-1, 2] = self.at_m(line[:, :2])[1:-1]
@@ -92,25 +108,27 @@ def fit(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> Fit:
         heights_m: (n, 2) float64, their heights.
         layer_m: The distance that any two vehicles must keep.
     """
-    length_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum())
-    data = _along(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
-    checks = _along(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
     fits = []
-    for surface, error_m in _candidates(data, checks):
+    for surface, error_m in candidates(tracks_m, heights_m):
         off_m = max(FOLLOW_M, error_m) + surface.slope * CHECK_STEP_M
         fits.append(Fit(surface, error_m, layer_m * math.hypot(1.0, surface.slope) + 2.0 * off_m))
     return min(fits, key=lambda candidate: candidate.spacing_m)
 
 
-def _candidates(data: FloatArray, checks: FloatArray) -> Iterator[tuple[Surface, float]]:
+def candidates(
+    tracks_m: FloatArray, heights_m: FloatArray, slopes: Sequence[float] = SLOPES
+) -> Iterator[tuple[Surface, float]]:
     """Yield a surface and its largest error for each slope; distances, the costly part, are taken once."""
-    surfaces = [Surface(data[:, :2], data[:, 2], slope) for slope in SLOPES]
-    errors_m = np.zeros(len(SLOPES))
+    length_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum())
+    data = along(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
+    checks = along(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
+    surfaces = [Surface(data[:, :2], data[:, 2], slope) for slope in slopes]
+    errors_m = np.zeros(len(slopes))
     done = 0
     for distances_m in _distances_m(checks[:, :2], data[:, :2]):
         heights_m = checks[done : done + len(distances_m), 2]
-        for index, slope in enumerate(SLOPES):
-            off_m = np.abs(_extended_m(distances_m, data[:, 2], slope) - heights_m)
+        for index, slope in enumerate(slopes):
+            off_m = np.abs(0.5 * sum(_extensions_m(distances_m, data[:, 2], slope)) - heights_m)
             errors_m[index] = max(errors_m[index], float(off_m.max()))
         done += len(distances_m)
     yield from zip(surfaces, errors_m.tolist(), strict=True)
@@ -124,12 +142,13 @@ def _distances_m(places_m: FloatArray, points_m: FloatArray) -> Iterator[FloatAr
         yield np.hypot(offsets[..., 0], offsets[..., 1])
 
 
-def _extended_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) -> FloatArray:
+def _extensions_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
+    """Return (m,) the lowest and the highest heights that the slope allows."""
     rise_m = slope * distances_m
-    return np.asarray(0.5 * ((heights_m + rise_m).min(axis=1) + (heights_m - rise_m).max(axis=1)), dtype=np.float64)
+    return (heights_m - rise_m).max(axis=1), (heights_m + rise_m).min(axis=1)
 
 
-def _along(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> FloatArray:
+def along(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> FloatArray:
     """Return (m, 3) places on the tracks, ends included, at most ``step_m`` apart."""
     ends = np.concatenate((tracks_m, heights_m[..., np.newaxis]), axis=2)
     pieces = []

@@ -23,6 +23,7 @@ class Extra(Enum):
     DASK = "dask"
     GEO = "geo"
     MAPS = "maps"
+    TERRAIN = "terrain"
 
 
 MODULES: Mapping[Extra, tuple[str, ...]] = {
@@ -34,6 +35,7 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.DASK: ("distributed",),
     Extra.GEO: ("openpyxl", "shapefile"),
     Extra.MAPS: ("rasterio", "PIL", "contourpy"),
+    Extra.TERRAIN: ("rasterio",),
 }
 """What is imported of each."""
 INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp", "PIL": "pillow"}

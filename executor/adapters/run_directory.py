@@ -80,6 +80,11 @@ class RunDirectory:
         return self.path / "battery.png"
 
     @property
+    def terrain(self) -> Path:
+        """Return the ground that it was flown over; not there if no raster knew it."""
+        return self.path / "terrain.npz"
+
+    @property
     def next_sortie(self) -> Path:
         """Return the plan of what was left over."""
         return self.path / "next-sortie.json"

@@ -14,6 +14,8 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.flight_record import FaultRecord, FlightRecord, VehicleRecord
 from executor.analysis.read_run import read_run
 from executor.errors import LogError
+from executor.site.assembly import terrain_of
+from executor.site.config import read_site
 from missions import (
     FlightPath,
     FlightSetup,
@@ -50,7 +52,9 @@ def drawn_run(run: Path) -> Drawn:
         raise LogError(f"{RunDirectory(run).plan(0)}: inspection: expected heights and speeds, but the plan has none")
     pads = [Pad(vehicle.name, *vehicle.pad_m, _home_m(vehicle, first.frame.alt_m)) for vehicle in record.vehicles]
     names = tuple(vehicle.name for vehicle in record.vehicles)
-    setup = flight_setup(first.network(), names, first.inspection, pads=pads)
+    network = first.network()
+    terrain = terrain_of(read_site(RunDirectory(run).site), run, network)
+    setup = flight_setup(network, names, first.inspection, pads=pads, terrain=terrain)
     segments = {
         number: {
             "inspected_by": segment.inspected_by,

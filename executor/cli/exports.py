@@ -14,7 +14,8 @@ from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
 from executor.cli.planning import writable
 from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
-from executor.site import assembly
+from executor.site import assembly, planning
+from executor.site.config import read_site
 from missions import (
     FlightSetup,
     PlanFile,
@@ -53,13 +54,17 @@ def export(
     autopilot: Annotated[
         AutopilotName, typer.Option(help="Autopilot that the mission items of qgc and waypoints are for.")
     ] = FIRST_AUTOPILOT,
+    site: Annotated[
+        Path | None,
+        typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
+    ] = None,
 ) -> None:
     """Write a plan for other ground stations, or a plan or a flight for maps."""
     if what.is_dir():
         _export_run(what, output, FormatName.KML if to is None else to)
         return
     content = read_plan(what)
-    setup = _setup_of(content, what)
+    setup = _setup_of(content, what, site)
     to = to or FormatName.QGC
     if to in DRAWN:
         _write(output, f"{what.stem}.{to.value}", DRAWN[to](drawn_plan(content, setup, what.stem)))
@@ -67,10 +72,18 @@ def export(
         _export_missions(content, setup, output, to, autopilot)
 
 
-def _setup_of(content: PlanFile, source: Path) -> FlightSetup:
+def _setup_of(content: PlanFile, source: Path, site: Path | None) -> FlightSetup:
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
-    setup = flight_setup(content.network(), [vehicle.name for vehicle in content.vehicles], content.inspection)
+    terrain = None
+    if content.terrain is not None:
+        if site is None:
+            raise SiteError(f"{source}: terrain: expected --site with the site file that the plan was made of")
+        ground = assembly.ground_of(read_site(site), site.parent)
+        planning.fits(content, ground, str(source))
+        terrain = ground.terrain
+    names = [vehicle.name for vehicle in content.vehicles]
+    setup = flight_setup(content.network(), names, content.inspection, terrain=terrain)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
     for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
         raise SiteError(f"{source}: heights: {line}")

@@ -23,6 +23,7 @@ from executor.site.config import Site
 from executor.site.ground_files import keep_ground
 from executor.site.ground_view import view_for
 from missions import PlanFile, write_plan
+from missions.readers.kept_elevation import write_kept
 
 
 class Teller(Protocol):
@@ -102,6 +103,11 @@ def keep(order: Order) -> None:
         content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
     # What the crew sees of it is kept; the whole picture may be as large as a county.
     content.get("map", {}).pop("background", None)
+    if order.ground.terrain is not None:
+        # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
+        kept = RunDirectory(order.run).terrain
+        write_kept(kept, order.ground.terrain.elevation)
+        content["terrain"] = {**content["terrain"], "files": kept.name}
     keep_site(order.run, content, files)
     if order.ground.learned:
         document_of(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)

@@ -203,9 +203,9 @@ def _plan_file(order: Order, pricing: Pricing, planned: Planned) -> PlanFile:
     task, plan = _replanned(pricing, solve, event)
     solved = Solved(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
     content = make_plan_file(
-        ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection
-    )
-    content = replace(content, fly_again=order.plan.fly_again)
+        ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
+    )  # fmt: skip
+    content = replace(content, fly_again=order.plan.fly_again, terrain=order.plan.terrain)
     with suppress(OSError):
         write_plan(plan_path(order.run, planned), content)
     return content

@@ -42,6 +42,10 @@ from missions import (
 )
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
+from missions.planfile import PlanTerrain
+from missions.poles import on_ground, with_structures
+from missions.readers.elevation import Reading, read_elevation
+from missions.terrain import Terrain, reading_box_m
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -65,6 +69,8 @@ class Ground:
     travel: Travel
     setup: FlightSetup
     """Heights, and pads that are chosen around the depot."""
+    terrain: Terrain | None = None
+    """The ground between the lines, where a raster knows it."""
     worth_a_look: tuple[str, ...] = ()
     """What was mended or found of the network's file and its heights, in words."""
     learned: Mapping[str, Known] = field(default_factory=dict)
@@ -85,15 +91,47 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
         learned: What is known of vehicles from flights before, by their name.
 
     Raises:
-        MissionsError: the network cannot be used, or its heights cannot be flown by.
+        MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
-    network = with_heights(understood.network, flat=site.inspection.heights == "flat")
-    worth_a_look = (*remark_lines(understood.found), *implausible(network, tallest_m=site.network.tallest_m))
-    ground = ground_over(site, network, worth_a_look)
+    network, found = with_structures(understood.network, site.network.pylon_height_m), ()
+    terrain = terrain_of(site, base, network)
+    if terrain is not None:
+        # A height of 0 that nobody said is what a file without a height of its depot is read with.
+        depot_known = network.frame.alt_m != 0.0 or (site.depot is not None and site.depot.alt_m is not None)
+        network, found = on_ground(network, terrain.elevation, depot_known=depot_known)
+        found = (*terrain.elevation.remarks, *found)
+    network = with_heights(network, flat=site.inspection.heights == "flat")
+    worth_a_look = (*remark_lines(understood.found), *found, *implausible(network, tallest_m=site.network.tallest_m))
+    ground = ground_over(site, network, worth_a_look, terrain)
     return replace(ground, learned=dict(learned))
+
+
+def terrain_of(site: Site, base: Path, network: Network) -> Terrain | None:
+    """Read the ground around a network; None where the site names no raster.
+
+    Raises:
+        MissionsError: a raster cannot be used, or knows nothing of the ground there.
+    """
+    table = site.terrain
+    if table is None:
+        return None
+    files = (table.files,) if isinstance(table.files, str) else table.files
+    reading = Reading(network.frame, *reading_box_m(network), table.vertical, table.uncertainty_m)
+    return Terrain(read_elevation([base / file for file in files], reading), table.margin_m, table.line_margin_m)
+
+
+def plan_terrain(ground: Ground) -> PlanTerrain | None:
+    """Return what plan files say of the ground that they were made over."""
+    terrain = ground.terrain
+    if terrain is None:
+        return None
+    known = terrain.elevation
+    return PlanTerrain(
+        known.source, known.digest, known.vertical, known.uncertainty_m, terrain.margin_m, terrain.line_margin_m
+    )
 
 
 def wanted_of(site: Site) -> Selection:
@@ -114,7 +152,9 @@ def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
         yield f"{matter}: {own[0].words}{more}"
 
 
-def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()) -> Ground:
+def ground_over(
+    site: Site, network: Network, worth_a_look: tuple[str, ...] = (), terrain: Terrain | None = None
+) -> Ground:
     """Return what is known before any vehicle answers, over a network whose heights are known.
 
     Raises:
@@ -125,8 +165,8 @@ def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
-    setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
-    return Ground(site, network, inspection, drone, travel, setup, worth_a_look)
+    setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection, terrain=terrain)
+    return Ground(site, network, inspection, drone, travel, setup, terrain, worth_a_look)
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -223,8 +263,9 @@ def pricing_of(
     bases = {name: setup.base_of(name) for name in ground.names}
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
     return Pricing(
-        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site)
-    )
+        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site),
+        setup.layers.relief,
+    )  # fmt: skip
 
 
 def answer_s(site: Site) -> float:

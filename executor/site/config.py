@@ -24,6 +24,7 @@ from executor.site.tables.ground import DepotTable, InspectionTable, NetworkTabl
 from executor.site.tables.learned import LearnedTable
 from executor.site.tables.links import LinkTable, MqttTable, SigningTable, WebTable
 from executor.site.tables.map import MapTable
+from executor.site.tables.terrain import TerrainTable
 from missions import NESTED, first_reason
 
 PAGE = "docs/reference/site-file.md"
@@ -35,6 +36,7 @@ class Site(SiteTable):
 
     depot: DepotTable | None = None
     network: NetworkTable
+    terrain: TerrainTable | None = None
     inspection: InspectionTable = InspectionTable()
     energy: EnergyTable = EnergyTable()
     vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
@@ -53,6 +55,14 @@ class Site(SiteTable):
         if not content.get("vehicle"):
             raise ValueError("vehicle: expected at least one [[vehicle]] table")
         return content
+
+    @model_validator(mode="after")
+    def _over_ground(self) -> Site:
+        if self.terrain is not None and self.inspection.heights == "flat":
+            raise ValueError(
+                "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
+            )
+        return self
 
     @model_validator(mode="after")
     def _distinct(self) -> Site:

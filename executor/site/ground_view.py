@@ -74,7 +74,8 @@ def view_for(ground: Ground, base: Path) -> GroundView:
     """
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in ground.setup.pads])
     places_m = np.concatenate((ground.network.positions_m, pads_m))
-    return ground_view(ground.site.map, base, ground.network.frame, places_m)
+    heights = None if ground.terrain is None else ground.terrain.elevation
+    return ground_view(ground.site.map, base, ground.network.frame, places_m, heights)
 
 
 def area_of(places_m: FloatArray) -> tuple[Corner, Corner]:

@@ -152,9 +152,9 @@ def first_plan(
         plan, seconds, window = result.plan, result.seconds, None
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     content = make_plan_file(
-        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection
-    )
-    return replace(content, fly_again=landed_fly_again(ground))
+        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection,
+    )  # fmt: skip
+    return replace(content, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground))
 
 
 def landed_fly_again(ground: Ground) -> bool:
@@ -184,7 +184,8 @@ def front_plans(
         )
         for entry in found
     )  # fmt: skip
-    return tuple(replace(content, fly_again=landed_fly_again(ground)) for content in contents)
+    terrain = assembly.plan_terrain(ground)
+    return tuple(replace(content, fly_again=landed_fly_again(ground), terrain=terrain) for content in contents)
 
 
 def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
@@ -261,8 +262,10 @@ def changes(plan: PlanFile, ground: Ground) -> list[str]:
     task = assembly.task_of(ground, [segment.id for segment in plan.segments])
     nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
     inspection = None if plan.inspection is None else ground.inspection
-    now = make_plan_file(ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection)
-    return list(_differing(_asked(plan), _asked(now)))
+    now = make_plan_file(
+        ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection,
+    )  # fmt: skip
+    return list(_differing(_asked(plan), _asked(replace(now, terrain=assembly.plan_terrain(ground)))))
 
 
 def _asked(plan: PlanFile) -> dict[str, object]:
@@ -273,7 +276,7 @@ def _asked(plan: PlanFile) -> dict[str, object]:
     document = plan_document(plan)
     model = None if plan.pricing is None else {"power": asdict(next(iter(plan.pricing.models.values())).power)}
     return {
-        **{key: document.get(key) for key in ("depot", "travel", "inspection")},
+        **{key: document.get(key) for key in ("depot", "travel", "inspection", "terrain")},
         "model": model,
         "vehicles": {
             vehicle.name: asdict(vehicle)
@@ -364,6 +367,6 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     reduced = Task(left.instance, left.open_segments, pricing)
     solved = Solved(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
     content = make_plan_file(
-        plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection
-    )
-    return WhatIf(left, replace(content, fly_again=plan.fly_again), result.feasible)
+        plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection,
+    )  # fmt: skip
+    return WhatIf(left, replace(content, fly_again=plan.fly_again, terrain=plan.terrain), result.feasible)

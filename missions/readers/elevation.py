@@ -190,9 +190,8 @@ def _read(path: Path, reading: Reading) -> _Read:
         vertical, more_m = _vertical(path, vertical_crs, product, reading)
         known_m = reading.uncertainty_m
         if known_m is None and product is None:
-            names = " and ".join(("GLO-30", "SRTM"))
             raise ElevationError(
-                f"{path}: uncertainty_m: expected the raster's own, in metres: only those of {names} are known"
+                f"{path}: uncertainty_m: expected the raster's own, in metres: only those of GLO-30 and SRTM are known"
             )
         uncertainty_m = more_m + (product.uncertainty_m if known_m is None and product is not None else known_m or 0.0)
         unit_m = _unit_m(path, dataset, vertical_crs)

@@ -67,21 +67,21 @@ def _has_heights(network: Path | None, depot: Mapping[str, float] | None) -> boo
 
 def over_network(ground: Ground, network: Network) -> Ground:
     """Return the same site over a changed network."""
-    return assembly.ground_over(ground.site, network)
+    return assembly.ground_over(ground.site, network, terrain=ground.terrain)
 
 
 def with_capacity(ground: Ground, capacity_ah: float) -> Ground:
     """Return the same site with other batteries."""
     energy = ground.site.energy.model_copy(update={"capacity_ah": capacity_ah})
     site = ground.site.model_copy(update={"energy": energy})
-    return assembly.ground_over(site, ground.network)
+    return assembly.ground_over(site, ground.network, terrain=ground.terrain)
 
 
 def with_budgets(ground: Ground, budget_pct: float) -> Ground:
     """Return the same site with another budget for every vehicle."""
     vehicles = tuple(table.model_copy(update={"budget_pct": budget_pct}) for table in ground.site.vehicle)
     site = ground.site.model_copy(update={"vehicle": vehicles})
-    return assembly.ground_over(site, ground.network)
+    return assembly.ground_over(site, ground.network, terrain=ground.terrain)
 
 
 def dearest_pct(ground: Ground, plan: PlanFile) -> float:

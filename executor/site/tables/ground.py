@@ -51,6 +51,8 @@ class NetworkTable(SiteTable):
     its metres; without it they are true east and north."""
     tallest_m: Positive | None = None
     """Height of the tallest structure. Confirms that heights which look too large for pylons are metres over ground."""
+    pylon_height_m: Annotated[float, Field(ge=2, le=400, allow_inf_nan=False)] | None = None
+    """Height over their ground of all pylons that have none in the file."""
 
 
 class InspectionTable(SiteTable):

@@ -1,0 +1,180 @@
+"""What the ground asks of flights: how high they must be over every place between the lines, and what is known of it.
+
+Legs are straight, so that all of them lie in the convex hull of what is inspected and of the pads. There the ground is
+known everywhere, or nobody flies. The floor of the flights is the lowest function over ground and margin that rises and
+falls by no more than a slope; their roof keeps them below the ceiling where the ground falls away.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions import grids
+from missions.elevation import Elevation, box_of
+from missions.errors import ElevationError
+from missions.geo import FloatArray, LocalFrame
+from missions.grids import Grid
+from missions.network import Network
+
+AROUND_M = 60.0
+"""Beside the hull: ways lead around pads, and legs end a few metres beside their lines."""
+PADS_M = 200.0
+"""Vehicles may stand this far from the depot; their pads are not known before they answer."""
+NODES_M = 10.0
+"""Between the nodes of the floor; more in large areas."""
+MOST_NODES = 1_000_000
+UNKNOWN_M = -1e5
+"""Instead of ground beyond the area: it asks for nothing."""
+ROW_PLACES = 400_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Terrain:
+    """The ground, and how far flights keep from it."""
+
+    elevation: Elevation
+    margin_m: float = 20.0
+    """Over the ground, beside its uncertainty."""
+    line_margin_m: float | None = None
+    """Over the tops of lines; None: as without terrain, a share of the inspection height."""
+
+    @property
+    def kept_m(self) -> float:
+        """How far over the ground of the raster every leg is."""
+        return self.margin_m + self.elevation.uncertainty_m
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """The height of the ground over the depot's, and where."""
+
+    up_m: float
+    place_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """The ground of the area that flights may be over, in heights over the depot's."""
+
+    corners_m: FloatArray
+    """(k, 2) float64: of the area, convex, counter-clockwise."""
+    highest: Grid
+    """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
+    lowest: Grid
+    """Nowhere above it; its negative outside."""
+    top: Spot
+    bottom: Spot
+
+    def floor(self, over_m: float, slope: float) -> Grid:
+        """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
+        raised = Grid(self.highest.low_m, self.highest.step_m, self.highest.heights_m + over_m)
+        return grids.over(raised, slope)
+
+    def roof(self, over_m: float, slope: float) -> Grid:
+        """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
+        raised = Grid(self.lowest.low_m, self.lowest.step_m, self.lowest.heights_m + over_m)
+        return grids.under(raised, slope)
+
+
+def area_m(places_m: FloatArray) -> FloatArray:
+    """Return (k, 2) the corners of what flights between places are over."""
+    aside = AROUND_M * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+    depot = PADS_M * np.array([(1, 0), (0.7, 0.7), (0, 1), (-0.7, 0.7), (-1, 0), (-0.7, -0.7), (0, -1), (0.7, -0.7)])
+    return grids.hull_m(np.concatenate(((places_m[:, np.newaxis] + aside).reshape(-1, 2), depot)))
+
+
+def reading_box_m(network: Network) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the corners of what must be read of rasters for flights over a network."""
+    corners_m = area_m(network.positions_m)
+    return box_of(corners_m, AROUND_M + 4.0 * _node_step_m(corners_m))
+
+
+def _node_step_m(corners_m: FloatArray) -> float:
+    sides_m = np.ptp(corners_m, axis=0)
+    return max(NODES_M, math.sqrt(float(sides_m.prod()) / MOST_NODES))
+
+
+def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, network: Network) -> Known:
+    """Return the ground that flights between places may be over.
+
+    Args:
+        terrain: The ground.
+        places_m: (m, 2) where legs begin and end.
+        frame: Whose depot heights are counted from.
+        network: To name what is near.
+
+    Raises:
+        ElevationError: a part of it is not known: one line with its place.
+    """
+    corners = area_m(places_m)
+    low_m, high_m = corners.min(axis=0), corners.max(axis=0)
+    step_m = _node_step_m(corners)
+    low_m = low_m - 2.0 * step_m
+    counts = np.ceil((high_m - low_m) / step_m).astype(int) + 4
+    # Between looks is half a cell of the raster at most, so that none of its cells is missed.
+    looks = max(1, math.ceil(step_m / (0.5 * terrain.elevation.cell_m)))
+    easts_m = low_m[0] + step_m / looks * np.arange((counts[0] - 1) * looks + 1)
+    cells_high, cells_low = (np.empty(tuple(counts - 1)) for _ in range(2))
+    rows = max(1, ROW_PLACES // (len(easts_m) * looks))
+    for first in range(0, counts[1] - 1, rows):
+        last = min(counts[1] - 1, first + rows)
+        norths_m = low_m[1] + step_m / looks * np.arange(first * looks, last * looks + 1)
+        looked_m = np.stack(np.meshgrid(easts_m, norths_m, indexing="ij"), axis=-1)
+        flat_m = looked_m.reshape(-1, 2)
+        area = grids.inside(corners, flat_m, beyond_m=1.5 * step_m)
+        high, low = (np.full(len(flat_m), value) for value in (UNKNOWN_M, -UNKNOWN_M))
+        high[area] = terrain.elevation.highest_m(flat_m[area]) - frame.alt_m
+        low[area] = terrain.elevation.lowest_m(flat_m[area]) - frame.alt_m
+        holes = np.isnan(high)
+        if holes.any():
+            raise unknown_ground(terrain.elevation, flat_m[holes][0], frame, network)
+        shape = looked_m.shape[:2]
+        cells_high[:, first:last] = _blocks(high.reshape(shape), looks, np.maximum)
+        cells_low[:, first:last] = _blocks(low.reshape(shape), looks, np.minimum)
+    start = (float(low_m[0]), float(low_m[1]))
+    highest = Grid(start, step_m, _nodes(cells_high, np.maximum, UNKNOWN_M))
+    lowest = Grid(start, step_m, _nodes(cells_low, np.minimum, -UNKNOWN_M))
+    return Known(corners, highest, lowest, _spot(highest, np.argmax), _spot(lowest, np.argmin))
+
+
+def unknown_ground(elevation: Elevation, place_m: FloatArray, frame: LocalFrame, network: Network) -> ElevationError:
+    """Return the error that says where nobody knows the ground."""
+    return ElevationError(
+        f"{elevation.source}: no-data: expected the ground's height everywhere between the lines and the pads, none "
+        f"{place_words(place_m, frame, network)}"
+    )
+
+
+def place_words(place_m: FloatArray, frame: LocalFrame, network: Network) -> str:
+    """Return where a place is: "at 46.60123, 10.40021, 120 m from pylon 'P17'"."""
+    lat_deg, lon_deg = frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
+    away_m = np.hypot(*(network.positions_m - place_m).T)
+    nearest = int(away_m.argmin())
+    return f"at {lat_deg:.5f}, {lon_deg:.5f}, {away_m[nearest]:.0f} m from pylon {network.pylons[nearest].id!r}"
+
+
+def _blocks(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
+    """Return the best of what was looked at in each cell, its edges included."""
+    along = _pooled(looked_m, looks, best)
+    return _pooled(along.T, looks, best).T
+
+
+def _pooled(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
+    inner = best.reduce(looked_m[:-1].reshape(-1, looks, looked_m.shape[1]), axis=1)
+    return np.asarray(best(inner, looked_m[looks::looks]), dtype=np.float64)
+
+
+def _nodes(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> FloatArray:
+    """Return heights at nodes so that what is between them is the best of no cell."""
+    padded = np.pad(cells_m, 1, constant_values=beyond_m)
+    along = best(padded[:-1], padded[1:])
+    return np.asarray(best(along[:, :-1], along[:, 1:]), dtype=np.float64)
+
+
+def _spot(grid: Grid, which: object) -> Spot:
+    index = np.unravel_index(int(which(grid.heights_m)), grid.heights_m.shape)  # type: ignore[operator]
+    east_m, north_m = (grid.low_m[axis] + grid.step_m * float(index[axis]) for axis in (0, 1))
+    return Spot(float(grid.heights_m[index]), (east_m, north_m))
