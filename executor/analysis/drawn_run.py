@@ -29,7 +29,18 @@ from missions import (
     flight_setup,
     read_plan,
 )
-from missions.exports import Drawn, Fact, Kind, Piece, Reference, Spot, Way, drawn_line, drawn_pads, drawn_route
+from missions.exports import (
+    Drawn,
+    DrawnKind,
+    DrawnPlace,
+    DrawnWay,
+    Fact,
+    Piece,
+    Reference,
+    drawn_line,
+    drawn_pads,
+    drawn_route,
+)
 from missions.geo import FloatArray
 from planner import is_reversed, segment_of, visit_of
 
@@ -78,7 +89,7 @@ def _time(record: FlightRecord, t_s: float) -> str:
     return f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
 
 
-def _planned(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[Way]:
+def _planned(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
     for route in first.plan.routes:
         name = first.vehicles[route.vehicle].name
         path = flight_path(setup, name, route.visits)
@@ -87,7 +98,7 @@ def _planned(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Itera
             yield drawn_route(setup, path, f"{name} planned", facts, reference=Reference.SEA)
 
 
-def _replanned(run: Path, record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[Way]:
+def _replanned(run: Path, record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
     """Yield what was put on board in flight, from where the vehicle began it."""
     numbers = {segment.id: number for number, segment in enumerate(first.segments)}
     for revision in record.revisions[1:]:
@@ -126,7 +137,7 @@ def _from_the_air(
     return continue_path(setup, FlightPath(name, (begin,)), 1, visits)
 
 
-def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> Iterator[Way]:
+def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> Iterator[DrawnWay]:
     """Yield a vehicle's track since the launch, in as many pieces as it was heard in."""
     kept = _thinned(vehicle.track[:, 0])
     breaks = [0, *(np.flatnonzero(np.diff(vehicle.track[kept, 0]) > GAP_S) + 1).tolist(), len(kept)]
@@ -142,8 +153,8 @@ def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> I
             pieces.append(Piece(positions, tuple(_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())))
     if pieces:
         segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
-        yield Way(
-            Kind.FLOWN, f"{vehicle.name} flown", tuple(pieces), Reference.SEA, vehicle.name, {"segments": segments}
+        yield DrawnWay(
+            DrawnKind.FLOWN, f"{vehicle.name} flown", tuple(pieces), Reference.SEA, vehicle.name, {"segments": segments}
         )
 
 
@@ -158,7 +169,7 @@ def _thinned(times_s: FloatArray) -> npt.NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[Spot]:
+def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[DrawnPlace]:
     """Yield where each vehicle that was lost was heard last before that was declared."""
     for vehicle, fault in record.lost:
         heard = np.flatnonzero(vehicle.track[:, 0] <= fault.detected_s)
@@ -166,8 +177,8 @@ def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[Spot]:
             continue
         _, east_m, north_m, _ = vehicle.track[heard[-1]].tolist()
         place = (*setup.frame.to_wgs84_deg(east_m, north_m), float(vehicle.sea_m[heard[-1]]))
-        yield Spot(
-            Kind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
+        yield DrawnPlace(
+            DrawnKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
             _time(record, fault.detected_s), _facts(record, fault),
         )  # fmt: skip
 

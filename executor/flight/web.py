@@ -121,7 +121,7 @@ async def page_beside(
 
 
 def lasting_of(order: Order, console: Teller) -> Lasting:
-    """Return the ground that the run directory keeps, without it at least where the local metres are, and the window."""
+    """Return what the run directory keeps of the ground, or at least where the local metres are; and the window."""
     if not order.site.web.enabled:
         return NOTHING
     try:

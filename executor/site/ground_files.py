@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executor.errors import LogError
 from executor.site.ground_view import GroundView
-from executor.site.relief import Contour, Relief
+from executor.site.hillshade import Contour, Hillshade
 from missions import LocalFrame, first_reason
 from missions.background import Background, Pixels, grid_of
 from missions.files import write_whole
@@ -45,7 +45,7 @@ class ContourPart(_Part):
     bold: bool
 
 
-class HeightsPart(_Part):
+class GroundHeightsPart(_Part):
     """The ground's heights above mean sea level in the middles of cells; the northernmost row first."""
 
     rows: Count
@@ -54,13 +54,13 @@ class HeightsPart(_Part):
     """Row after row; null where nobody knows."""
 
 
-class ReliefPart(_Part):
+class HillshadePart(_Part):
     """The shape of the ground."""
 
     file: str
     interval_m: float
     contours: tuple[ContourPart, ...]
-    heights: HeightsPart
+    heights: GroundHeightsPart
 
 
 class DegreesPart(_Part):
@@ -82,7 +82,7 @@ class GroundDocument(_Part):
     attribution: str
     photo: str | None
     """The picture's file."""
-    relief: ReliefPart | None
+    relief: HillshadePart | None
     degrees: DegreesPart
 
 
@@ -156,7 +156,7 @@ def read_ground(run: Path) -> GroundView | None:
             raise LogError(f"{run / DOCUMENT}: relief.heights.metres: expected {part.rows * part.columns} heights")
         heights_m = np.array(metres, dtype=np.float32).reshape(part.rows, part.columns)
         contours = tuple(Contour(one.height_m, one.places_m, one.bold) for one in document.relief.contours)
-        relief = Relief(heights_m, shade, document.low_m, document.high_m, document.relief.interval_m, contours)
+        relief = Hillshade(heights_m, shade, document.low_m, document.high_m, document.relief.interval_m, contours)
     return GroundView(document.low_m, document.high_m, background, relief, document.attribution)
 
 
@@ -173,7 +173,7 @@ def _document(run: Path) -> GroundDocument:
     return document
 
 
-def _relief_part(relief: Relief) -> ReliefPart:
+def _relief_part(relief: Hillshade) -> HillshadePart:
     rows, columns = grid_of(relief.low_m, relief.high_m, min(MOST_HEIGHTS, relief.heights_m.size), 0.0)
     i = np.minimum(
         ((np.arange(rows) + 0.5) / rows * relief.heights_m.shape[0]).astype(int), relief.heights_m.shape[0] - 1
@@ -182,13 +182,13 @@ def _relief_part(relief: Relief) -> ReliefPart:
         ((np.arange(columns) + 0.5) / columns * relief.heights_m.shape[1]).astype(int), relief.heights_m.shape[1] - 1
     )
     metres = [None if np.isnan(one) else round(one) for one in relief.heights_m[np.ix_(i, j)].ravel().tolist()]
-    return ReliefPart(
+    return HillshadePart(
         file=RELIEF,
         interval_m=relief.interval_m,
         contours=tuple(
             ContourPart(height_m=one.height_m, places_m=one.places_m, bold=one.bold) for one in relief.contours
         ),
-        heights=HeightsPart(rows=rows, columns=columns, metres=tuple(metres)),
+        heights=GroundHeightsPart(rows=rows, columns=columns, metres=tuple(metres)),
     )
 
 

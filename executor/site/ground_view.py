@@ -9,13 +9,13 @@ import numpy as np
 
 from executor.adapters.extras import Extra, need, what_to_install
 from executor.site.assembly import Ground
-from executor.site.relief import Heights, Relief, relief_of
+from executor.site.hillshade import Heights, Hillshade, hillshade_of
 from executor.site.tables.map import MapTable
 from missions import LocalFrame
 from missions.background import Background, Corner
 from missions.geo import FloatArray
 from missions.readers.background import read_background
-from missions.readers.picture import Wanted
+from missions.readers.picture import AreaWanted
 
 BESIDE_M = 300.0
 BESIDE = 0.25
@@ -31,7 +31,7 @@ class GroundView:
     low_m: Corner
     high_m: Corner
     background: Background | None = None
-    relief: Relief | None = None
+    relief: Hillshade | None = None
     attribution: str = ""
 
 
@@ -56,12 +56,12 @@ def ground_view(
     view = GroundView(low_m, high_m)
     if table.background is not None:
         need(Extra.MAPS, "[map] background")
-        wanted = Wanted(frame, low_m, high_m, MOST_PIXELS)
+        wanted = AreaWanted(frame, low_m, high_m, MOST_PIXELS)
         background = read_background(base / table.background, wanted)
         by = background.attribution if table.attribution is None else table.attribution
         view = replace(view, background=background, attribution=by)
     if heights is not None and not what_to_install(Extra.MAPS, "relief"):
-        view = replace(view, relief=relief_of(heights, low_m, high_m, table.contour_m))
+        view = replace(view, relief=hillshade_of(heights, low_m, high_m, table.contour_m))
     return view
 
 

@@ -3,7 +3,7 @@
 Each format is written from the same plain `Drawn`, so that what is in one is in all of them, as far as it can say it.
 """
 
-from missions.exports.drawn import Drawn, Fact, Kind, Piece, Reference, Spot, Way
+from missions.exports.drawn import Drawn, DrawnKind, DrawnPlace, DrawnWay, Fact, Piece, Reference
 from missions.exports.geojson import geojson_text
 from missions.exports.gpx import gpx_text
 from missions.exports.kml import kml_text
@@ -11,12 +11,12 @@ from missions.exports.plan import drawn_line, drawn_pads, drawn_plan, drawn_rout
 
 __all__ = [
     "Drawn",
+    "DrawnKind",
+    "DrawnPlace",
+    "DrawnWay",
     "Fact",
-    "Kind",
     "Piece",
     "Reference",
-    "Spot",
-    "Way",
     "drawn_line",
     "drawn_pads",
     "drawn_plan",

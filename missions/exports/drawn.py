@@ -20,7 +20,7 @@ def _nothing() -> Mapping[str, Fact]:
     return NO_FACTS
 
 
-class Kind(Enum):
+class DrawnKind(Enum):
     """What something is; the word that the formats carry."""
 
     SEGMENT = "segment"
@@ -49,10 +49,10 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class DrawnWay:
     """A line on the earth."""
 
-    kind: Kind
+    kind: DrawnKind
     name: str
     pieces: tuple[Piece, ...]
     reference: Reference
@@ -62,10 +62,10 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class DrawnPlace:
     """A place on the earth."""
 
-    kind: Kind
+    kind: DrawnKind
     name: str
     position: Position
     reference: Reference
@@ -82,15 +82,15 @@ class Drawn:
     title: str
     vehicles: tuple[str, ...]
     """In the order of their colours."""
-    ways: Sequence[Way]
-    spots: Sequence[Spot]
+    ways: Sequence[DrawnWay]
+    spots: Sequence[DrawnPlace]
 
     def colour_of(self, vehicle: str) -> str:
         """Return a vehicle's colour."""
         return COLOURS[self.vehicles.index(vehicle) % len(COLOURS)]
 
 
-def facts_of(one: Way | Spot) -> dict[str, Fact]:
+def drawn_facts(one: DrawnWay | DrawnPlace) -> dict[str, Fact]:
     """Return all that is known of something beside its name and its place, without what is not known."""
     facts = {"kind": one.kind.value, "vehicle": one.vehicle, **one.facts, "heights": one.reference.value}
     return {key: value for key, value in facts.items() if value is not None}

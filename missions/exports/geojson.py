@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from missions.exports.drawn import Drawn, Position, Spot, Way, facts_of
+from missions.exports.drawn import Drawn, DrawnPlace, DrawnWay, Position, drawn_facts
 
 
 def geojson_text(drawn: Drawn) -> str:
@@ -18,7 +18,7 @@ def geojson_text(drawn: Drawn) -> str:
     return json.dumps({"type": "FeatureCollection", "name": drawn.title, "features": features}, indent=1) + "\n"
 
 
-def _way(drawn: Drawn, way: Way) -> dict[str, object]:
+def _way(drawn: Drawn, way: DrawnWay) -> dict[str, object]:
     lines = [[_coordinates(position) for position in piece.positions] for piece in way.pieces]
     times = [list(piece.times) for piece in way.pieces]
     properties = _properties(drawn, way)
@@ -31,16 +31,16 @@ def _way(drawn: Drawn, way: Way) -> dict[str, object]:
     return _feature(geometry, properties)
 
 
-def _spot(drawn: Drawn, spot: Spot) -> dict[str, object]:
+def _spot(drawn: Drawn, spot: DrawnPlace) -> dict[str, object]:
     properties = _properties(drawn, spot)
     if spot.time is not None:
         properties["time"] = spot.time
     return _feature({"type": "Point", "coordinates": _coordinates(spot.position)}, properties)
 
 
-def _properties(drawn: Drawn, one: Way | Spot) -> dict[str, object]:
+def _properties(drawn: Drawn, one: DrawnWay | DrawnPlace) -> dict[str, object]:
     colour = {} if one.vehicle is None else {"stroke": drawn.colour_of(one.vehicle)}
-    return {"name": one.name, **facts_of(one), **colour}
+    return {"name": one.name, **drawn_facts(one), **colour}
 
 
 def _coordinates(position: Position) -> list[float]:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from missions.exports.drawn import Drawn, Kind, Position, Reference, Spot, Way
-from missions.exports.xmltext import add, degrees, document, metres, root_of
+from missions.exports.drawn import Drawn, DrawnKind, DrawnPlace, DrawnWay, Position, Reference
+from missions.exports.xmltext import add, degrees, document, up_m_words, xml_root
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -18,15 +18,15 @@ GPX = "http://www.topografix.com/GPX/1/1"
 
 def gpx_text(drawn: Drawn) -> str:
     """Return the text of a GPX file."""
-    root = root_of("gpx", {None: GPX}, version="1.1", creator="faultline")
+    root = xml_root("gpx", {None: GPX}, version="1.1", creator="faultline")
     add(add(root, "metadata"), "name", drawn.title)
     for spot in drawn.spots:
         _add_spot(root, spot)
     for way in drawn.ways:
-        if way.kind is Kind.PLANNED:
+        if way.kind is DrawnKind.PLANNED:
             _add_route(root, way)
     for way in drawn.ways:
-        if way.kind is not Kind.PLANNED:
+        if way.kind is not DrawnKind.PLANNED:
             _add_track(root, way)
     return document(root)
 
@@ -34,11 +34,11 @@ def gpx_text(drawn: Drawn) -> str:
 def _add_position(parent: etree._Element, tag: str, position: Position, reference: Reference) -> etree._Element:
     point = add(parent, tag, lat=degrees(position[0]), lon=degrees(position[1]))
     if reference is Reference.SEA and position[2] is not None:
-        add(point, "ele", metres(position))
+        add(point, "ele", up_m_words(position))
     return point
 
 
-def _add_spot(root: etree._Element, spot: Spot) -> None:
+def _add_spot(root: etree._Element, spot: DrawnPlace) -> None:
     point = _add_position(root, "wpt", spot.position, spot.reference)
     if spot.time is not None:
         add(point, "time", spot.time)
@@ -49,7 +49,7 @@ def _add_spot(root: etree._Element, spot: Spot) -> None:
     add(point, "type", spot.kind.value)
 
 
-def _add_head(parent: etree._Element, way: Way) -> None:
+def _add_head(parent: etree._Element, way: DrawnWay) -> None:
     add(parent, "name", way.name)
     words = "; ".join(f"{key}: {value}" for key, value in way.facts.items() if value is not None)
     if words:
@@ -57,7 +57,7 @@ def _add_head(parent: etree._Element, way: Way) -> None:
     add(parent, "type", way.kind.value)
 
 
-def _add_route(root: etree._Element, way: Way) -> None:
+def _add_route(root: etree._Element, way: DrawnWay) -> None:
     for piece in way.pieces:
         route = add(root, "rte")
         _add_head(route, way)
@@ -65,7 +65,7 @@ def _add_route(root: etree._Element, way: Way) -> None:
             _add_position(route, "rtept", position, way.reference)
 
 
-def _add_track(root: etree._Element, way: Way) -> None:
+def _add_track(root: etree._Element, way: DrawnWay) -> None:
     track = add(root, "trk")
     _add_head(track, way)
     for piece in way.pieces:

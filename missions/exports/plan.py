@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from missions.exports.drawn import NO_FACTS, Drawn, Fact, Kind, Piece, Position, Reference, Spot, Way
+from missions.exports.drawn import NO_FACTS, Drawn, DrawnKind, DrawnPlace, DrawnWay, Fact, Piece, Position, Reference
 from missions.network import Pylon
 from missions.pads import Pad
 from missions.planfile import PlanFile
@@ -48,7 +48,7 @@ def drawn_route(
     facts: Mapping[str, Fact] = NO_FACTS,
     *,
     reference: Reference | None = None,
-) -> Way:
+) -> DrawnWay:
     """Return a vehicle's path, from its pad on where it begins there.
 
     Args:
@@ -63,10 +63,10 @@ def drawn_route(
     positions: list[Position] = [(point.lat_deg, point.lon_deg, point.alt_rel_m + base_m) for point in path.waypoints]
     if path.waypoints[0].phase is Phase.TAKEOFF:
         positions.insert(0, _pad_position(setup, pad, reference))
-    return Way(Kind.PLANNED, name, (Piece(tuple(positions)),), reference, path.vehicle, facts)
+    return DrawnWay(DrawnKind.PLANNED, name, (Piece(tuple(positions)),), reference, path.vehicle, facts)
 
 
-def drawn_line(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> Iterator[Way]:
+def drawn_line(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> Iterator[DrawnWay]:
     """Yield every segment by the name of its asset, along the tops of its pylons where they are known.
 
     Args:
@@ -85,18 +85,20 @@ def drawn_line(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> I
         )
         name = network.segment_name(segment.id)
         told = {"asset": name, "pylon_a": ends[0].id, "pylon_b": ends[1].id, **facts.get(segment.id, {})}
-        yield Way(Kind.SEGMENT, name, (Piece(positions),), reference, None, told)
+        yield DrawnWay(DrawnKind.SEGMENT, name, (Piece(positions),), reference, None, told)
 
 
-def drawn_pads(setup: FlightSetup, reference: Reference | None = None) -> Iterator[Spot]:
+def drawn_pads(setup: FlightSetup, reference: Reference | None = None) -> Iterator[DrawnPlace]:
     """Yield the depot and every vehicle's pad."""
     reference = reference or reference_of(setup)
     lat_deg, lon_deg, alt_m = setup.network.depot
     # A depot over flat ground may have no height above the sea that anybody gave.
     over = reference_of(setup)
-    yield Spot(Kind.DEPOT, "depot", (lat_deg, lon_deg, alt_m if over is Reference.SEA else 0.0), over)
+    yield DrawnPlace(DrawnKind.DEPOT, "depot", (lat_deg, lon_deg, alt_m if over is Reference.SEA else 0.0), over)
     for pad in setup.pads:
-        yield Spot(Kind.PAD, f"{pad.vehicle} pad", _pad_position(setup, pad, reference), reference, pad.vehicle)
+        yield DrawnPlace(
+            DrawnKind.PAD, f"{pad.vehicle} pad", _pad_position(setup, pad, reference), reference, pad.vehicle
+        )
 
 
 def reference_of(setup: FlightSetup) -> Reference:

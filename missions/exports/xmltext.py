@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from missions.exports.drawn import Drawn, Position, Spot, Way
+from missions.exports.drawn import Drawn, DrawnPlace, DrawnWay, Position
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -20,16 +20,16 @@ def add(parent: etree._Element, tag: str, text: object = None, **attributes: str
     from lxml import etree
 
     space = parent.tag.partition("}")[0] + "}" if "}" not in tag else ""
-    child = etree.SubElement(parent, f"{space}{tag}", {key: fit(value) for key, value in attributes.items()})
+    child = etree.SubElement(parent, f"{space}{tag}", {key: xml_fit(value) for key, value in attributes.items()})
     if text is not None:
-        child.text = fit(str(text))
+        child.text = xml_fit(str(text))
     return child
 
 
-def fit(text: str) -> str:
+def xml_fit(text: str) -> str:
     r"""Return a text as XML can hold it.
 
-    >>> fit("P41\x00-P42")
+    >>> xml_fit("P41\x00-P42")
     'P41 -P42'
     """
     return _UNFIT.sub(" ", text)
@@ -44,7 +44,7 @@ def document(root: etree._Element) -> str:
     return text.decode()
 
 
-def root_of(tag: str, spaces: Mapping[str | None, str], **attributes: str) -> etree._Element:
+def xml_root(tag: str, spaces: Mapping[str | None, str], **attributes: str) -> etree._Element:
     """Return the first element of a file, in the namespace that has no prefix."""
     from lxml import etree
 
@@ -56,12 +56,12 @@ def degrees(value: float) -> str:
     return f"{value:.7f}"
 
 
-def metres(position: Position) -> str:
+def up_m_words(position: Position) -> str:
     """Return the height of a position to a centimetre; 0 where it is not known."""
     return f"{position[2] or 0.0:.2f}"
 
 
-def of_vehicle(drawn: Drawn, vehicle: str | None) -> Iterator[Way | Spot]:
+def of_vehicle(drawn: Drawn, vehicle: str | None) -> Iterator[DrawnWay | DrawnPlace]:
     """Yield what belongs to a vehicle, or to none."""
     yield from (way for way in drawn.ways if way.vehicle == vehicle)
     yield from (spot for spot in drawn.spots if spot.vehicle == vehicle)

@@ -15,7 +15,7 @@ from missions.errors import BackgroundError
 from missions.geo import FloatArray
 from missions.readers import imagery, mbtiles
 from missions.readers.geopackage import MAGIC
-from missions.readers.picture import Read, Wanted, from_degrees
+from missions.readers.picture import AreaWanted, Read, from_degrees
 
 LATTICE_PIXELS = 32
 """Between places that are transformed: over 10 km of a map grid what lies between is off by centimetres."""
@@ -23,7 +23,7 @@ STRIP_ROWS = 256
 TIFF = (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
 
 
-def read_background(path: Path, wanted: Wanted) -> Background:
+def read_background(path: Path, wanted: AreaWanted) -> Background:
     """Return what a file shows of an area.
 
     Raises:
@@ -42,7 +42,7 @@ def read_background(path: Path, wanted: Wanted) -> Background:
     return _laid(path, read, wanted)
 
 
-def _laid(path: Path, read: Read, wanted: Wanted) -> Background:
+def _laid(path: Path, read: Read, wanted: AreaWanted) -> Background:
     """Return pixels laid into the local plane, strip by strip."""
     rows, columns = grid_of(wanted.low_m, wanted.high_m, wanted.most_pixels, read.step_m)
     try:
@@ -60,7 +60,7 @@ def _laid(path: Path, read: Read, wanted: Wanted) -> Background:
     return Background(made, wanted.low_m, wanted.high_m, read.attribution)
 
 
-def _lattice(read: Read, wanted: Wanted, rows: int, columns: int) -> FloatArray:
+def _lattice(read: Read, wanted: AreaWanted, rows: int, columns: int) -> FloatArray:
     """Return (n, m, 2) row and column in the file's pixels, at corners of the local plane a few pixels apart."""
     counts = [max(2, size // LATTICE_PIXELS + 2) for size in (rows, columns)]
     norths = np.linspace(wanted.high_m[1], wanted.low_m[1], counts[0])

@@ -16,7 +16,7 @@ from pyproj.exceptions import CRSError, ProjError
 from missions.background import Pixels
 from missions.errors import BackgroundError
 from missions.files import printable
-from missions.readers.picture import Read, Wanted, from_degrees, plain
+from missions.readers.picture import AreaWanted, Read, from_degrees, plain
 
 if TYPE_CHECKING:
     import rasterio
@@ -34,7 +34,7 @@ DARK_PCT, BRIGHT_PCT = 1.0, 99.0
 """Of pictures of more than 8 bits: what becomes black and white."""
 
 
-def read_imagery(path: Path, wanted: Wanted) -> Read:
+def read_imagery(path: Path, wanted: AreaWanted) -> Read:
     """Return the pixels of an area.
 
     Raises:
@@ -94,7 +94,7 @@ def _system(path: Path, dataset: rasterio.DatasetReader) -> pyproj.CRS:
     return crs
 
 
-def _window(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: Wanted) -> Window:
+def _window(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: AreaWanted) -> Window:
     from rasterio.windows import Window
 
     x, y = from_degrees(crs, wanted.places_deg())
@@ -109,7 +109,7 @@ def _window(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted
     raise BackgroundError(f"{path}: area: expected a picture of the line's surroundings, it lies elsewhere")
 
 
-def _step_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: Wanted) -> float:
+def _step_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: AreaWanted) -> float:
     """Return about how large a pixel of the file is over the ground, in the middle of the area."""
     middle_m = np.mean([wanted.low_m, wanted.high_m], axis=0)
     along_m = middle_m + np.array([[0.0, 0.0], [0.0, ALONG_M]])
@@ -123,7 +123,7 @@ def _step_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted
     return ALONG_M / pixels
 
 
-def _few(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: Wanted) -> float:
+def _few(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: AreaWanted) -> float:
     """Return how many pixels of the file become one, on a side."""
     few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
     overviews = max([1, *dataset.overviews(1)])

@@ -17,7 +17,7 @@ from missions.background import Pixels
 from missions.errors import BackgroundError
 from missions.files import printable
 from missions.readers.geopackage import opened
-from missions.readers.picture import Read, Wanted, from_degrees, plain
+from missions.readers.picture import AreaWanted, Read, from_degrees, plain
 
 HALF_M = math.pi * 6378137.0
 """Half of the world's width in the metres of web maps."""
@@ -55,7 +55,7 @@ class _Range:
         return (self.right - self.left + 1) * (self.bottom - self.top + 1)
 
 
-def read_mbtiles(path: Path, wanted: Wanted) -> Read:
+def read_mbtiles(path: Path, wanted: AreaWanted) -> Read:
     """Return the tiles of an area, of the zoom that fits what is shown.
 
     Raises:
@@ -68,7 +68,7 @@ def read_mbtiles(path: Path, wanted: Wanted) -> Read:
         raise BackgroundError(f"{path}: content: expected MBTiles: {printable(str(error))}") from error
 
 
-def _read(path: Path, database: sqlite3.Connection, wanted: Wanted) -> Read:
+def _read(path: Path, database: sqlite3.Connection, wanted: AreaWanted) -> Read:
     facts = {str(name): str(value) for name, value in database.execute("SELECT name, value FROM metadata")}
     kind = facts.get("format", "").lower()
     if kind not in PICTURES:
@@ -87,7 +87,7 @@ def _read(path: Path, database: sqlite3.Connection, wanted: Wanted) -> Read:
     return Read(mosaic, pyproj.CRS("EPSG:3857"), to_pixels, step_m, _attribution(facts))
 
 
-def _fitting(path: Path, database: sqlite3.Connection, wanted: Wanted) -> tuple[_Range, int]:
+def _fitting(path: Path, database: sqlite3.Connection, wanted: AreaWanted) -> tuple[_Range, int]:
     """Return the tiles of the finest zoom that is not much finer than what is shown, and how wide a tile is."""
     ((lowest, highest),) = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles")
     if not (isinstance(lowest, int) and isinstance(highest, int) and 0 <= lowest <= highest <= MOST_ZOOM):
@@ -103,7 +103,7 @@ def _fitting(path: Path, database: sqlite3.Connection, wanted: Wanted) -> tuple[
     raise BackgroundError(f"{path}: tiles: expected some of the line's surroundings, found none")
 
 
-def _range(wanted: Wanted, zoom: int) -> _Range:
+def _range(wanted: AreaWanted, zoom: int) -> _Range:
     x, y = from_degrees(pyproj.CRS("EPSG:3857"), wanted.places_deg())
     most = 2**zoom - 1
     columns = np.clip(np.floor((x + HALF_M) / (2 * HALF_M) * 2**zoom), 0, most)

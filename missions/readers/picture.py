@@ -15,7 +15,7 @@ from missions.geo import FloatArray, LocalFrame
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class AreaWanted:
     """What of a picture is wanted."""
 
     frame: LocalFrame

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import httpx
@@ -160,4 +161,11 @@ async def test_nothing_on_the_map_lies_over_anything_else(layout: str) -> None:
                 box = await page.locator(name).bounding_box()
                 assert box is not None
                 assert box["x"] + box["width"] <= LAYOUTS[layout][0], name
+            ends = [await part.bounding_box() for part in await page.locator("#summary > div").all()]
+            lefts = [(box["x"], box["x"] + box["width"]) for box in ends if box is not None]
+            assert all(one[1] <= other[0] for one, other in itertools.pairwise(lefts)), lefts
+            widths = (
+                "[...document.querySelectorAll('#summary dd')].every((one) => one.scrollWidth <= one.clientWidth + 1)"
+            )
+            assert await page.evaluate(widths)
             assert await page.evaluate("document.documentElement.scrollWidth") <= LAYOUTS[layout][0]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from executor.site.ground_view import GroundView, area_of
-from executor.site.relief import relief_of
+from executor.site.hillshade import hillshade_of
 from missions.background import Background, grid_of
 from missions.geo import FloatArray
 
@@ -60,5 +60,5 @@ def ground_about(places_m: FloatArray, *, photo: bool = True, hills: Hills | Non
     low_m, high_m = area_of(places_m)
     background = farmland(low_m, high_m) if photo else None
     by = "© Land survey 2026" if photo else ""
-    relief = None if hills is None else relief_of(hills, low_m, high_m)
+    relief = None if hills is None else hillshade_of(hills, low_m, high_m)
     return GroundView(low_m, high_m, background, relief, by)

@@ -16,7 +16,7 @@ from executor.analysis.flight_record import Place
 from executor.analysis.pictures.sheet import STRIP_IN, Sheet
 from executor.analysis.pictures.style import PAPER, cased
 from executor.site.ground_view import GroundView
-from executor.site.relief import Contour
+from executor.site.hillshade import Contour
 from missions.background import Background, Pixels
 from missions.geo import FloatArray
 

@@ -14,7 +14,7 @@ from lxml import etree
 
 from executor.analysis.drawn_run import drawn_run
 from executor.errors import LogError
-from missions.exports import Kind, geojson_text, gpx_text, kml_text
+from missions.exports import DrawnKind, geojson_text, gpx_text, kml_text
 from tests.executor.flights import LAUNCH_S, write_run
 from tests.missions.builders import FRAME
 from tests.missions.exports.kmlschema import kml_schema
@@ -52,6 +52,7 @@ def test_a_loss_is_a_point_with_its_time_and_reason(run: Path) -> None:
     assert lost.name == "uav2 lost: link"
     assert lost.time == LAUNCHED + timedelta(seconds=50)
     assert FRAME.to_local_m(lost.latitude, lost.longitude) == pytest.approx((250.0, 0.0), abs=0.02)
+    assert lost.description is not None
     assert "reason: link lost for 10 s" in lost.description
 
 
@@ -93,7 +94,7 @@ def test_a_gap_is_not_drawn_over(run: Path, tmp_path: Path) -> None:
 
     (tmp_path / "events.jsonl").write_text("".join(line for line in lines if not in_gap(line)), encoding="utf-8")
     drawn = drawn_run(tmp_path)
-    [way] = [one for one in drawn.ways if one.kind is Kind.FLOWN and one.vehicle == "uav1"]
+    [way] = [one for one in drawn.ways if one.kind is DrawnKind.FLOWN and one.vehicle == "uav1"]
     assert [len(piece.positions) for piece in way.pieces] == [61, 76]
     assert len(gpxpy.parse(gpx_text(drawn)).tracks[-3].segments) == 2
     root = etree.fromstring(kml_text(drawn).encode())

@@ -13,7 +13,18 @@ import shapely
 from lxml import etree
 
 from missions import Inspection, Selection, Solved, flight_path, flight_setup, make_plan_file, parse_where, understand
-from missions.exports import Drawn, Kind, Piece, Reference, Spot, Way, drawn_plan, geojson_text, gpx_text, kml_text
+from missions.exports import (
+    Drawn,
+    DrawnKind,
+    DrawnPlace,
+    DrawnWay,
+    Piece,
+    Reference,
+    drawn_plan,
+    geojson_text,
+    gpx_text,
+    kml_text,
+)
 from missions.planfile import PlanFile
 from missions.setup import FlightSetup
 from planner import Cost, Plan, Route, Travel, Vehicle
@@ -132,8 +143,8 @@ def test_over_flat_ground_heights_are_over_the_ground_and_said_to_be(tmp_path: P
 
 def test_names_that_xml_has_no_letters_for_do_not_break_a_file(tmp_path: Path) -> None:
     odd = 'a\x00<b> & "c"\ud83d'
-    spot = Spot(Kind.EVENT, odd, (49.0, 15.0, 1.0), Reference.SEA, None, None, {"reason": odd})
-    way = Way(Kind.SEGMENT, odd, (Piece(((49.0, 15.0, None), (49.1, 15.0, None))),), Reference.NONE)
+    spot = DrawnPlace(DrawnKind.EVENT, odd, (49.0, 15.0, 1.0), Reference.SEA, None, None, {"reason": odd})
+    way = DrawnWay(DrawnKind.SEGMENT, odd, (Piece(((49.0, 15.0, None), (49.1, 15.0, None))),), Reference.NONE)
     drawn = Drawn(odd, (), [way], [spot])
     name = 'a <b> & "c" '
     assert [one.text for one in etree.fromstring(kml_text(drawn).encode()).iter(f"{KML}name")] == [

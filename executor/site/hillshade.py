@@ -30,7 +30,7 @@ BOLD = 5
 
 
 class Heights(Protocol):
-    """Whoever knows the ground's heights."""
+    """What knows the ground's heights."""
 
     @property
     def cell_m(self) -> float:
@@ -53,7 +53,7 @@ class Contour:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Relief:
+class Hillshade:
     """The ground of an area, on a grid of square cells."""
 
     heights_m: npt.NDArray[np.float32]
@@ -67,7 +67,7 @@ class Relief:
     contours: tuple[Contour, ...]
 
 
-def relief_of(known: Heights, low_m: Corner, high_m: Corner, contour_m: float | None = None) -> Relief | None:
+def hillshade_of(known: Heights, low_m: Corner, high_m: Corner, contour_m: float | None = None) -> Hillshade | None:
     """Return the ground of an area; None where no height of it is known."""
     rows, columns = grid_of(low_m, high_m, MOST_CELLS, max(known.cell_m, LEAST_CELL_M))
     easts_m, norths_m = _middles(low_m[0], high_m[0], columns), _middles(low_m[1], high_m[1], rows)[::-1]
@@ -79,7 +79,7 @@ def relief_of(known: Heights, low_m: Corner, high_m: Corner, contour_m: float | 
     interval_m = max(interval_for(high - low) if contour_m is None else contour_m, (high - low) / MOST_LINES)
     few = max(1, math.ceil(math.sqrt(heights_m.size / MOST_LINE_CELLS)))
     contours = _contours(easts_m[::few], norths_m[::few], heights_m[::few, ::few], interval_m)
-    return Relief(heights_m, shaded(heights_m, step_m), low_m, high_m, interval_m, contours)
+    return Hillshade(heights_m, shaded(heights_m, step_m), low_m, high_m, interval_m, contours)
 
 
 def interval_for(relief_m: float) -> float:
