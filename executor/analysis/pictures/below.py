@@ -13,6 +13,7 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 
 from executor.analysis.flight_record import Place
+from executor.analysis.pictures.placing import calm_m, calmest
 from executor.analysis.pictures.sheet import STRIP_IN, Sheet
 from executor.analysis.pictures.style import PAPER, cased
 from executor.site.ground_view import GroundView
@@ -29,13 +30,21 @@ CONTOUR = "#6b5138"
 FAINT_TEXT = "#666666"
 BEHIND = -5.0
 LABELS = 10
+TRIED = 25
+"""Places along a contour line that are looked at for its height."""
 LABEL_IN = 0.9
 """A contour line that is shorter than this has no room for its height."""
 LETTERS_PER_IN = 15.0
 
 
-def draw_below(sheet: Sheet, view: GroundView | None) -> Sheet:
-    """Draw the ground below all panels, within the corners of what may hold words; returns the sheet as it is then."""
+def draw_below(sheet: Sheet, view: GroundView | None, shown_m: FloatArray) -> Sheet:
+    """Draw the ground below all panels, within the corners of what may hold words; returns the sheet as it is then.
+
+    Args:
+        sheet: With its panels.
+        view: The ground, if anything is known of it.
+        shown_m: (n, 2) places that are drawn over it, for words to keep off.
+    """
     if view is None or (view.background is None and view.relief is None):
         return sheet
     for axes in sheet.panels:
@@ -48,7 +57,7 @@ def draw_below(sheet: Sheet, view: GroundView | None) -> Sheet:
             veil = Rectangle(clip.get_xy(), clip.get_width(), clip.get_height(), fc=PAPER, ec="none", alpha=VEIL)
             axes.add_patch(veil).set_zorder(BEHIND + 1.0)
         if view.relief is not None:
-            _draw_contours(axes, sheet, view.relief.contours, clip)
+            _draw_contours(axes, sheet, view.relief.contours, clip, shown_m)
         _draw_attribution(axes, sheet, words_of(view))
         axes.set_xlim(limits[0])
         axes.set_ylim(limits[1])
@@ -78,19 +87,19 @@ def _shown(axes: Axes, background: Background, alpha: float) -> AxesImage:
     )  # fmt: skip
 
 
-def _draw_contours(axes: Axes, sheet: Sheet, contours: Iterable[Contour], clip: Rectangle) -> None:
+def _draw_contours(axes: Axes, sheet: Sheet, contours: Iterable[Contour], clip: Rectangle, shown_m: FloatArray) -> None:
     for bold, width_pt in ((False, 0.35), (True, 0.8)):
         lines = [np.array(one.places_m) for one in contours if one.bold is bold and len(one.places_m) > 1]
         collection = LineCollection(lines, colors=CONTOUR, linewidths=width_pt, alpha=0.75, zorder=BEHIND + 2.0)
         axes.add_collection(collection, autolim=False)
         collection.set_clip_path(clip)
-    for height_m, place_m, turned_deg in _labels(sheet, contours):
+    for height_m, place_m, turned_deg in _labels(sheet, contours, shown_m):
         axes.text(*place_m, f"{height_m:g}", fontsize=6.5, color=CONTOUR, rotation=turned_deg, ha="center",
                   va="center", zorder=BEHIND + 3.0, path_effects=cased(2.0))  # fmt: skip
 
 
-def _labels(sheet: Sheet, contours: Iterable[Contour]) -> Iterator[tuple[float, Place, float]]:
-    """Yield heights, where they are written, and how they are turned: in the midst of the longest bold lines."""
+def _labels(sheet: Sheet, contours: Iterable[Contour], shown_m: FloatArray) -> Iterator[tuple[float, Place, float]]:
+    """Yield heights, where they are written, and how they are turned: on the longest bold lines, off all else."""
     low, high = np.array(sheet.low_m), np.array(sheet.high_m)
     edge = 0.25 * sheet.m_per_in
     found: list[tuple[float, float, FloatArray]] = []
@@ -100,17 +109,19 @@ def _labels(sheet: Sheet, contours: Iterable[Contour]) -> Iterator[tuple[float, 
             places = places[((places > low + edge) & (places < high - edge)).all(axis=1)]
             if len(places) > 2:
                 found.append((float(np.hypot(*np.diff(places, axis=0).T).sum()), one.height_m, places))
-    taken: list[FloatArray] = []
+    taken_m = shown_m
+    labels = 0
     for length_m, height_m, places in sorted(found, key=lambda row: -row[0])[: 3 * LABELS]:
-        middle = len(places) // 2
-        here = places[middle]
-        crowded = any(math.dist(here, other) < LABEL_IN * sheet.m_per_in for other in taken)
-        if length_m < LABEL_IN * sheet.m_per_in or crowded or len(taken) == LABELS:
+        tried = np.unique(np.linspace(2, len(places) - 3, TRIED).astype(int).clip(0, len(places) - 1))
+        best = int(tried[calmest(places[tried], taken_m)])
+        crowded = calm_m(places[best : best + 1], taken_m)[0] < LABEL_IN / 3.0 * sheet.m_per_in
+        if length_m < LABEL_IN * sheet.m_per_in or crowded or labels == LABELS:
             continue
-        taken.append(here)
-        along = places[min(middle + 2, len(places) - 1)] - places[max(middle - 2, 0)]
-        turned_deg = math.degrees(math.atan2(along[1], along[0]))
-        yield height_m, (float(here[0]), float(here[1])), (turned_deg + 90.0) % 180.0 - 90.0
+        labels += 1
+        taken_m = np.concatenate((taken_m, places[best : best + 1]))
+        along_m = places[min(best + 2, len(places) - 1)] - places[max(best - 2, 0)]
+        turned_deg = math.degrees(math.atan2(along_m[1], along_m[0]))
+        yield height_m, (float(places[best, 0]), float(places[best, 1])), (turned_deg + 90.0) % 180.0 - 90.0
 
 
 def _draw_attribution(axes: Axes, sheet: Sheet, words: str) -> None:

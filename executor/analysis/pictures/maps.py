@@ -66,7 +66,7 @@ def plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
     count, covered = len(content.segments), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_chosen(content)}"
     sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
-    sheet = draw_below(sheet, ground)
+    sheet = draw_below(sheet, ground, np.concatenate(places))
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
     legend(sheet, handles)
     return sheet.figure
@@ -82,7 +82,7 @@ def map_figure(record: FlightRecord, ground: GroundView | None = None) -> Figure
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
     names = ["First plan", "As flown"]
     sheet = make_sheet(shown, _title(record), names, len(handles))
-    sheet = draw_below(sheet, ground)
+    sheet = draw_below(sheet, ground, shown)
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
     legend(sheet, handles)
