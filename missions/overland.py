@@ -7,15 +7,18 @@ layers must be. Chosen is the slope at which vehicles are the least above what w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from missions.geo import FloatArray
 from missions.grids import Grid
 from missions.network import Network
-from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, Fit, Surface, along, candidates
+from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, Fit, along, candidates
 from missions.terrain import Known
+
+Indices = npt.NDArray[np.intp]
 
 FOLLOW_OVER_M = 2.0
 """Legs over uneven ground keep this near to the surface: nearer ones need more waypoints than autopilots hold."""
@@ -76,32 +79,28 @@ def fit_over(known: Known, wishes: Wishes, network: Network, tracks_m: FloatArra
 
 
 def _settled(
-    known: Known, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: FloatArray, slope: float,
+    known: Known, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices, slope: float,
     error_m: float,
 ) -> Overland:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
+    lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
+    step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
     for _ in range(TRIES):
         off_m = _off_m(error_m, slope)
         floor = known.floor(wishes.kept_m + off_m, slope)
         pylon_m = asked_m + _lifts_m(floor, tracks_m, asked_m, ends)
-        surface, fitted_m = next(candidates(tracks_m, pylon_m[ends], (slope,)))
+        stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
+        roof = known.roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
+        surface = replace(next(candidates(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
+        places = along(tracks_m, pylon_m[ends], step_m)
+        fitted_m = float(np.abs(surface.at_m(places[:, :2]) - places[:, 2]).max())
         if fitted_m <= max(error_m, FOLLOW_OVER_M):
             break
         error_m = fitted_m
-    off_m = _off_m(max(error_m, fitted_m), slope)
-    stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
-    roof = known.roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
-    surface = Surface(surface.points_m, surface.heights_m, slope, floor, roof)
-    places = along(
-        tracks_m,
-        pylon_m[ends],
-        max(CHECK_STEP_M, float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum()) / MAX_CHECKS),
-    )
-    error_m = float(np.abs(surface.at_m(places[:, :2]) - places[:, 2]).max())
     steepest = max(slope, floor.slope, roof.slope)
-    tolerance_m = max(FOLLOW_OVER_M, error_m)
+    tolerance_m = max(FOLLOW_OVER_M, fitted_m)
     spacing_m = _spacing_m(wishes.layer_m, steepest, tolerance_m + steepest * CHECK_OVER_M)
-    return Overland(Fit(surface, error_m, spacing_m), pylon_m, tolerance_m)
+    return Overland(Fit(surface, fitted_m, spacing_m), pylon_m, tolerance_m)
 
 
 def _off_m(error_m: float, slope: float) -> float:
@@ -113,7 +112,7 @@ def _spacing_m(layer_m: float, slope: float, off_m: float) -> float:
     return layer_m * math.hypot(1.0, slope) + 2.0 * off_m
 
 
-def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: FloatArray) -> FloatArray:
+def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: Indices) -> FloatArray:
     """Return (p,) how much higher pylons must be passed so that no inspection is below the floor."""
     lifts_m = np.zeros(len(pylon_m))
     # The ends first: a slope beside the line's end then lifts that end alone.

@@ -434,5 +434,7 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.pads,
         model.column_m,
         model.answer_s,
-        relief and Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
+        None
+        if relief is None
+        else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
     )

@@ -72,7 +72,7 @@ def relief_of(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Relief
     grid = Grid((float(low_m[0]), float(low_m[1])), step_m, np.zeros(tuple(counts)))
     heights_m = surface.at_m(grid.places_m.reshape(-1, 2)).reshape(tuple(counts))
     # As a plan file has it: what is read gives back the same figures.
-    return Relief(Grid(grid.low_m, step_m, np.round(heights_m, 1)))
+    return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
 
 
 def followed_where_uneven(

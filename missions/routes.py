@@ -76,17 +76,19 @@ class _Flight:
     vehicle: str
     here_m: FloatArray
     """(3,) float64: east, north and up over the depot's ground."""
+    on_ground: bool
+    """Whether it stands on its pad; in the air it may be lower than that, over a valley."""
 
     @classmethod
     def at_pad(cls, setup: FlightSetup, vehicle: str) -> _Flight:
         pad = setup.pad_of(vehicle)
-        return cls(setup, vehicle, np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)]))
+        return cls(setup, vehicle, np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)]), on_ground=True)
 
     @classmethod
     def after(cls, setup: FlightSetup, vehicle: str, last: Waypoint) -> _Flight:
         east, north = setup.frame.to_local_m(last.lat_deg, last.lon_deg)
         up = last.alt_rel_m + setup.frame.up_m(setup.pad_of(vehicle).alt_m)
-        return cls(setup, vehicle, np.array([east, north, up]))
+        return cls(setup, vehicle, np.array([east, north, up]), on_ground=False)
 
     def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
         """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""
@@ -95,7 +97,7 @@ class _Flight:
             pad.east_m, pad.north_m, self.setup.layers.height_m(self.vehicle, pad.east_m, pad.north_m)
         ])  # fmt: skip
         ground_m = self.setup.frame.up_m(pad.alt_m)
-        if self.here_m[2] <= ground_m:
+        if self.on_ground:
             yield self._to(above_pad, Phase.TAKEOFF, CLIMB_M_S)
         for number, visit in enumerate(visits, start=first_visit):
             yield from self._visit(number, visit)

@@ -57,8 +57,10 @@ class Surface:
         least_m, most_m = (np.concatenate([pair[of] for pair in pairs]) for of in (0, 1))
         middle_m = 0.5 * (most_m + least_m)
         if self.roof is not None:
-            middle_m = np.maximum(least_m, np.minimum(middle_m, self.roof.at_m(places_m)))
-        return middle_m if self.floor is None else np.maximum(middle_m, self.floor.at_m(places_m))
+            middle_m = np.minimum(middle_m, np.maximum(least_m, self.roof.at_m(places_m)))
+        if self.floor is not None:
+            middle_m = np.maximum(middle_m, self.floor.at_m(places_m))
+        return np.asarray(middle_m, dtype=np.float64)
 
     def height_m(self, east_m: float, north_m: float) -> float:
         """Return the height over one place."""

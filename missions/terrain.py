@@ -137,7 +137,13 @@ def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, netw
     start = (float(low_m[0]), float(low_m[1]))
     highest = Grid(start, step_m, _nodes(cells_high, np.maximum, UNKNOWN_M))
     lowest = Grid(start, step_m, _nodes(cells_low, np.minimum, -UNKNOWN_M))
-    return Known(corners, highest, lowest, _spot(highest, np.argmax), _spot(lowest, np.argmin))
+    return Known(
+        corners,
+        highest,
+        lowest,
+        _spot(highest, int(highest.heights_m.argmax())),
+        _spot(lowest, int(lowest.heights_m.argmin())),
+    )
 
 
 def unknown_ground(elevation: Elevation, place_m: FloatArray, frame: LocalFrame, network: Network) -> ElevationError:
@@ -174,7 +180,7 @@ def _nodes(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> FloatArray:
     return np.asarray(best(along[:, :-1], along[:, 1:]), dtype=np.float64)
 
 
-def _spot(grid: Grid, which: object) -> Spot:
-    index = np.unravel_index(int(which(grid.heights_m)), grid.heights_m.shape)  # type: ignore[operator]
-    east_m, north_m = (grid.low_m[axis] + grid.step_m * float(index[axis]) for axis in (0, 1))
-    return Spot(float(grid.heights_m[index]), (east_m, north_m))
+def _spot(grid: Grid, index: int) -> Spot:
+    east, north = (int(one) for one in np.unravel_index(index, grid.heights_m.shape))
+    place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
+    return Spot(float(grid.heights_m[east, north]), place_m)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyproj
 import rasterio
-from rasterio.transform import from_origin
+from affine import Affine
 
 from missions.geo import FloatArray
 
@@ -87,7 +87,7 @@ def write_raster(
         up_m = np.round(up_m)
     with rasterio.open(
         path, "w", driver=options.pop("driver", "GTiff"), width=columns, height=rows, count=1, dtype=dtype, crs=crs,
-        transform=from_origin(left, top, cell, cell), nodata=nodata, **options,
+        transform=Affine(cell, 0.0, left, 0.0, -cell, top), nodata=nodata, **options,
     ) as dataset:  # fmt: skip
         dataset.write(up_m.astype(dtype), 1)
     return path

@@ -75,6 +75,11 @@ class RunDirectory:
         return self.path / "map.png"
 
     @property
+    def profile(self) -> Path:
+        """Return the first plan from the side; not there if no raster knew the ground."""
+        return self.path / "profile.png"
+
+    @property
     def battery(self) -> Path:
         """Return the picture of the batteries."""
         return self.path / "battery.png"

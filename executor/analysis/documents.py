@@ -16,6 +16,7 @@ from executor.core.preflight.checks import Severity
 from executor.core.vehicle import FaultCode, FaultKind
 from executor.errors import LogError
 from missions import first_reason
+from missions.validation import is_none
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
@@ -160,6 +161,23 @@ class ParameterRow(Document):
     """Whether it was given back."""
 
 
+class TerrainPart(Document):
+    """The raster that knew the ground, in metres."""
+
+    source: str
+    """Its name."""
+    digest: str
+    """Of what was read of it."""
+    vertical: str
+    """What its heights were counted from."""
+    uncertainty_m: Number
+    """Nine of ten heights are nearer than this to the truth."""
+    margin_m: Number
+    """That every leg keeps beside that."""
+    most_raised_m: Number
+    """How much higher than asked a pylon is passed, for the ground beside it."""
+
+
 class HeightsPart(Document):
     """The heights that were flown, in metres."""
 
@@ -174,6 +192,8 @@ class HeightsPart(Document):
     return_over_ground_m: Number
     """The highest of the vehicles' own returns."""
     ceiling_m: Number
+    terrain: Annotated[TerrainPart | None, Field(exclude_if=is_none)] = None
+    """Where a raster knew the ground."""
 
 
 class AbsenceRow(Document):

@@ -20,6 +20,7 @@ from executor.core.preflight.checks import Severity
 
 PICTURES = {
     "map.png": "The first plan, and what was flown",
+    "profile.png": "The first plan from the side, over the ground of the raster",
     "battery.png": "Battery consumption over time, planned and measured",
 }
 """Files beside the page, and what they show."""

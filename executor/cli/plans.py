@@ -96,6 +96,10 @@ def plan(
     picture: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Draw each vehicle's flight from the side, over the ground of [terrain]."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget; exit 1 if segments are left over.
@@ -107,8 +111,13 @@ def plan(
         wanted = replace(wanted, params=SearchParams.load(search))
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
+    can_be_drawn("--profile", profile)
+    if profile is not None and front:
+        raise SiteError("--profile: expected none beside --front, which makes several plans")
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
+    if profile is not None and ground.terrain is None:
+        raise SiteError(f"--profile: expected the ground of a raster, but {site} has no [terrain]")
     below = None if picture is None else view_for(ground, site.parent)  # what cannot be drawn is said before the work
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
@@ -123,6 +132,15 @@ def plan(
         from executor.analysis.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture, below))
+    if profile is not None:
+        from executor.analysis.pictures import draw_profile
+        from executor.analysis.profile import profiles
+
+        setup = assembly.setup_of(ground)
+        flown = profiles(
+            setup, assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan)).values()
+        )
+        writable(profile, lambda: draw_profile(flown, profile))
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         known = "" if learned is None else f" --learned {learned}"

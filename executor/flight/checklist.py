@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from executor.core.context import Context
 from executor.core.parts import OnBoard
-from executor.core.preflight import checks, heights, packs
+from executor.core.preflight import checks, heights, packs, terrain
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import LinkFailsafe
 from executor.site.config import Site
@@ -51,6 +51,8 @@ def checklist(
         found.append(checks.link(fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s))
         found += checks.stations(fact, setup.dialect)
         found += checks.battery_failsafes(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
+        if site.terrain is not None:
+            found += terrain.following(fact, setup.dialect)
         found += checks.fence(context, fact, path)
         found += packs.pack_checks(context, fact)
         found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))

@@ -13,7 +13,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.parts import OnBoard
 from executor.core.ports import OpenLink
-from executor.core.preflight import checks
+from executor.core.preflight import checks, terrain
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import link_failsafe
 from executor.core.vehicle import aboard
@@ -76,7 +76,8 @@ async def interview_at_link(
         console.say(Level.INFO, f"{name}: not ready yet: {missing}")
 
     dialect = dialect_for(table.autopilot)
-    facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits)
+    more = () if site.terrain is None else terrain.names(dialect)
+    facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
     return facts
 

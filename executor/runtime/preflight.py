@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from executor.core.hearing.firmware import banner_version
@@ -141,7 +141,13 @@ def _who_else(counts: LinkCounts) -> str:
 
 
 async def interview(
-    name: str, link: Link, clock: Clock, dialect: Dialect, ready_timeout_s: float, waits: Callable[[str], None]
+    name: str,
+    link: Link,
+    clock: Clock,
+    dialect: Dialect,
+    ready_timeout_s: float,
+    waits: Callable[[str], None],
+    more: Sequence[str] = (),
 ) -> Facts:
     """Ask one vehicle for its streams, and wait until it is ready to fly.
 
@@ -152,6 +158,7 @@ async def interview(
         dialect: What it should speak.
         ready_timeout_s: How long it may take to be ready, in its time.
         waits: Told what it is waited for, whenever that changes.
+        more: Parameters that this site asks for beside the usual ones.
 
     Raises:
         PreflightFailed: it did not become ready in time.
@@ -170,7 +177,7 @@ async def interview(
             raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.missing()}") from None
         if heard.version is None:
             await _banner(heard, link, clock)
-        said = await read_parameters(link, clock, failsafes.names(dialect))
+        said = await read_parameters(link, clock, (*failsafes.names(dialect), *more))
         parameters = {name: one.value for name, one in said.items()}
         for older in failsafes.older_names(dialect, parameters):
             parameters |= {name: one.value for name, one in (await read_parameters(link, clock, [older])).items()}

@@ -96,7 +96,8 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
     understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
-    network, found = with_structures(understood.network, site.network.pylon_height_m), ()
+    network = with_structures(understood.network, site.network.pylon_height_m)
+    found: tuple[str, ...] = ()
     terrain = terrain_of(site, base, network)
     if terrain is not None:
         # A height of 0 that nobody said is what a file without a height of its depot is read with.

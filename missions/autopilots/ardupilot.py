@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
+from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep, TerrainRule
 from missions.autopilots.failsafes import (
     BatteryFailsafe,
     BatteryLevel,
@@ -136,6 +136,12 @@ ARDUPILOT = Dialect(
     ground_station_failsafe=ARDUPILOT_LINK,
     battery_failsafe=ARDUPILOT_BATTERY,
     geofence=ARDUPILOT_FENCE,
+    terrain=(  # mode_rtl.cpp, AC_WPNav.cpp: items relative to home are flown as they are
+        TerrainRule("RTL_ALT_TYPE", frozenset({1}), in_flight=True, words="its RTL is not level, but over its own map"),
+        TerrainRule("TERRAIN_FOLLOW", frozenset({1}), in_flight=True, words="its flights are over its own map"),
+        TerrainRule("TERRAIN_ENABLE", frozenset({1}), in_flight=False, words="keeps a map that is not used"),
+        TerrainRule("WPNAV_RFND_USE", frozenset({1}), in_flight=False, words="is for items over the ground alone"),
+    ),
     performance=Performance(  # AC_WPNav.cpp, SCurve.cpp; 313 legs in simulation follow it within 0.1 s (median)
         # WPNAV_ACCEL 250 cm/s/s, WPNAV_JERK 1 m/s/s/s, twice ATC_INPUT_TC 0.15 s
         level=Ramp(acceleration_m_s2=2.5, jerk_m_s3=1.0, smooth_s=0.3),

@@ -87,6 +87,19 @@ class ReturnParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class TerrainRule:
+    """A parameter by which an autopilot follows the ground by itself."""
+
+    parameter: str
+    on: frozenset[int]
+    """Its values with which it does."""
+    in_flight: bool
+    """Whether missions or returns as they are flown here are others for it."""
+    words: str
+    """What it does then."""
+
+
+@dataclass(frozen=True, slots=True)
 class Dialect:
     """One autopilot's way of speaking and behaving."""
 
@@ -151,6 +164,8 @@ class Dialect:
     ground_station_failsafe: GroundStationFailsafe
     battery_failsafe: BatteryFailsafe
     geofence: Geofence
+    terrain: tuple[TerrainRule, ...]
+    """How it follows the ground by itself; nothing here relies on it."""
     performance: Performance
     """How it flies missions by its own parameters' defaults."""
     tunings: tuple[Tuning, ...]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
+from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep, TerrainRule
 from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
 from missions.items import Frame
 from missions.performance import Performance, Ramp, Tuning
@@ -130,6 +130,9 @@ PX4 = Dialect(
     ground_station_failsafe=PX4_LINK,
     battery_failsafe=PX4_BATTERY,
     geofence=PX4_FENCE,
+    terrain=(  # mc_pos_control_params.c
+        TerrainRule("MPC_ALT_MODE", frozenset({1, 2}), in_flight=False, words="does so in the pilot's modes"),
+    ),
     performance=Performance(  # PositionSmoothing.cpp, TrajMath.hpp; measured on 300 legs in simulation
         level=Ramp(acceleration_m_s2=2.43, jerk_m_s3=1000.0),  # both ramps as one, with MPC_ACC_HOR 3, MPC_JERK_AUTO 4
         upright=Ramp(acceleration_m_s2=1.5, jerk_m_s3=4.0),  # with MPC_ACC_UP_MAX 4, MPC_ACC_DOWN_MAX 3

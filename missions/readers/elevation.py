@@ -289,9 +289,7 @@ def _tile(
     cell_m = _cell_m(at, step_m)
     if not math.isfinite(cell_m) or cell_m <= 0:
         raise ElevationError(f"{path}: crs: expected cells that have places around the network, found none")
-    few = max(
-        1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), math.floor(LEAST_CELL_M / cell_m + 1e-6)
-    )
+    few = max(1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), round(LEAST_CELL_M / cell_m))
     mean_m, most_m = _heights(path, dataset, window, few, unit_m)
     lattice = (at - np.array([window.row_off, window.col_off]) + 0.5) / few - 0.5
     return Tile(mean_m, most_m, (float(low_m[0]), float(low_m[1])), step_m, lattice, cell_m * few)
@@ -306,7 +304,8 @@ def _cells_at(
     x, y = (np.asarray(value) for value in to_raster.transform(places_deg[:, 1], places_deg[:, 0]))
     if level.is_geographic:
         # Around the antimeridian both ways of counting degrees are in use.
-        middle, _ = dataset.transform * (dataset.width / 2, dataset.height / 2)
+        there = dataset.transform
+        middle = there.a * dataset.width / 2 + there.b * dataset.height / 2 + there.c
         x = x + 360.0 * np.round((middle - x) / 360.0)
     back = ~dataset.transform
     columns = back.a * x + back.b * y + back.c - 0.5

@@ -15,9 +15,11 @@ from executor.analysis.pictures.battery import battery_figure
 from executor.analysis.pictures.front import FrontPoint, front_figure
 from executor.analysis.pictures.maps import map_figure, plan_figure
 from executor.analysis.pictures.network import network_figure
+from executor.analysis.pictures.profile import profile_figure
 from executor.analysis.pictures.risk import risk_figure
 from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window import window_figure
+from executor.analysis.profile import Profile
 from executor.site.ground_view import GroundView
 from missions import PlanFile, Understood
 from planner import LossRepair, ReplanWindow, Risk
@@ -30,12 +32,14 @@ __all__ = [
     "draw_map",
     "draw_network",
     "draw_plan",
+    "draw_profile",
     "draw_risk",
     "draw_window",
     "front_figure",
     "map_figure",
     "network_figure",
     "plan_figure",
+    "profile_figure",
     "risk_figure",
     "window_figure",
 ]
@@ -48,6 +52,15 @@ def draw_plan(content: PlanFile, path: Path, ground: GroundView | None = None) -
         OSError: the file cannot be written.
     """
     _save(plan_figure(content, ground), path)
+
+
+def draw_profile(profiles: Sequence[Profile], path: Path) -> None:
+    """Write flights from the side, over the ground that a raster knows.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(profile_figure(profiles), path)
 
 
 def draw_network(understood: Understood, path: Path) -> None:

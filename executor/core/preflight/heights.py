@@ -16,8 +16,11 @@ from missions import (
     over_ground_m,
     return_over_ground_m,
 )
+from missions.terrain import Terrain
 
 SUBJECT = "heights"
+RAISED_M = 0.5
+"""Pylons that are passed higher than asked by less are not worth a word."""
 SHOWN = 3
 """Findings of one kind; more of them say the same."""
 
@@ -56,6 +59,17 @@ def height_words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
     if heights is not None:
         low, high = heights
         text += f"; {low.height_m:.0f} to {high.height_m:.0f} m over the ground"
+        if setup.terrain is not None:
+            known = setup.terrain.elevation
+            text += (
+                f", lowest {low.height_m:.0f} m, {low.vehicle} near {low.near}; ground +-{known.uncertainty_m:g} m by "
+                f"{known.source}, and {setup.terrain.margin_m:g} m over that are kept"
+            )
+    raised = setup.layers.raised_m > RAISED_M
+    if raised.any():
+        most_m = float(setup.layers.raised_m.max())
+        text += f"; {int(raised.sum())} of {len(raised)} pylons are passed up to {most_m:.0f} m higher than asked"
+        text += ", for the ground beside them"
     own_m = return_over_ground_m(setup).height_m
     return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
 
@@ -72,4 +86,17 @@ def heights_document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[st
         "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
         "return_over_ground_m": round(return_over_ground_m(setup).height_m, 1),
         "ceiling_m": setup.inspection.ceiling_m,
+        **({} if setup.terrain is None else {"terrain": _terrain_document(setup, setup.terrain)}),
+    }
+
+
+def _terrain_document(setup: FlightSetup, terrain: Terrain) -> dict[str, object]:
+    known = terrain.elevation
+    return {
+        "source": known.source,
+        "digest": known.digest,
+        "vertical": known.vertical,
+        "uncertainty_m": known.uncertainty_m,
+        "margin_m": terrain.margin_m,
+        "most_raised_m": round(float(setup.layers.raised_m.max(initial=0.0)), 1),
     }

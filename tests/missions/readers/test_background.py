@@ -227,7 +227,7 @@ def _torn_database(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:5000])
 
 
-MALFORMED = {
+MALFORMED: dict[str, tuple[Callable[[Path], object], str]] = {
     "nothing.tif": (lambda _: None, "file: expected a GeoTIFF or MBTiles; there is none"),
     "text.tif": (_text, "content: expected a GeoTIFF or MBTiles, it begins like neither"),
     "empty-file.mbtiles": (lambda path: path.write_bytes(b""), "it begins like neither"),

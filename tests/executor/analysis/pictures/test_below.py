@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from PIL import Image
 
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.pictures import draw_map, map_figure, plan_figure
@@ -35,15 +36,16 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
 def drawn(figure: Figure) -> npt.NDArray[np.uint8]:
     """Return the figure's pixels."""
     figure.set_dpi(DPI)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DPI)
+    return np.asarray(Image.open(file).convert("RGB"), dtype=np.uint8)
 
 
 def colour_at(figure: Figure, axes: Axes, place_m: tuple[float, float]) -> list[int]:
     pixels = drawn(figure)
     x, y = axes.transData.transform(place_m)
-    return pixels[pixels.shape[0] - 1 - round(y), round(x), :3].tolist()
+    colour: list[int] = pixels[pixels.shape[0] - 1 - round(y), round(x)].tolist()
+    return colour
 
 
 def halves() -> GroundView:

@@ -1,0 +1,84 @@
+"""A vehicle's flight from the side: the height of every leg over the ground below it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions import FlightPath, FlightSetup, Phase
+from missions.geo import FloatArray
+from missions.safety import legs_m
+
+STEP_M = 5.0
+BESIDE_M = 10.0
+"""Lines that pass nearer than this below a leg are shown."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """Heights above mean sea level over the way flown."""
+
+    vehicle: str
+    along_m: FloatArray
+    """(m,) float64: how far was flown over the ground, ascending."""
+    flown_m: FloatArray
+    """(m,) float64."""
+    inspecting: FloatArray
+    """(m,) float64: 1 on inspections, 0 elsewhere."""
+    ground_m: FloatArray
+    """(m,) float64: of the raster; not a number where nobody knows."""
+    most_m: FloatArray
+    """(m,) float64: of the highest cells around, and the raster's uncertainty."""
+    least_m: FloatArray
+    """(m,) float64: what every leg must be above: the margin over that."""
+    return_m: float
+    """The height at which it comes home by itself."""
+    waypoints_m: FloatArray
+    """(w, 2) float64: how far along, and how high."""
+
+    @property
+    def lowest(self) -> tuple[float, float, float]:
+        """How far along, how high, and how far over the ground it is the lowest, between take-off and landing."""
+        level = np.flatnonzero((self.along_m > 0) & (self.along_m < self.along_m[-1]))
+        over_m = (self.flown_m - self.ground_m)[level]
+        if not len(level) or np.isnan(over_m).all():
+            return 0.0, float(self.flown_m[0]), math.nan
+        index = int(level[np.nanargmin(over_m)])
+        return float(self.along_m[index]), float(self.flown_m[index]), float(self.flown_m[index] - self.ground_m[index])
+
+
+def profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[Profile]:
+    """Return the profile of each flight over ground that a raster knows; none where there is no raster."""
+    return [_profile(setup, path) for path in paths if path.waypoints and setup.terrain is not None]
+
+
+def _profile(setup: FlightSetup, path: FlightPath) -> Profile:
+    terrain, pad = setup.terrain, setup.pad_of(path.vehicle)
+    if terrain is None:
+        raise ValueError("expected ground that a raster knows")
+    pieces, phases, so_far_m, along, stops = [], [], 0.0, [], []
+    legs = legs_m(path, setup.frame, setup.frame.up_m(pad.alt_m))
+    for leg, point in zip(legs, path.waypoints, strict=True):
+        length_m = math.hypot(*(leg[1] - leg[0])[:2])
+        share = np.linspace(0.0, 1.0, max(1, math.ceil(length_m / STEP_M)) + 1)
+        pieces.append(leg[0] + share[:, np.newaxis] * (leg[1] - leg[0]))
+        phases.append(np.full(len(share), float(point.phase is Phase.INSPECT)))
+        along.append(so_far_m + share * length_m)
+        so_far_m += length_m
+        stops.append((so_far_m, float(leg[1, 2]) + setup.frame.alt_m))
+    places = np.concatenate(pieces)
+    known = terrain.elevation
+    return Profile(
+        vehicle=path.vehicle,
+        along_m=np.concatenate(along),
+        flown_m=places[:, 2] + setup.frame.alt_m,
+        inspecting=np.concatenate(phases),
+        ground_m=known.at_m(places[:, :2]),
+        most_m=known.highest_m(places[:, :2]) + known.uncertainty_m,
+        least_m=known.highest_m(places[:, :2]) + terrain.kept_m,
+        return_m=setup.return_height_m(path.vehicle) + pad.alt_m,
+        waypoints_m=np.array(stops),
+    )
