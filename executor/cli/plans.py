@@ -118,10 +118,10 @@ def plan(
     ground = ground_with(read_site(site), site.parent, learned, console)
     if profile is not None and ground.terrain is None:
         raise SiteError(f"--profile: expected the ground of a raster, but {site} has no [terrain]")
-    below = None if picture is None else view_for(ground, site.parent)  # what cannot be drawn is said before the work
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
+    below = None if picture is None else view_for(ground, site.parent)  # what cannot be drawn is said before the work
     content = plan_and_tell(
         ground, console, wanted, next_sortie.segments_left(after, ground) if after is not None else None
     )
@@ -133,20 +133,22 @@ def plan(
 
         writable(picture, lambda: draw_plan(content, picture, below))
     if profile is not None:
-        from executor.analysis.pictures import draw_profile
-        from executor.analysis.profile import profiles
-
-        setup = assembly.setup_of(ground)
-        flown = profiles(
-            setup, assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan)).values()
-        )
-        writable(profile, lambda: draw_profile(flown, profile))
+        _draw_profile(ground, content, profile)
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         known = "" if learned is None else f" --learned {learned}"
         print(f"flown as it is by: faultline fly {site} --plan {output}{known}")
     if content.plan.uncovered:
         raise typer.Exit(1)
+
+
+def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> None:
+    from executor.analysis.pictures import draw_profile
+    from executor.analysis.profile import profiles
+
+    setup = assembly.setup_of(ground)
+    flown = profiles(setup, assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan)).values())
+    writable(path, lambda: draw_profile(flown, path))
 
 
 def _plan_front(
