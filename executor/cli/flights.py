@@ -65,7 +65,7 @@ from executor.simulated.injected import happenings
 from executor.site import assembly
 from executor.site.config import check_site, read_site, signing_key
 from executor.site.ground_files import read_ground
-from executor.site.ground_view import GroundView
+from executor.site.ground_view import GroundView, view_for
 from executor.site.planning import DEFAULT
 from missions import write_plan
 
@@ -198,8 +198,9 @@ def fly(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     ground = ground_with(content, site.parent, learned, console)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
+    below = view_for(ground, site.parent)  # a picture that cannot be used is said before anything is planned
     routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
-    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
+    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below)
     check_run(order.run, content)
     keep(order)
     flown = turns.run(flying.fly(order, console))

@@ -21,7 +21,7 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site
 from executor.site.ground_files import keep_ground
-from executor.site.ground_view import view_for
+from executor.site.ground_view import GroundView, view_for
 from missions import PlanFile, write_plan
 from missions.readers.kept_elevation import write_kept
 
@@ -73,6 +73,8 @@ class Order:
     """What really happened, asked for at the end; empty without a simulator."""
     mqtt: Settings | None = None
     """Where it is published."""
+    below: GroundView | None = None
+    """The ground around the line, where it is read already."""
 
 
 def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, Known]) -> None:
@@ -90,7 +92,7 @@ def keep(order: Order) -> None:
     Raises:
         BackgroundError: the picture of the ground cannot be used; nothing is written then.
     """
-    below = view_for(order.ground, order.base)
+    below = view_for(order.ground, order.base) if order.below is None else order.below
     keep_ground(order.run, below, order.ground.network.frame)
     files = {}
     if order.site.network.file != assembly.DEFAULT_NETWORK:
