@@ -307,6 +307,23 @@ def resume(
 
 
 @cli.command()
+def terrain(
+    spans: Annotated[int, typer.Option(min=40, max=20_000, help="Spans of the network.")] = 10_000,
+    megacells: Annotated[
+        float, typer.Option(min=1, max=400, callback=finite, help="Millions of cells of the raster.")
+    ] = 100.0,
+    seconds: SecondsOption = 10.0,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write terrain.md and terrain.json there.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Read a large network over a large raster, and plan it: seconds and memory of each step."""
+    from executor.bench.terrain import make_terrain
+
+    content, text = make_terrain(out, spans=spans, megacells=megacells, seconds=seconds)
+    print(json.dumps(content) if as_json else text)
+
+
+@cli.command()
 def detection(
     healthy: Annotated[
         int | None, typer.Option(min=1, help="Healthy flights, with wind, ageing, noise and losses (720).")

@@ -53,6 +53,7 @@ def checklist(
         found += checks.battery_failsafes(fact, setup.dialect, checks.left_pct(context, path, fact.remaining_pct))
         if site.terrain is not None:
             found += terrain.following(fact, setup.dialect)
+            found += terrain.pad_ground(context, fact)
         found += checks.fence(context, fact, path)
         found += packs.pack_checks(context, fact)
         found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from executor.core.check_codes import CheckCode
+from executor.core.context import Context
 from executor.core.preflight.checks import Check, Facts, Severity
 from missions import Dialect
+
+GPS_M = 5.0
+"""What a good GPS is off in height beside the raster."""
 
 
 def names(dialect: Dialect) -> tuple[str, ...]:
@@ -37,3 +43,22 @@ def _said(facts: Facts, name: str) -> str:
 def _listed(idle: Iterable[str]) -> str:
     text = "; ".join(idle)
     return f" ({text})" if text else ""
+
+
+def pad_ground(context: Context, facts: Facts) -> list[Check]:
+    """Hold a pad's height by the vehicle's own GPS against the raster: all heights of its mission are counted from it.
+
+    A GPS that is too high sends the vehicle lower over the ground than its mission says.
+    """
+    terrain, pad = context.setup.terrain, context.setup.pad_of(facts.name)
+    if terrain is None:
+        return []
+    known = terrain.elevation
+    ground_m = float(known.at_m(np.array([[pad.east_m, pad.north_m]]))[0])
+    off_m = pad.alt_m - ground_m
+    if not abs(off_m) > known.uncertainty_m + GPS_M:
+        return []
+    lower = f"{abs(off_m):.0f} m {'lower' if off_m > 0 else 'higher'} over the ground than planned"
+    text = f"its pad is at {pad.alt_m:.0f} m by its GPS, at {ground_m:.0f} m by {known.source}: it flies {lower}"
+    severity = Severity.STOP if off_m > terrain.margin_m else Severity.WARNING
+    return [Check(severity, facts.name, f"{text} if the raster is right", CheckCode.PAD_HEIGHT)]
