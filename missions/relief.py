@@ -22,7 +22,7 @@ STEP_M = 20.0
 MOST_NODES = 10_000
 UNEVEN_M = 3.0
 """A way that is nowhere farther than this from its straight one is priced as that."""
-PIECE_M = 50.0
+PIECE_M = 60.0
 """About as long as legs over uneven ground are."""
 PIECES = (3, 6, 12, 24)
 """In how many pieces ways are looked at, by their length."""

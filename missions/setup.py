@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -192,4 +192,12 @@ def flight_setup(
             alt_m=network.frame.alt_m,
             pad_spacing_m=pad_spacing_m,
         )
+        if terrain is not None:
+            pads = _on_ground(pads, terrain)
     return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain)
+
+
+def _on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
+    """Return pads at the height of the raster's ground, which is known there: known_ground has looked."""
+    ground_m = terrain.elevation.at_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
+    return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))

@@ -102,7 +102,8 @@ class Case:
 
 def lines_over(mountain: Mountain, rng: np.random.Generator, *, lines: int = 3, pylons: int = 8) -> Network:
     """Return lines that wind over a mountain, with pylons that stand on it."""
-    places, pairs = [], []
+    places: list[FloatArray] = []
+    pairs: list[tuple[int, int]] = []
     first = rng.uniform(0, 2 * math.pi)
     for line in range(lines):
         # Apart: where lines of different heights cross in mid-span nobody flies, with or without a raster.
@@ -120,7 +121,13 @@ def lines_over(mountain: Mountain, rng: np.random.Generator, *, lines: int = 3, 
     frame = LocalFrame(LAT_DEG, LON_DEG, round(depot_m, 1))
     degrees = frame.many_to_wgs84_deg(at)
     known = tuple(
-        Pylon(f"P{n}", *degrees[n].tolist(), round(float(ground_m[n]), 1), float(rng.uniform(18, 40)))
+        Pylon(
+            f"P{n}",
+            float(degrees[n, 0]),
+            float(degrees[n, 1]),
+            round(float(ground_m[n]), 1),
+            float(rng.uniform(18, 40)),
+        )
         for n in range(len(at))
     )
     segments = tuple(Segment(n, *pair) for n, pair in enumerate(pairs))

@@ -76,6 +76,8 @@ REFUSED = {
     "network poles.xlsx": ("poles.xlsx: a workbook", Extra.GEO),
     "network lines.zip": ("lines.zip: a shapefile", Extra.GEO),
     "fly mapped.toml --yes": ("[map] background", Extra.MAPS),
+    "plan over.toml": ("ground.tif: a raster", Extra.TERRAIN),
+    "bench terrain": ("bench terrain", Extra.TERRAIN),
     "bench fleet --browsers 1": ("bench fleet --browsers", Extra.WEB),
 }
 """What needs one: in whose words, and which."""
@@ -96,6 +98,8 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
     (folder / "site.toml").write_text(SITE, encoding="utf-8")
     (folder / "published.toml").write_text(f"{SITE}\n[mqtt]\n", encoding="utf-8")
     (folder / "mapped.toml").write_text(f'{SITE}\n[map]\nbackground = "ortho.tif"\n', encoding="utf-8")
+    (folder / "over.toml").write_text(f'{SITE}\n[terrain]\nfiles = "ground.tif"\n', encoding="utf-8")
+    (folder / "ground.tif").write_bytes(b"")
     (folder / "mavsdk.toml").write_text(f'{SITE}backend = "mavsdk"\n', encoding="utf-8")
     (folder / "flight.ulg").write_bytes(ULOG_MAGIC)
     for name, inside in (("poles.xlsx", "xl/workbook.xml"), ("lines.zip", "lines.shp")):

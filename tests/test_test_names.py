@@ -138,6 +138,17 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/mbtiles.py",
         "missions/readers/picture.py",
     ),
+    "tests/missions/readers/test_elevation.py": (
+        "missions/elevation.py",
+        "missions/readers/geoids.py",
+        "missions/readers/kept_elevation.py",
+    ),
+    "tests/missions/test_overland.py": ("missions/terrain.py",),
+    "tests/missions/test_relief.py": ("missions/grids.py",),
+    "tests/executor/site/test_terrain.py": (
+        "executor/analysis/pictures/profile.py",
+        "executor/analysis/profile.py",
+    ),
     "tests/missions/readers/test_build.py": (
         "missions/readers/aftermath.py",
         "missions/readers/choice.py",

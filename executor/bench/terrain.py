@@ -14,6 +14,7 @@ import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from executor.site import assembly
 from executor.site.config import check_site
 from executor.site.planning import DEFAULT, first_plan
 from missions.geo import FloatArray, LocalFrame
+
+Axis = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]
 
 LAT_DEG, LON_DEG = 46.6, 10.4
 DEGREES = 1.0 / 3600.0
@@ -121,7 +124,7 @@ def write_ground(path: Path, side: int) -> None:
             dataset.write(_hills_m(east, south).astype(np.float32), 1, window=Window(0, first, side, rows))
 
 
-def _hills_m(east_m: FloatArray, south_m: FloatArray) -> FloatArray:
+def _hills_m(east_m: Axis, south_m: Axis) -> FloatArray:
     up_m = 900.0 + 60.0 * np.sin(east_m / 900.0) * np.cos(south_m / 700.0)
     up_m = up_m + 35.0 * (1.0 - np.abs(np.sin((east_m + 0.6 * south_m) / 520.0)))
     return np.asarray(np.round(up_m + 8.0 * np.sin(east_m / 110.0 + south_m / 160.0), 1))

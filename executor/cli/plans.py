@@ -112,12 +112,10 @@ def plan(
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
     can_be_drawn("--profile", profile)
-    if profile is not None and front:
-        raise SiteError("--profile: expected none beside --front, which makes several plans")
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
-    if profile is not None and ground.terrain is None:
-        raise SiteError(f"--profile: expected the ground of a raster, but {site} has no [terrain]")
+    if profile is not None and (front or ground.terrain is None):
+        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
@@ -147,7 +145,8 @@ def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> Non
     from executor.analysis.profile import profiles
 
     setup = assembly.setup_of(ground)
-    flown = profiles(setup, assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan)).values())
+    paths = assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan))
+    flown = profiles(setup, paths.values())
     writable(path, lambda: draw_profile(flown, path))
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
-from pyproj.datadir import get_user_data_dir
 from pyproj.exceptions import ProjError
 
 from missions.elevation import Heights, Tile
@@ -65,5 +64,5 @@ def _undulations_m(path: Path, places_deg: FloatArray) -> FloatArray:
             return np.asarray(up_m, dtype=np.float64)
     raise ElevationError(
         f"{path}: vertical: expected heights above mean sea level, but these are over the ellipsoid, and no geoid to "
-        f"convert them by is installed: {GRIDS[0]} in {get_user_data_dir()}, or another raster"
+        f"convert them by is installed: `pyproj sync --file {GRIDS[0]}` brings it where there is a network"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -52,7 +53,7 @@ def test_what_is_planned_is_what_is_flown_over_hills(autopilot: str, bound: floa
         by_relief += flown_over_planned(case, pricing)
         by_lines += flown_over_planned(case, replace(pricing, relief=None))
     assert max(abs(ratio - 1.0) for ratio in by_relief) < bound
-    assert abs(median(by_relief) - 1.0) < 0.04
+    assert abs(median(by_relief) - 1.0) < 0.05
     # Straight legs make routes over hills look shorter than they are.
     assert median(by_lines) > median(by_relief)
 
@@ -71,9 +72,9 @@ def test_cones_are_over_or_under_every_height_and_no_steeper(slope: float) -> No
     places = grid.places_m.reshape(-1, 2)
     for one in (high, low):
         assert one.slope <= 1.4143 * slope + 1e-9
-        for step in ([3.0, 0.0], [0.0, 3.0], [2.0, -2.0]):
+        for step in ((3.0, 0.0), (0.0, 3.0), (2.0, -2.0)):
             rise = np.abs(one.at_m(places + np.array(step)) - one.at_m(places))
-            assert rise.max() <= one.slope * np.hypot(*step) + 1e-9
+            assert rise.max() <= one.slope * math.hypot(*step) + 1e-9
     # The highest peak stays as it is, and so does the lowest pit.
     assert high.heights_m.max() == grid.heights_m.max()
     assert low.heights_m.min() == grid.heights_m.min()
